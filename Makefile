@@ -1,0 +1,55 @@
+# Every target sets up its own environment on first use. `make paper` and `make test` are all a fresh machine needs.
+PYTHON ?= python3
+ENV := .venv
+BIN := $(ENV)/bin
+UV := .uv/bin/uv
+OUT ?= out/paper
+
+.PHONY: env paper test check unit notebooks bench study lock clean
+
+env: $(ENV)/.ready
+
+$(UV): requirements-uv.lock
+	$(PYTHON) -m venv .uv
+	.uv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-uv.lock
+	touch $@
+
+$(ENV)/.ready: $(UV) requirements.lock pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv --without-pip $(ENV)
+	$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	touch $@
+
+paper: env
+	$(BIN)/inertia paper --out $(OUT)
+
+# Lint, types, direction of imports, tests, notebooks.
+test: check unit notebooks
+
+check: env
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+unit: env
+	$(BIN)/python -m pytest -n 2
+
+notebooks: env
+	$(BIN)/python -m pytest notebooks
+
+bench: env
+	$(BIN)/python -m benchmarks
+
+# Slow statistical studies; their results are kept in docs/.
+study: env
+	$(BIN)/python -m pytest -m study -n 0
+
+lock:
+	$(UV) pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 \
+	    --extra dev --upgrade pyproject.toml --output-file requirements.lock
+	printf 'uv\n' | $(UV) pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header \
+	    --python-version 3.11 --upgrade - --output-file requirements-uv.lock
+
+clean:
+	rm -rf .venv .uv out build *.egg-info
