@@ -1,0 +1,64 @@
+"""Files that appear under their name only when they are complete."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from rig.errors import RigError
+
+
+def refuse_existing(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Raise ``RigError`` when there is something at ``path`` and it may not be overwritten."""
+    if not overwrite and os.path.lexists(path):
+        raise RigError(f"output exists {path}: choose another name, recorded runs are never overwritten")
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[IO[bytes]]:
+    """Open a temporary file beside ``path``, and give it that name when the block ends well.
+
+    Raises:
+        RigError: ``path`` exists and ``overwrite`` is False.
+        OSError: the folder is missing or cannot be written.
+    """
+    refuse_existing(path, overwrite=overwrite)
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise RigError(f"no folder {target.parent}: create it first")
+    handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        publish(temporary, target, overwrite=overwrite)
+    except BaseException:
+        with suppress(FileNotFoundError):
+            os.unlink(temporary)
+        raise
+
+
+def publish(temporary: str | os.PathLike[str], target: Path, *, overwrite: bool = False) -> None:
+    """Give a finished file its name in one step, never over a file that appeared meanwhile."""
+    if overwrite:
+        os.replace(temporary, target)
+        return
+    try:
+        os.link(temporary, target)
+    except FileExistsError:
+        refuse_existing(target)
+    except OSError:  # a file system without hard links
+        refuse_existing(target)
+        os.replace(temporary, target)
+        return
+    os.unlink(temporary)
+
+
+def _umask() -> int:
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
