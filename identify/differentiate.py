@@ -1,0 +1,93 @@
+"""From angular velocity to angular acceleration: antisymmetric finite impulse responses and their gain.
+
+A differentiator is its taps ``c``, ``alpha[k] = sum_j c[j] (omega[k+j] - omega[k-j])`` for j = 1 … h, in 1/s. Being
+antisymmetric it has no phase error and ignores a constant bias; what it does to the motion is one real gain.
+"""
+
+import numpy as np
+from jaxtyping import Array, Float
+
+GAIN_TOLERANCE = 1e-4
+"""Largest departure of a matched differentiator's gain from jω over the motion's band."""
+
+
+def central_difference(rate: float) -> np.ndarray:
+    """Return the taps of the source's central difference at a sample rate [Hz]."""
+    return np.array([rate / 2])
+
+
+def savitzky_golay(rate: float, window: int, order: int = 4) -> np.ndarray:
+    """Return the taps of the Savitzky–Golay first derivative (doi:10.1021/ac60214a047).
+
+    Args:
+        rate: sample rate [Hz].
+        window: number of points of the fit, odd, more than ``order``.
+        order: degree of the polynomial.
+
+    Raises:
+        ValueError: the window is even or too short for the order.
+    """
+    half = window // 2
+    if window % 2 == 0 or window <= order:
+        raise ValueError(f"Argument `window` must be odd and more than the order {order}, but is {window}.")
+    steps = np.arange(-half, half + 1) / half
+    powers = np.polynomial.legendre.legvander(steps, order)
+    slopes = np.array([np.polynomial.legendre.Legendre.basis(k).deriv()(0.0) for k in range(order + 1)])
+    weights = slopes @ np.linalg.pinv(powers)
+    return weights[half + 1 :] * rate / half
+
+
+def gain(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
+    """Return the differentiator's response over jω at each frequency [Hz]; 1 where it differentiates exactly."""
+    omega = 2 * np.pi * np.asarray(frequency, float)
+    lags = np.arange(1, len(taps) + 1) / rate
+    return 2 * np.sin(np.multiply.outer(omega, lags)) @ taps / np.where(omega == 0, 1.0, omega) + (omega == 0)
+
+
+def worst_gain(taps: np.ndarray, rate: float, band: float) -> float:
+    """Return the largest ``|gain - 1|`` from (nearly) zero to ``band`` [Hz]."""
+    return float(np.max(np.abs(gain(taps, rate, np.linspace(band / 200, band, 200)) - 1)))
+
+
+def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
+    """Return the longest Savitzky–Golay differentiator that keeps its gain within 1e-4 of jω over the band.
+
+    Args:
+        rate: sample rate [Hz].
+        band: highest frequency of the motion [Hz].
+        order: degree of the polynomial.
+
+    Raises:
+        ValueError: the rate is too low for any smoothing at this band.
+    """
+    shortest = order + 1 + order % 2
+    best = None
+    for window in range(shortest, 100_001, 2):
+        taps = savitzky_golay(rate, window, order)
+        if worst_gain(taps, rate, band) > GAIN_TOLERANCE:
+            break
+        best = taps
+    if best is None:
+        raise ValueError(
+            f"Argument `rate` must be high enough to differentiate a motion of {band:g} Hz within {GAIN_TOLERANCE:g}, "
+            f"but is {rate:g} Hz."
+        )
+    return best
+
+
+def derivative(signal: Float[Array, "3 n"], taps: Float[Array, " h"]) -> Float[Array, "3 m"]:
+    """Apply a differentiator to component-first samples; ``h`` samples at either end have no derivative: m = n - 2h."""
+    h = taps.shape[0]
+    n = signal.shape[1] - 2 * h
+    if n < 1:
+        raise ValueError(f"Argument `signal` must have more than {2 * h} samples, but has {signal.shape[1]}.")
+    return sum(
+        (taps[j - 1] * (signal[:, h + j : h + j + n] - signal[:, h - j : h - j + n]) for j in range(2, h + 1)),
+        start=taps[0] * (signal[:, h + 1 : h + 1 + n] - signal[:, h - 1 : h - 1 + n]),
+    )
+
+
+def noise_gain(taps: np.ndarray) -> float:
+    """Return the standard deviation of alpha per standard deviation of white noise in omega [1/s]."""
+    return float(np.sqrt(2 * np.sum(np.square(taps))))
+

@@ -1,0 +1,62 @@
+"""The inertia tensor: packing, frames, principal axes, admissibility.
+
+A packed tensor is ``(I11, I12, I13, I22, I23, I33)`` in kg·m². Its off-diagonal terms are the tensor's entries,
+``I_ij = ∫(δij |ζ|² - ζi ζj) dm``, the sign that URDF and MJCF use.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
+MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
+PRODUCTS = (1, 2, 4)  # where the products of inertia stand
+
+_ROWS, _COLUMNS = np.triu_indices(3)
+
+
+class Body(NamedTuple):
+    """A rigid body: what (4) and (5) need to know of it."""
+
+    mass: Float[Array, ""]
+    """Mass [kg]."""
+    r_cg_from_q: Float[Array, "3"]
+    """Centre of gravity from the load cell's centre Q, in the body frame B [m]."""
+    inertia: Float[Array, "6"]
+    """Packed inertia tensor about the centre of gravity, in B [kg·m²]."""
+
+
+def pack(tensor: Float[Array, "3 3"]) -> Float[Array, "6"]:
+    """Return the upper triangle of a symmetric tensor, row by row."""
+    return tensor[_ROWS, _COLUMNS]
+
+
+def unpack(inertia: Float[Array, "6"]) -> Float[Array, "3 3"]:
+    """Return the symmetric 3×3 tensor of a packed one."""
+    i11, i12, i13, i22, i23, i33 = inertia
+    return jnp.array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
+
+
+def parallel_axis(inertia: Float[Array, "6"], mass: Float[Array, ""], offset: Float[Array, "3"]) -> Float[Array, "6"]:
+    """Return the tensor about a point at ``offset`` [m] from the centre of gravity (Huygens–Steiner)."""
+    return inertia + mass * pack(jnp.dot(offset, offset) * jnp.eye(3) - jnp.outer(offset, offset))
+
+
+def rotate(inertia: Float[Array, "6"], rotation: Float[Array, "3 3"]) -> Float[Array, "6"]:
+    """Return the tensor in frame C, where ``rotation`` takes components in B to components in C."""
+    return pack(rotation @ unpack(inertia) @ rotation.T)
+
+
+def principal(inertia: Float[Array, "6"]) -> tuple[Float[Array, "3"], Float[Array, "3 3"]]:
+    """Return the principal moments [kg·m²], ascending, and their axes in B as the rows of a rotation matrix."""
+    moments, vectors = jnp.linalg.eigh(unpack(inertia))
+    axes = vectors.T
+    return moments, axes * jnp.array([1.0, 1.0, jnp.sign(jnp.linalg.det(axes))])[:, None]
+
+
+def is_admissible(inertia: Float[Array, "6"]) -> Bool[Array, ""]:
+    """Whether a mass distribution with this tensor exists: positive moments that obey the triangle inequality."""
+    moments, _ = principal(inertia)
+    return (moments[0] > 0) & (moments[0] + moments[1] >= moments[2])

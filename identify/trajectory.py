@@ -1,0 +1,187 @@
+"""Trajectories: angular velocity as a closed form of time, its derivative, the attitude, the platform's translation.
+
+A trajectory is a pure function ``omega(t)`` of one instant; ``alpha`` is its exact derivative by autodiff. Every one
+starts and ends at rest with all derivatives (and so do the seams between segments).
+"""
+
+from abc import abstractmethod
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.dynamics import acceleration_at
+
+
+def step(u: Float[Array, ""]) -> Float[Array, ""]:
+    """Return the smooth step from 0 (u ≤ 0) to 1 (u ≥ 1), ``1 / (1 + exp(1/u - 1/(1-u)))``, flat at both ends."""
+    inside = (u > 0) & (u < 1)
+    safe = jnp.where(inside, u, 0.5)
+    exponent = jnp.clip(1 / (1 - safe) - 1 / safe, -80.0, 80.0)
+    return jnp.where(inside, jax.nn.sigmoid(exponent), jnp.where(u >= 1, 1.0, 0.0))
+
+
+def window(t: Float[Array, ""], duration: Float[Array, ""], ramp: Float[Array, ""]) -> Float[Array, ""]:
+    """Return the window ``s(t) s(D - t)`` that starts and stops a motion within ``ramp`` [s] at either end."""
+    return step(t / ramp) * step((duration - t) / ramp)
+
+
+Scalar = Float[Array | np.ndarray, ""]
+
+
+class Trajectory(eqx.Module):
+    """A rotation of the body in time."""
+
+    duration: eqx.AbstractVar[Scalar]
+
+    @abstractmethod
+    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return the angular velocity in B at time ``t`` [s], in rad/s."""
+
+    def alpha(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return the angular acceleration in B at time ``t`` [s], in rad/s²: the exact derivative of ``omega``."""
+        return jax.jvp(self.omega, (t,), (jnp.ones_like(t),))[1]
+
+
+class Sphere(Trajectory):
+    """The source's T1 and T2: omega and alpha trace spheres, along a spiral that precesses about a pole.
+
+    ``alpha0 = A (sin Ωt cos εt, cos Ωt, sin Ωt sin εt)`` with ``Ω = A / W`` and ``ε = 2π precessions / duration``
+    (written for the pole b2); ``omega`` is its integral without the mean, times the window.
+    """
+
+    angular_velocity: Scalar
+    """Radius W of the sphere of angular velocity [rad/s]."""
+    angular_acceleration: Scalar
+    """Radius A of the sphere of angular acceleration [rad/s²]."""
+    duration: Scalar
+    """Duration T [s]."""
+    ramp: Scalar
+    """Time to start and to stop [s]."""
+    precessions: Scalar
+    """Turns of the spiral about its pole."""
+    pole: int = eqx.field(static=True)
+    """Body axis of the spiral's pole: 0, 1, 2."""
+
+    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return the angular velocity in B at ``t``."""
+        fast = self.angular_acceleration / self.angular_velocity
+        slow = 2 * jnp.pi * self.precessions / self.duration
+        plus, minus, T = fast + slow, fast - slow, self.duration
+
+        def cos_term(rate):  # antiderivative of sin(rate t), without its mean over the run
+            return -(jnp.cos(rate * t) - jnp.sin(rate * T) / (rate * T)) / rate
+
+        def sin_term(rate):  # antiderivative of cos(rate t), without its mean over the run
+            return (jnp.sin(rate * t) - (1 - jnp.cos(rate * T)) / (rate * T)) / rate
+
+        sine = (cos_term(plus) + cos_term(minus)) / 2  # of sin Ωt cos εt
+        cosine = sin_term(fast)  # of cos Ωt
+        cross = (sin_term(minus) - sin_term(plus)) / 2  # of sin Ωt sin εt
+        spiral = jnp.roll(jnp.stack([sine, cosine, cross]), self.pole - 1)
+        return self.angular_acceleration * spiral * window(t, T, self.ramp)
+
+
+class Harmonic(Trajectory):
+    """The source's T3 and T4: simple harmonic motion about b1, then b2, then b3, a third of the duration each."""
+
+    angular_velocity: Scalar
+    """Amplitude W [rad/s]."""
+    angular_acceleration: Scalar
+    """Amplitude A [rad/s²]; the motion's angular frequency is A / W."""
+    duration: Scalar
+    """Duration T of the three segments together [s]."""
+    ramp: Scalar
+    """Time to start and to stop each segment [s]."""
+
+    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return the angular velocity in B at ``t``."""
+        segment = self.duration / 3
+        local = t - segment * jnp.arange(3.0)
+        swing = jnp.sin(self.angular_acceleration / self.angular_velocity * local)
+        shape = jax.vmap(window, in_axes=(0, None, None))(local, segment, self.ramp)
+        return self.angular_velocity * swing * shape
+
+
+class Motion(NamedTuple):
+    """A sampled motion of the body, component first: what a perfect rig would do."""
+
+    t: Float[Array, " n"]
+    """Time [s], uniform."""
+    omega: Float[Array, "3 n"]
+    """Angular velocity in B [rad/s]."""
+    alpha: Float[Array, "3 n"]
+    """Angular acceleration in B [rad/s²]."""
+    rotation: Float[Array, "n 3 3"]
+    """Attitude R_AB, taking components in B to components in A."""
+    specific_force_cg: Float[Array, "3 n"]
+    """``a_CG - R g`` in B [m/s²]."""
+
+
+def attitude(
+    trajectory: Trajectory, t: Float[Array, " n"], start: Float[Array, "3 3"] | None = None
+) -> Float[Array, "n 3 3"]:
+    """Integrate the angular velocity to attitudes R_AB at the instants ``t``, starting from ``start`` (level).
+
+    Fourth-order Magnus steps on two Gauss points each (Iserles et al., Acta Numerica 2000, doi:10.1017/S0962492900002154).
+    """
+    h = jnp.diff(t)
+    middle, offset = (t[1:] + t[:-1]) / 2, np.sqrt(3) / 6
+    w1, w2 = (jax.vmap(trajectory.omega)(middle + sign * offset * h) for sign in (-1, 1))
+    turn = h[:, None] / 2 * (w1 + w2) + (np.sqrt(3) / 12 * h**2)[:, None] * jnp.cross(w1, w2)
+    first = jnp.eye(3, dtype=t.dtype) if start is None else start
+
+    def advance(rotation, one):
+        rotation = rotation @ one
+        return rotation, rotation
+
+    _, rest = jax.lax.scan(advance, first, jax.vmap(exponential)(turn))
+    return jnp.concatenate([first[None], rest])
+
+
+def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """Return the rotation matrix of a rotation vector [rad] (Rodrigues), with its Taylor branch near zero."""
+    square = jnp.dot(turn, turn)
+    small = square < 1e-8
+    angle = jnp.sqrt(jnp.where(small, 1.0, square))
+    sine = jnp.where(small, 1 - square / 6, jnp.sin(angle) / angle)
+    cosine = jnp.where(small, 0.5 - square / 24, (1 - jnp.cos(angle)) / angle**2)
+    x, y, z = turn
+    zero = jnp.zeros_like(x)
+    hat = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+    return jnp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
+
+
+def sample(
+    trajectory: Trajectory,
+    t: Float[Array, " n"],
+    *,
+    r_cg_from_still: Float[Array | np.ndarray, "3"],
+    gravity: float,
+) -> Motion:
+    """Sample a trajectory at uniform instants.
+
+    Args:
+        trajectory: the rotation.
+        t: instants [s]; the first is level.
+        r_cg_from_still: centre of gravity from the body-fixed point that keeps still, in B [m]: zero for T1 and T3,
+            r_CG/OMB for T2 and T4, whose platform centre OMB keeps still.
+        gravity: local gravity [m/s²], along -z of frame A.
+    """
+    omega = jax.vmap(trajectory.omega)(t)
+    alpha = jax.vmap(trajectory.alpha)(t)
+    rotation = attitude(trajectory, t)
+    acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(r_cg_from_still, omega, alpha)
+    specific_force = acceleration + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB
+    return Motion(t, omega.T, alpha.T, rotation, specific_force.T)
+
+
+def platform_position(rotation: Float[Array, "3 3"], r_cg_from_omb: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return the position of the platform's centre OMB from the still centre of gravity, in A [m].
+
+    ``p_OMB - p_CG = -R_AB r_CG/OMB``: the closed form of (12) rotated into A and integrated twice.
+    """
+    return -rotation @ r_cg_from_omb

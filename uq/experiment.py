@@ -1,0 +1,367 @@
+"""Experiment files: TOML with units -> :class:`Experiment`.
+
+Every physical value is a string with its unit. An unknown key, a bare number, a wrong dimension or a wrong length is an
+:class:`ExperimentError` that names the key.
+"""
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from identify.differentiate import central_difference, matched, savitzky_golay
+from identify.inertia import COMPONENTS, Body
+from identify.trajectory import Harmonic, Sphere, Trajectory
+from uq.sources import TARGET_UNITS, Source
+from uq.units import UnitError, quantity
+
+T = TypeVar("T")
+
+PRESETS = ("barreto2016",)
+
+
+class ExperimentError(ValueError):
+    """A mistake in an experiment file, in one line: what, where, what to do."""
+
+
+@dataclass(frozen=True)
+class TrajectorySpec:
+    """A trajectory and how it is sampled and carried."""
+
+    trajectory: Trajectory
+    duration: float
+    """Duration [s]."""
+    rate: float
+    """Sample rate of load cell and IMU [Hz]."""
+    still: Literal["cg", "omb"]
+    """The point that keeps still: the centre of gravity, or the platform's centre OMB."""
+
+
+@dataclass(frozen=True)
+class EstimatorSpec:
+    """How a run's signals become the tensor."""
+
+    name: str
+    differentiator: Literal["central", "savitzky-golay"]
+    band: float | None = None
+    """Highest frequency of the motion [Hz], which a smoothing differentiator is matched to."""
+    window: int | None = None
+    """Points of the smoothing differentiator; None: the longest whose gain holds over the band."""
+    lowpass: float | None = None
+    """Cut-off [Hz] of the filter that a recorded run's two sides of the regression pass through alike."""
+
+    def taps(self, rate: float) -> np.ndarray:
+        """Return the differentiator's taps at a sample rate [Hz]."""
+        if self.differentiator == "central":
+            return central_difference(rate)
+        if self.window is not None:
+            return savitzky_golay(rate, self.window)
+        if self.band is None:
+            raise ExperimentError(f"estimator '{self.name}' has neither band nor window: give the motion's band")
+        try:
+            return matched(rate, self.band)
+        except ValueError as error:
+            raise ExperimentError(f"estimator '{self.name}': {error}") from None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a recorded run's channels mean."""
+
+    wrench_topic: str | None = None
+    """Topic of force and moment; None: the only one of its type."""
+    imu_topic: str | None = None
+    """Topic of the angular velocity; None: the only one of its type."""
+    wrench: Literal["on_body", "on_sensor"] = "on_body"
+    """Whether the wrench is that on the body, as (4) has it, or the reaction on the sensor."""
+    remove_offsets: bool = False
+    """Whether constant offsets of force and moment are estimated along with the tensor and removed."""
+    estimator: str | None = None
+    """Name of the estimator for recorded runs; None: the first."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A body on a platform with its sensors: what is simulated, or how a recorded run is to be read."""
+
+    body: Body
+    gravity: float
+    """Local gravity [m/s²]."""
+    r_cg_from_omb: np.ndarray
+    """Centre of gravity from the platform's centre, in B [m]."""
+    trajectories: Mapping[str, TrajectorySpec]
+    estimators: tuple[EstimatorSpec, ...]
+    sources: tuple[Source, ...]
+    recording: Recording = field(default_factory=Recording)
+    document: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """The file's content, for the provenance of results."""
+
+    @classmethod
+    def load(cls, source: str | Path) -> "Experiment":
+        """Read an experiment file, or a preset by its name (``barreto2016``).
+
+        Raises:
+            ExperimentError: the file is not TOML or its content is not an experiment.
+            OSError: the file cannot be read.
+        """
+        if str(source) in PRESETS:
+            text = resources.files("uq").joinpath("presets", f"{source}.toml").read_text("utf-8")
+        else:
+            try:
+                text = Path(source).read_text("utf-8")
+            except UnicodeDecodeError:
+                raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
+        try:
+            document = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ExperimentError(f"not TOML {source}: {error}") from None
+        try:
+            return cls.from_dict(document)
+        except ExperimentError as error:
+            raise ExperimentError(f"{error} (in {source})") from None
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> "Experiment":
+        """Build an experiment from the content of a file; see :meth:`load`."""
+        top = _Table("", document)
+        body = top.table("body", _body)
+        gravity, r_cg_from_omb = top.table("platform", _platform, {})
+        trajectories = {
+            name: _trajectory(_Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
+        }
+        estimators = top.tables("estimator", _estimator)
+        sources = top.tables("source", _source)
+        recording = top.table("recording", _recording, {})
+        top.finish()
+        for kind, names in (("estimator", [e.name for e in estimators]), ("source", [s.name for s in sources])):
+            if len(set(names)) < len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise ExperimentError(f"two entries named '{twice}' in [[{kind}]]: give each its own name")
+        if recording.estimator is not None and recording.estimator not in [e.name for e in estimators]:
+            raise ExperimentError(f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]")
+        return cls(body, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document)
+
+    def estimator(self, name: str | None = None) -> EstimatorSpec:
+        """Return an estimator by name; without one, the recording's, or the first.
+
+        Raises:
+            ExperimentError: there is no such estimator.
+        """
+        wanted = name or self.recording.estimator
+        if not self.estimators:
+            raise ExperimentError("no [[estimator]] in the experiment: add one")
+        if wanted is None:
+            return self.estimators[0]
+        for estimator in self.estimators:
+            if estimator.name == wanted:
+                return estimator
+        known = ", ".join(e.name for e in self.estimators)
+        raise ExperimentError(f"unknown estimator '{wanted}': choose one of {known}")
+
+    def select(self, name: str | None = None) -> tuple[str, TrajectorySpec]:
+        """Return a trajectory's name and specification; without a name, the first.
+
+        Raises:
+            ExperimentError: there is no such trajectory.
+        """
+        if not self.trajectories:
+            raise ExperimentError("no [trajectory.NAME] in the experiment: add one")
+        name = next(iter(self.trajectories)) if name is None else name
+        if name not in self.trajectories:
+            raise ExperimentError(f"unknown trajectory '{name}': choose one of {', '.join(self.trajectories)}")
+        return name, self.trajectories[name]
+
+    @property
+    def sigma_r_cg(self) -> np.ndarray:
+        """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
+        squares = [np.square(source.sigma) for source in self.sources if source.target == "r_cg"]
+        return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
+
+
+_REQUIRED: Any = object()
+
+
+class _Table:
+    """A TOML table that knows where it stands and which of its keys have been used."""
+
+    def __init__(self, where: str, content: object):
+        if not isinstance(content, Mapping):
+            raise ExperimentError(f"{where} is {content!r}: write a table")
+        self.where, self.content, self.used = where, content, set[str]()
+
+    def path(self, key: str) -> str:
+        return f"{self.where}.{key}" if self.where else key
+
+    def raw(self, key: str, default: Any = _REQUIRED) -> Any:
+        self.used.add(key)
+        if key not in self.content and default is _REQUIRED:
+            raise ExperimentError(f"missing key {self.path(key)}: add it")
+        return self.content.get(key, default)
+
+    def quantity(self, key: str, unit: str, default: Any = _REQUIRED, *, positive: bool = False) -> Any:
+        raw = self.raw(key, default)
+        if raw is default and key not in self.content:
+            return default
+        value = _quantity(self.path(key), raw, unit)
+        if positive and value <= 0:
+            raise ExperimentError(f"{self.path(key)} is {raw!r}: write a value above zero")
+        return value
+
+    def vector(self, key: str, unit: str, default: Any = _REQUIRED) -> np.ndarray:
+        raw = self.raw(key, default)
+        if not isinstance(raw, list) or len(raw) != 3:
+            raise ExperimentError(f"{self.path(key)} is {raw!r}: write three values with their units, one an axis")
+        return np.array([_quantity(f"{self.path(key)}[{i}]", item, unit) for i, item in enumerate(raw)])
+
+    def choice(self, key: str, choices: tuple[str, ...], default: Any = _REQUIRED) -> Any:
+        value = self.raw(key, default)
+        if value not in choices:
+            raise ExperimentError(f"{self.path(key)} is {value!r}: choose one of {', '.join(choices)}")
+        return value
+
+    def typed(self, key: str, kind: type, default: Any = _REQUIRED) -> Any:
+        value = self.raw(key, default)
+        if key in self.content and (not isinstance(value, kind) or (kind is not bool and isinstance(value, bool))):
+            name = {str: "a string", int: "a whole number", bool: "true or false"}[kind]
+            raise ExperimentError(f"{self.path(key)} is {value!r}: write {name}")
+        return value
+
+    def mapping(self, key: str) -> Mapping[str, Any]:
+        return _Table(self.path(key), self.raw(key, {})).content
+
+    def table(self, key: str, build: "Callable[[_Table], T]", default: Any = _REQUIRED) -> T:
+        return build(_Table(self.path(key), self.raw(key, default)))
+
+    def tables(self, key: str, build: "Callable[[_Table], T]") -> tuple[T, ...]:
+        items = self.raw(key, [])
+        if not isinstance(items, list):
+            raise ExperimentError(f"{self.path(key)} is a table: write [[{key}]], one for each")
+        return tuple(build(_Table(f"{key}[{_label(i, item)}]", item)) for i, item in enumerate(items))
+
+    def finish(self) -> None:
+        unknown = sorted(set(self.content) - self.used)
+        if unknown:
+            known = ", ".join(sorted(self.used))
+            raise ExperimentError(f"unknown key {self.path(unknown[0])}: the keys here are {known}")
+
+
+def _label(index: int, item: object) -> str:
+    name = item.get("name") if isinstance(item, Mapping) else None
+    return name if isinstance(name, str) else str(index)
+
+
+def _quantity(where: str, raw: object, unit: str) -> float:
+    try:
+        return quantity(raw, unit)
+    except UnitError as error:
+        raise ExperimentError(f"{where} {error}") from None
+
+
+def _body(table: _Table) -> Body:
+    mass = table.quantity("mass", "kg", positive=True)
+    r_cg = table.vector("r_cg_from_q", "m")
+    entries = _Table(table.path("inertia"), table.raw("inertia"))
+    moments = [entries.quantity(f"I{i}{i}", "kg*m^2", positive=True) for i in (1, 2, 3)]
+    products = [entries.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23")]
+    entries.finish()
+    table.finish()
+    (i11, i22, i33), (i12, i13, i23) = moments, products
+    tensor = np.array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
+    low, middle, high = np.linalg.eigvalsh(tensor)
+    if low <= 0 or low + middle < high * (1 - 1e-12):
+        raise ExperimentError(
+            f"{table.path('inertia')} is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
+            "its moments must be positive and obey the triangle inequality"
+        )
+    return Body(np.array(mass), r_cg, np.array([i11, i12, i13, i22, i23, i33]))
+
+
+def _platform(table: _Table) -> tuple[float, np.ndarray]:
+    gravity = table.quantity("gravity", "m/s^2", 9.80665, positive=True)
+    r_cg_from_omb = table.vector("r_cg_from_omb", "m", ["0 m", "0 m", "0 m"])
+    table.finish()
+    return gravity, r_cg_from_omb
+
+
+def _trajectory(table: _Table) -> TrajectorySpec:
+    kind = table.choice("kind", ("sphere", "harmonic"))
+    still = table.choice("still", ("cg", "omb"), "cg")
+    duration = table.quantity("duration", "s", positive=True)
+    rate = table.quantity("rate", "Hz", positive=True)
+    common = {
+        "angular_velocity": table.quantity("angular_velocity", "rad/s", positive=True),
+        "angular_acceleration": table.quantity("angular_acceleration", "rad/s^2", positive=True),
+        "duration": duration,
+        "ramp": table.quantity("ramp", "s", positive=True),
+    }
+    segment = duration if kind == "sphere" else duration / 3
+    if 2 * common["ramp"] > segment:
+        raise ExperimentError(
+            f"{table.path('ramp')} is {common['ramp']:g} s: at most half of the {segment:g} s that a motion lasts"
+        )
+    if round(duration * rate) < 2:
+        raise ExperimentError(f"{table.where} has fewer than two samples: raise duration or rate")
+    values = {name: np.array(value) for name, value in common.items()}
+    trajectory: Trajectory
+    if kind == "sphere":
+        precessions = np.array(float(table.typed("precessions", int)))
+        pole = ("b1", "b2", "b3").index(table.choice("pole", ("b1", "b2", "b3"), "b2"))
+        trajectory = Sphere(**values, precessions=precessions, pole=pole)
+    else:
+        trajectory = Harmonic(**values)
+    table.finish()
+    return TrajectorySpec(trajectory, duration, rate, still)
+
+
+def _estimator(table: _Table) -> EstimatorSpec:
+    name = table.typed("name", str)
+    table.choice("method", ("ols",), "ols")
+    differentiator = table.choice("differentiator", ("central", "savitzky-golay"))
+    band = table.quantity("band", "Hz", None, positive=True)
+    window = table.typed("window", int, None)
+    lowpass = table.quantity("lowpass", "Hz", None, positive=True)
+    table.finish()
+    if differentiator == "savitzky-golay" and band is None and window is None:
+        raise ExperimentError(f"missing key {table.path('band')}: give the motion's highest frequency")
+    if window is not None and (window < 5 or window % 2 == 0):
+        raise ExperimentError(f"{table.path('window')} is {window}: write an odd number of points, 5 or more")
+    return EstimatorSpec(name, differentiator, band, window, lowpass)
+
+
+def _source(table: _Table) -> Source:
+    name = table.typed("name", str)
+    target = table.choice("target", tuple(TARGET_UNITS))
+    kind = table.choice("kind", ("precision", "bias"))
+    sigma = table.vector("sigma", TARGET_UNITS[target])
+    table.choice("distribution", ("normal",), "normal")
+    group = table.typed("group", str)
+    reference = table.typed("reference", str, "")
+    table.finish()
+    if (sigma < 0).any():
+        axis = int(np.argmax(sigma < 0))
+        raise ExperimentError(f"{table.path('sigma')}[{axis}] is {table.content['sigma'][axis]!r}: write zero or more")
+    if target == "r_cg" and kind == "precision":
+        raise ExperimentError(f"{table.path('kind')} is 'precision': r_cg is one draw an experiment, write \"bias\"")
+    return Source(name, target, kind, group, sigma, reference)
+
+
+def _recording(table: _Table) -> Recording:
+    recording = Recording(
+        table.typed("wrench_topic", str, None),
+        table.typed("imu_topic", str, None),
+        table.choice("wrench", ("on_body", "on_sensor"), "on_body"),
+        table.typed("remove_offsets", bool, False),
+        table.typed("estimator", str, None),
+    )
+    table.finish()
+    return recording
+
+
+def samples(spec: TrajectorySpec) -> np.ndarray:
+    """Return a trajectory's instants [s]: from 0, at its rate, ``duration * rate`` of them."""
+    return np.arange(math.floor(spec.duration * spec.rate + 0.5)) / spec.rate

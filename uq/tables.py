@@ -1,0 +1,41 @@
+"""Small tables, for a terminal and for Jupyter."""
+
+import unicodedata
+from collections.abc import Sequence
+from html import escape
+
+
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return an aligned table: text to the left, figures to the right."""
+    lines = [list(head), *map(list, rows)]
+    widths = [max(_width(line[k]) for line in lines) for k in range(len(head))]
+    right = [all(_is_figure(row[k]) for row in rows) for k in range(len(head))]
+
+    def draw(line: Sequence[str]) -> str:
+        cells = [
+            " " * (width - _width(cell)) + cell if to_right else cell + " " * (width - _width(cell))
+            for cell, width, to_right in zip(line, widths, right, strict=True)
+        ]
+        return "  ".join(cells).rstrip()
+
+    return "\n".join([draw(lines[0]), "  ".join("─" * width for width in widths), *map(draw, lines[1:])])
+
+
+def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
+    """Return the table as HTML."""
+    cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(
+        "<tr>" + "".join(f'<td style="text-align:{"right" if _is_figure(c) else "left"}">{escape(c)}</td>' for c in row) + "</tr>"
+        for row in rows
+    )
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f"<table>{title}<thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _is_figure(cell: str) -> bool:
+    return cell == "" or cell[0] in "+-−–±" or cell[0].isdigit()
+
+
+def _width(cell: str) -> int:
+    """Columns that a cell takes in a terminal, not counting combining marks."""
+    return sum(not unicodedata.combining(character) for character in cell)
