@@ -1,0 +1,33 @@
+"""The experiment's mathematics: from motion to wrench, and from measured wrench and motion back to the inertia tensor.
+
+Pure JAX on arrays in SI units; no files, no randomness, no global settings. Switch on float64 yourself:
+``jax.config.update("jax_enable_x64", True)``.
+"""
+
+from identify.estimator import EstimatorSpec
+from identify.identification import Identification, RunEstimate, identify
+from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.precision import PrecisionWarning
+from identify.regressor import omega_r, pi, wrench_regressor
+from identify.run import Run, RunError
+
+__all__ = [
+    "COMPONENTS",
+    "Body",
+    "EstimatorSpec",
+    "Identification",
+    "PrecisionWarning",
+    "Run",
+    "RunError",
+    "RunEstimate",
+    "identify",
+    "is_admissible",
+    "omega_r",
+    "pack",
+    "parallel_axis",
+    "pi",
+    "principal",
+    "rotate",
+    "unpack",
+    "wrench_regressor",
+]

@@ -14,8 +14,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from identify.differentiate import central_difference, matched, savitzky_golay
-from identify.inertia import COMPONENTS, Body
+from identify.estimator import EstimatorSpec
+from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.sources import TARGET_UNITS, Source
 from uq.units import UnitError, quantity
@@ -43,33 +43,6 @@ class TrajectorySpec:
 
 
 @dataclass(frozen=True)
-class EstimatorSpec:
-    """How a run's signals become the tensor."""
-
-    name: str
-    differentiator: Literal["central", "savitzky-golay"]
-    band: float | None = None
-    """Highest frequency of the motion [Hz], which a smoothing differentiator is matched to."""
-    window: int | None = None
-    """Points of the smoothing differentiator; None: the longest whose gain holds over the band."""
-    lowpass: float | None = None
-    """Cut-off [Hz] of the filter that a recorded run's two sides of the regression pass through alike."""
-
-    def taps(self, rate: float) -> np.ndarray:
-        """Return the differentiator's taps at a sample rate [Hz]."""
-        if self.differentiator == "central":
-            return central_difference(rate)
-        if self.window is not None:
-            return savitzky_golay(rate, self.window)
-        if self.band is None:
-            raise ExperimentError(f"estimator '{self.name}' has neither band nor window: give the motion's band")
-        try:
-            return matched(rate, self.band)
-        except ValueError as error:
-            raise ExperimentError(f"estimator '{self.name}': {error}") from None
-
-
-@dataclass(frozen=True)
 class Recording:
     """What a recorded run's channels mean."""
 
@@ -89,7 +62,12 @@ class Recording:
 class Experiment:
     """A body on a platform with its sensors: what is simulated, or how a recorded run is to be read."""
 
-    body: Body
+    r_cg_from_q: np.ndarray
+    """Centre of gravity from the load cell's centre Q, in B [m]."""
+    mass: float | None
+    """Mass [kg]; None: not stated."""
+    inertia: np.ndarray | None
+    """Packed tensor about the centre of gravity [kg·m²]; None: not stated."""
     gravity: float
     """Local gravity [m/s²]."""
     r_cg_from_omb: np.ndarray
@@ -129,7 +107,7 @@ class Experiment:
     def from_dict(cls, document: Mapping[str, Any]) -> "Experiment":
         """Build an experiment from the content of a file; see :meth:`load`."""
         top = _Table("", document)
-        body = top.table("body", _body)
+        r_cg_from_q, mass, inertia = top.table("body", _body)
         gravity, r_cg_from_omb = top.table("platform", _platform, {})
         trajectories = {
             name: _trajectory(_Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
@@ -144,7 +122,19 @@ class Experiment:
                 raise ExperimentError(f"two entries named '{twice}' in [[{kind}]]: give each its own name")
         if recording.estimator is not None and recording.estimator not in [e.name for e in estimators]:
             raise ExperimentError(f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]")
-        return cls(body, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document)
+        return cls(r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document)
+
+    @property
+    def body(self) -> Body:
+        """The body that a simulation moves.
+
+        Raises:
+            ExperimentError: mass or inertia are not stated.
+        """
+        for key in ("mass", "inertia"):
+            if getattr(self, key) is None:
+                raise ExperimentError(f"missing key body.{key}: a simulation needs it")
+        return Body(np.array(self.mass), self.r_cg_from_q, np.asarray(self.inertia))
 
     def estimator(self, name: str | None = None) -> EstimatorSpec:
         """Return an estimator by name; without one, the recording's, or the first.
@@ -262,23 +252,25 @@ def _quantity(where: str, raw: object, unit: str) -> float:
         raise ExperimentError(f"{where} {error}") from None
 
 
-def _body(table: _Table) -> Body:
-    mass = table.quantity("mass", "kg", positive=True)
+def _body(table: _Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     r_cg = table.vector("r_cg_from_q", "m")
-    entries = _Table(table.path("inertia"), table.raw("inertia"))
-    moments = [entries.quantity(f"I{i}{i}", "kg*m^2", positive=True) for i in (1, 2, 3)]
-    products = [entries.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23")]
-    entries.finish()
+    mass = table.quantity("mass", "kg", None, positive=True)
+    inertia = table.table("inertia", _inertia) if "inertia" in table.content else None
     table.finish()
-    (i11, i22, i33), (i12, i13, i23) = moments, products
-    tensor = np.array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
-    low, middle, high = np.linalg.eigvalsh(tensor)
+    return r_cg, mass, inertia
+
+
+def _inertia(table: _Table) -> np.ndarray:
+    i11, i22, i33 = (table.quantity(name, "kg*m^2", positive=True) for name in ("I11", "I22", "I33"))
+    i12, i13, i23 = (table.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23"))
+    table.finish()
+    low, middle, high = np.linalg.eigvalsh([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
     if low <= 0 or low + middle < high * (1 - 1e-12):
         raise ExperimentError(
-            f"{table.path('inertia')} is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
+            f"{table.where} is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
             "its moments must be positive and obey the triangle inequality"
         )
-    return Body(np.array(mass), r_cg, np.array([i11, i12, i13, i22, i23, i33]))
+    return np.array([i11, i12, i13, i22, i23, i33])
 
 
 def _platform(table: _Table) -> tuple[float, np.ndarray]:

@@ -10,10 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
+from identify.estimator import EstimatorSpec
 from identify.inertia import COMPONENTS, Body
 from identify.precision import check_precision
-from identify.trajectory import sample
-from uq.experiment import Experiment, ExperimentError, EstimatorSpec, TrajectorySpec, samples
+from identify.trajectory import Motion, sample
+from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.provenance import provenance
 from uq.tables import html_table, text_table
 from uq.trial import Case, Estimator, Setup, TrialEstimates, prepare, trial
@@ -213,9 +214,10 @@ def prepare_setup(
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
     """
-    t = samples(spec)
-    still = np.zeros(3) if spec.still == "cg" else np.asarray(experiment.r_cg_from_omb)
-    fitted = [Estimator(e.name, e.taps(spec.rate)) for e in estimators]
+    motion = true_motion(experiment, spec)
+    t = motion.t
+    body = Body(*(jnp.asarray(value) for value in experiment.body))
+    fitted = [_fitted(e, spec.rate) for e in estimators]
     for estimator in fitted:
         needed = 2 * len(estimator.taps) + 2
         if len(t) < needed:
@@ -223,9 +225,22 @@ def prepare_setup(
                 f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {len(t)}: "
                 "raise its duration or rate"
             )
-    motion = sample(spec.trajectory, jnp.asarray(t), r_cg_from_still=still, gravity=experiment.gravity)
-    body = Body(*(jnp.asarray(value) for value in experiment.body))
     return prepare(motion, body, experiment.sources, fitted, jnp.dtype(dtype))
+
+
+def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
+    """Return a trajectory's true motion at its samples."""
+    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
+    return sample(spec.trajectory, jnp.asarray(samples(spec)), r_cg_from_still=still, gravity=experiment.gravity)
+
+
+def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
+    if estimator.lowpass is not None:
+        raise ExperimentError(f"estimator '{estimator.name}' has a low-pass, which is for recorded runs: leave it out here")
+    try:
+        return Estimator(estimator.name, jnp.asarray(estimator.taps(rate)))
+    except ValueError as error:
+        raise ExperimentError(f"estimator '{estimator.name}': {error}") from None
 
 
 def run_trials(

@@ -1,0 +1,1 @@
+"""Benchmarks: ratios against simple, honest references in the same run."""

@@ -1,0 +1,152 @@
+"""What one recorded run says of the tensor: its normal equations, and how far their noise reaches.
+
+The rows' noise is taken from the residuals. These are correlated in time, the more so behind a filter, so the
+covariance of the scores ``Σ Ωᵀu`` is estimated with the Bartlett kernel over four correlation times (Newey and West,
+Econometrica 55 (1987) 703, doi:10.2307/1913610), not by the textbook ``σ²(ΩᵀΩ)⁻¹``.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.differentiate import derivative
+from identify.estimator import EstimatorSpec
+from identify.filters import apply, noise_level
+from identify.gram import Sums, normal_equations
+from identify.regressor import OMEGA_R_OF_FEATURES, features
+from identify.run import Run, RunError
+from identify.solve import Excitation, excitation
+
+
+@dataclass(frozen=True)
+class Information:
+    """A run's normal equations and the covariance of their right-hand side."""
+
+    run: Run
+    sums: Sums
+    """Of the rows; centred when offsets are removed."""
+    normal: np.ndarray
+    """``ΩᵀΩ``, (6, 6)."""
+    noise: np.ndarray
+    """What the gyro's noise alone adds to it, expected, (6, 6)."""
+    inertia: np.ndarray
+    """The run's own estimate [kg·m²]; of least norm where directions are not excited."""
+    scores: np.ndarray
+    """Covariance of ``Σ Ωᵀu``, (6, 6)."""
+    excitation: Excitation
+    offsets: np.ndarray | None
+    """Mean moment [N·m] that the rows leave unexplained, which was removed; None: not asked for."""
+    residual: np.ndarray
+    """Standard deviation of the residuals on each axis [N·m]."""
+    correlation_time: float
+    """Integrated correlation time of the residuals [samples]."""
+
+    @property
+    def weight(self) -> float:
+        """Inverse of the rows' effective noise variance, which weighs this run among others [(N·m)⁻²]."""
+        usable = self.excitation.identifiable
+        strength, directions = self.excitation.strength[usable], self.excitation.directions[usable]
+        spread = np.einsum("ki,ij,kj->k", directions, self.scores, directions) / strength
+        return float(1 / max(np.mean(spread), 1e-300))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the run's own estimate [(kg·m²)²]; meaningless where directions are not excited."""
+        inverse = np.linalg.pinv(self.normal, hermitian=True)
+        return inverse @ self.scores @ inverse
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Effective number of independent residuals less the parameters, at least 1."""
+        rows = 3 * float(self.sums.gram[0, 0]) if self.offsets is None else 3.0 * self.rows - 3
+        return max(rows / self.correlation_time - 6, 1.0)
+
+    rows: int = 0
+    """Samples that gave rows."""
+
+
+def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_offsets: bool) -> Information:
+    """Return a run's normal equations (10), with the noise that its residuals show.
+
+    Args:
+        run: the run.
+        estimator: differentiator and filter.
+        r_cg: centre of gravity from Q, in B [m].
+        remove_offsets: whether a constant moment (and so a constant force) is estimated along and removed.
+
+    Raises:
+        RunError: the run is too short for the estimator, or its rate too low for the band.
+    """
+    try:
+        taps, smoothing, needed = estimator.taps(run.rate), estimator.filter_taps(run.rate), estimator.lost(run.rate) + 3
+    except ValueError as error:
+        raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
+    if len(run.t) < needed:
+        raise RunError(
+            f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
+            f"{run.rate:.6g} Hz: record for longer, or choose a higher band"
+        )
+    signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
+    phi, force, moment = _rows(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
+    count = phi.shape[1]
+    means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
+    if remove_offsets:
+        phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
+    sums = Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
+    normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
+    inertia = np.linalg.pinv(normal, hermitian=True) @ right
+    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, np.asarray(phi))
+    about_cg = np.asarray(moment - jnp.cross(jnp.asarray(r_cg), force, axisb=0, axisc=0))
+    residuals = about_cg.T - rows @ inertia
+    correlation_time = _correlation_time(residuals)
+    scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
+    sigma = noise_level(run.omega) * estimator.alpha_noise_gain(run.rate)
+    noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[4:7], OMEGA_R_OF_FEATURES[4:7])
+    offsets = None
+    if remove_offsets:
+        mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)
+        offsets = mean_moment - np.cross(r_cg, mean_force) - np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, mean_phi) @ inertia
+    return Information(
+        run, sums, normal, noise, inertia, scores, excitation(normal, noise), offsets,
+        residuals.std(axis=0), correlation_time, count,
+    )
+
+
+@jax.jit
+def _rows(
+    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"], taps, smoothing
+) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:
+    """Features, force and moment of the instants that have a derivative, all through the same filter."""
+    inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
+    phi = features(omega[:, inner], derivative(omega, taps))
+    if smoothing.shape[0] == 1:
+        return phi, force[:, inner], moment[:, inner]
+    filtered = apply(jnp.concatenate([phi, force[:, inner], moment[:, inner]]), smoothing)
+    return filtered[:13], filtered[13:16], filtered[16:]
+
+
+def _correlation_time(residuals: np.ndarray) -> float:
+    """The integrated correlation time [samples] of the axis where it is longest, up to the first zero crossing."""
+    n = len(residuals)
+    size = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(residuals, size, axis=0)) ** 2
+    correlation = np.fft.irfft(power, size, axis=0)[:n]
+    times = []
+    for axis in correlation.T:
+        if axis[0] > 0:
+            negative = np.flatnonzero(axis <= 0)
+            times.append(1 + 2 * axis[1 : negative[0] if len(negative) else n].sum() / axis[0])
+    return float(min(max(times, default=1.0), n / 4))
+
+
+def _score_covariance(scores: np.ndarray, correlation_time: float) -> np.ndarray:
+    """Covariance of the sum of the scores (n, 6): Bartlett kernel over four correlation times, by moving sums."""
+    width = max(1, min(int(np.ceil(4 * correlation_time)), len(scores) // 3))
+    padded = np.concatenate([np.zeros((width, 6)), np.cumsum(scores, axis=0)])
+    padded = np.concatenate([padded, np.repeat(padded[-1:], width - 1, axis=0)])
+    sums = padded[width:] - padded[:-width]
+    rows = 3 * len(scores) / correlation_time
+    return sums.T @ sums / width * rows / max(rows - 6, 1.0)

@@ -1,0 +1,264 @@
+"""From runs to the tensor with its standard uncertainty: the function :func:`identify` and its result."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.stats import norm, t as student
+
+from identify.estimate import Information, information
+from identify.estimator import EstimatorSpec
+from identify.filters import motion_band
+from identify.gram import normal_equations
+from identify.inertia import COMPONENTS, is_admissible, principal
+from identify.precision import check_precision
+from identify.run import Run, RunError
+from identify.solve import excitation
+
+
+@dataclass(frozen=True)
+class RunEstimate:
+    """One run's own estimate."""
+
+    file: str
+    sha256: str | None
+    inertia: np.ndarray
+    """Packed tensor [kg·m²]."""
+    standard_uncertainty: np.ndarray
+    """From the run's residuals [kg·m²]."""
+    samples: int
+    rate: float
+    """Sample rate [Hz]."""
+    residual: np.ndarray
+    """Standard deviation of the residual moment on each axis [N·m]."""
+    correlation_time: float
+    """Of the residuals [s]."""
+    offsets: np.ndarray | None
+    """Constant moment removed [N·m]."""
+    alone: bool
+    """Whether this run identifies the whole tensor by itself."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The inertia tensor about the centre of gravity, in the body frame, from one or more runs. SI units."""
+
+    inertia: np.ndarray
+    """Packed tensor [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual variance."""
+    bias: np.ndarray
+    """Expected mean error of ``inertia`` from the gyro's noise in the regressor; not subtracted [kg·m²]."""
+    covariance: np.ndarray
+    """Of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
+    interval95: np.ndarray
+    """Coverage interval of 95 % about ``inertia``, (6, 2) [kg·m²]."""
+    r_cg: np.ndarray
+    """Centre of gravity from Q that was used, in B [m]."""
+    sigma_r_cg: np.ndarray
+    """Its standard uncertainty [m]."""
+    mass: float | None
+    """Mass [kg], when stated."""
+    estimator: EstimatorSpec
+    runs: tuple[RunEstimate, ...]
+    warnings: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    diagnostics: Mapping[str, Any] = field(repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of each component [kg·m²]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of result.json, in kg·m² and SI."""
+        moments, axes = principal(jnp.asarray(self.inertia))
+        return {
+            "unit": "kg*m^2",
+            "about": "CG",
+            "frame": "body",
+            "inertia": _by_component(self.inertia),
+            "bias": _by_component(self.bias),
+            "standard_uncertainty": _by_component(self.standard_uncertainty),
+            "interval95": {name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)},
+            "covariance": self.covariance.tolist(),
+            "principal": {"moments": np.asarray(moments).tolist(), "axes": np.asarray(axes).tolist()},
+            "mass": {"value": self.mass, "standard_uncertainty": None},
+            "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
+            "delay": {"value": 0.0, "estimated": False},
+            "rotation": {"value": np.eye(3).tolist(), "estimated": False},
+            "offsets": {run.file: None if run.offsets is None else {"moment": run.offsets.tolist()} for run in self.runs},
+            "runs": [
+                {
+                    "file": run.file,
+                    "sha256": run.sha256,
+                    "inertia": _by_component(run.inertia) if run.alone else None,
+                    "standard_uncertainty": _by_component(run.standard_uncertainty) if run.alone else None,
+                    "samples": run.samples,
+                    "rate": run.rate,
+                    "residual": run.residual.tolist(),
+                    "correlation_time": run.correlation_time,
+                }
+                for run in self.runs
+            ],
+            "warnings": list(self.warnings),
+            "assumptions": list(self.assumptions),
+            "diagnostics": dict(self.diagnostics),
+            "provenance": dict(self.provenance),
+        }
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the summary, in g·m²."""
+        head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
+        columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
+        rows = []
+        for name, value, bias, uncertainty, (low, high) in columns:
+            digits = _decimals(1e3 * uncertainty)
+            figures = [f"{1e3 * x:.{digits}f}" for x in (value, bias, uncertainty, low, high)]
+            rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
+        return head, rows
+
+    def _title(self) -> str:
+        runs = f"{len(self.runs)} run{'s' if len(self.runs) > 1 else ''}"
+        return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
+
+    def __repr__(self) -> str:
+        head, rows = self.rows()
+        widths = [max(len(line[k]) for line in [head, *rows]) for k in range(len(head))]
+        table = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in [head, *rows]]
+        notes = [f"warning: {text}" for text in self.warnings] + [f"assumed: {text}" for text in self.assumptions]
+        return "\n".join([self._title(), *table, *notes])
+
+    def _repr_html_(self) -> str:
+        head, rows = self.rows()
+        line = lambda tag, cells: "<tr>" + "".join(f"<{tag}>{escape(c)}</{tag}>" for c in cells) + "</tr>"  # noqa: E731
+        notes = "".join(f"<li>{kind}: {escape(n)}</li>" for kind in ("warning", "assumption") for n in getattr(self, kind + "s"))
+        table = "".join([line("th", head), *(line("td", row) for row in rows)])
+        return f"<table><caption>{escape(self._title())}</caption>{table}</table><ul>{notes}</ul>"
+
+
+def identify(
+    runs: Run | Sequence[Run],
+    *,
+    r_cg: Sequence[float] | np.ndarray,
+    sigma_r_cg: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    estimator: EstimatorSpec | None = None,
+    remove_offsets: bool = False,
+    mass: float | None = None,
+) -> Identification:
+    """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
+
+    Args:
+        runs: the runs.
+        r_cg: centre of gravity from the load cell's centre Q, in B [m].
+        sigma_r_cg: its standard uncertainty on each axis [m].
+        estimator: differentiator and filter; None: Savitzky–Golay matched to the band found in the runs.
+        remove_offsets: whether constant offsets of force and moment are estimated in each run and removed.
+        mass: mass of the body [kg], for the result only.
+
+    Raises:
+        RunError: no run, a run too short for the estimator, or components that the motion does not identify.
+    """
+    runs = [runs] if isinstance(runs, Run) else list(runs)
+    if not runs:
+        raise RunError("no runs: give one or more")
+    warned = check_precision("float64")
+    centre, sigma = np.asarray(r_cg, float), np.asarray(sigma_r_cg, float)
+    if estimator is None:
+        band = max(motion_band(run.omega, run.rate) for run in runs)
+        estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
+    parts = [information(run, estimator, centre, remove_offsets=remove_offsets) for run in runs]
+    weights = np.array([part.weight for part in parts])
+    normal = np.einsum("k,kij->ij", weights, [part.normal for part in parts])
+    noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
+    verdict = excitation(normal, noise)
+    if verdict.unidentifiable or not verdict.identifiable.all():
+        names = ", ".join(verdict.unidentifiable) or "some products"
+        raise RunError(f"the motion in {_named(runs)} does not identify {names}: rotate about more axes, or faster")
+
+    def pooled(centre):
+        sides = [normal_equations(part.sums, centre)[1] * weight for part, weight in zip(parts, weights, strict=True)]
+        return jnp.linalg.solve(jnp.asarray(normal), sum(sides))
+
+    inertia = np.asarray(pooled(jnp.asarray(centre)))
+    by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
+    inverse = np.linalg.inv(normal)
+    residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
+    scatter, factor = _scatter(parts, inertia)
+    covariance = residual * np.outer(scatter, scatter) + by_centre * sigma**2 @ by_centre.T
+    bias = inertia - np.linalg.solve(normal - noise, normal @ inertia)
+    half = factor * np.sqrt(np.diag(covariance))
+    warnings = [*warned, *_warnings(parts, inertia, bias, covariance, scatter)]
+    diagnostics = {
+        "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
+                      "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
+        "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[0])),
+        "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
+        "scatter_between_runs": scatter.tolist(),
+        "coverage_factor": factor.tolist(),
+        "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(by_centre * sigma**2 @ by_centre.T)).tolist(),
+    }  # fmt: skip
+    return Identification(
+        inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
+        tuple(_run_estimate(part) for part in parts), tuple(warnings), _assumptions(remove_offsets), diagnostics,
+    )  # fmt: skip
+
+
+def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How much more runs scatter than their residuals say (at least 1), and the coverage factor of 95 %, by component."""
+    alone = [part for part in parts if part.excitation.identifiable.all()]
+    own = norm.ppf(0.975) if len(parts) > 1 else student.ppf(0.975, parts[0].degrees_of_freedom)
+    if len(alone) < 2:
+        return np.ones(6), np.full(6, own)
+    squares = [(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone]
+    ratio = np.sqrt(np.sum(squares, axis=0) / (len(alone) - 1))
+    return np.maximum(ratio, 1.0), np.where(ratio > 1, student.ppf(0.975, len(alone) - 1), own)
+
+
+def _warnings(parts, inertia, bias, covariance, scatter) -> list[str]:
+    found = [f"{part.run.name}: {text}" for part in parts for text in part.run.warnings]
+    sigma = np.sqrt(np.diag(covariance))
+    for name, one, three in zip(COMPONENTS, bias, 3 * sigma, strict=True):
+        if abs(one) > 0.1 * three:
+            found.append(
+                f"the gyro's noise biases {name} by about {1e3 * one:.3g} g·m²: use a smoothing differentiator or a low-pass"
+            )
+    for name, ratio in zip(COMPONENTS, scatter, strict=True):
+        if ratio > 2:
+            found.append(f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes")
+    if not bool(is_admissible(jnp.asarray(inertia))):
+        found.append("no mass distribution has this tensor (its moments break the triangle inequality): check signs, frames, r_CG")
+    return found
+
+
+def _assumptions(remove_offsets: bool) -> tuple[str, ...]:
+    zero = () if remove_offsets else ("force and moment are free of constant offsets",)
+    return (*zero, "load cell and IMU are aligned in time and in frame", "the platform is rigid")
+
+
+def _run_estimate(part: Information) -> RunEstimate:
+    run = part.run
+    return RunEstimate(
+        run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
+        part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()),
+    )  # fmt: skip
+
+
+def _by_component(values: np.ndarray) -> dict[str, float]:
+    return dict(zip(COMPONENTS, map(float, values), strict=True))
+
+
+def _decimals(uncertainty: float) -> int:
+    """Decimals that show two digits of an uncertainty (GUM 7.2.6)."""
+    if not np.isfinite(uncertainty) or uncertainty <= 0:
+        return 6
+    return max(0, 1 - int(np.floor(np.log10(uncertainty))))
+
+
+def _named(runs: Sequence[Run]) -> str:
+    return runs[0].name if len(runs) == 1 else f"{runs[0].name} and {len(runs) - 1} more"
+

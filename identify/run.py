@@ -1,0 +1,162 @@
+"""A run: one uniformly sampled, aligned time series of wrench and motion, simulated or recorded."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray as Array
+from scipy.interpolate import make_interp_spline
+
+JITTER_TOLERANCE = 1e-3
+"""Departure from uniform sampling, as a part of the sample interval, below which samples are taken as they are."""
+GAP = 5.0
+"""Sample intervals without a sample that count as a gap."""
+
+
+class RunError(ValueError):
+    """A run that cannot be used, in one line: what, where, what to do."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Force, moment and angular velocity at common, uniform instants, samples first, all in the body frame B."""
+
+    t: Float[Array, " n"]
+    """Instants [s]."""
+    force: Float[Array, "n 3"]
+    """Force on the body at Q [N]."""
+    moment: Float[Array, "n 3"]
+    """Moment on the body about Q [N·m]."""
+    omega: Float[Array, "n 3"]
+    """Angular velocity [rad/s]."""
+    name: str = "run"
+    """What messages and results call it: a file name, if it has one."""
+    sha256: str | None = None
+    """Hash of the file it was read from."""
+    warnings: tuple[str, ...] = field(default=())
+    """What a reader of the result should know of the data."""
+
+    @property
+    def rate(self) -> float:
+        """Sample rate [Hz]."""
+        return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
+
+    @classmethod
+    def from_arrays(cls, t, force, moment, omega, *, name: str = "run") -> "Run":
+        """Build a run from samples at common instants.
+
+        Args:
+            t: instants [s], increasing, shape (n,). Resampled when they are not uniform.
+            force: force on the body at Q, in B [N], shape (n, 3).
+            moment: moment on the body about Q, in B [N·m], shape (n, 3).
+            omega: angular velocity in B [rad/s], shape (n, 3).
+            name: what to call the run.
+
+        Raises:
+            RunError: a wrong shape, fewer than two samples, a value that is not finite, time that does not increase.
+        """
+        return cls.from_channels(t, force, moment, t, omega, name=name)
+
+    @classmethod
+    def from_channels(
+        cls, t_wrench, force, moment, t_imu, omega, *, name: str = "run", sha256: str | None = None
+    ) -> "Run":
+        """Build a run from a load cell and an IMU that sample at their own instants of the same clock.
+
+        Both are brought to uniform instants of the interval that they share, at the lower of the two rates, by cubic
+        splines; where they share uniform instants already, samples are kept as they are.
+
+        Args:
+            t_wrench: instants of the wrench [s], shape (n,).
+            force: force on the body at Q, in B [N], shape (n, 3).
+            moment: moment on the body about Q, in B [N·m], shape (n, 3).
+            t_imu: instants of the angular velocity [s], shape (m,).
+            omega: angular velocity in B [rad/s], shape (m, 3).
+            name: what to call the run.
+            sha256: hash of its file.
+
+        Raises:
+            RunError: as :meth:`from_arrays`, or the two share no interval.
+        """
+        t_wrench, (force, moment) = _checked(name, "wrench", t_wrench, force=force, moment=moment)
+        t_imu, (omega,) = _checked(name, "angular velocity", t_imu, omega=omega)
+        if len(t_wrench) == len(t_imu) and np.array_equal(t_wrench, t_imu) and _is_uniform(t_wrench):
+            return cls(t_wrench, force, moment, omega, name, sha256)
+        start, stop = max(t_wrench[0], t_imu[0]), min(t_wrench[-1], t_imu[-1])
+        if stop <= start:
+            raise RunError(
+                f"no overlap in {name}: wrench from {t_wrench[0]:.6g} to {t_wrench[-1]:.6g} s, angular velocity from "
+                f"{t_imu[0]:.6g} to {t_imu[-1]:.6g} s; check the clocks"
+            )
+        interval = max(float(np.median(np.diff(t))) for t in (t_wrench, t_imu))
+        t = start + interval * np.arange(int((stop - start) / interval * (1 + 1e-9)) + 1)
+        if len(t) < 2:
+            raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
+        warnings = (*_gaps("wrench", t_wrench), *_gaps("angular velocity", t_imu))
+        wrench = _interpolate(t_wrench, np.hstack([force, moment]), t)
+        return cls(t, wrench[:, :3], wrench[:, 3:], _interpolate(t_imu, omega, t), name, sha256, warnings)
+
+    def between(self, start: float, stop: float) -> "Run":
+        """Return the part of the run from ``start`` to ``stop`` [s].
+
+        Raises:
+            RunError: fewer than two samples lie between.
+        """
+        keep = (self.t >= start) & (self.t <= stop)
+        if keep.sum() < 2:
+            raise RunError(f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part")
+        return replace(
+            self, t=self.t[keep], force=self.force[keep], moment=self.moment[keep], omega=self.omega[keep]
+        )
+
+    def __repr__(self) -> str:
+        return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
+
+
+def _checked(name: str, channel: str, t, **signals) -> tuple[np.ndarray, list[np.ndarray]]:
+    t = np.asarray(t, float)
+    if t.ndim != 1:
+        raise RunError(f"times of the {channel} in {name} have shape {t.shape}: give one number a sample")
+    if len(t) < 2:
+        raise RunError(f"fewer than two samples of the {channel} in {name}: record for longer")
+    arrays = []
+    for signal, values in (("time", t), *signals.items()):
+        values = np.asarray(values, float)
+        if signal != "time" and values.shape != (len(t), 3):
+            raise RunError(f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components a sample")
+        bad = ~np.isfinite(values.reshape(len(t), -1)).all(axis=1)
+        if bad.any():
+            raise RunError(
+                f"{signal} in {name} is not finite at sample {int(np.argmax(bad))} ({int(bad.sum())} such samples): "
+                "remove them first"
+            )
+        arrays.append(values)
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0))
+        how = "runs backwards" if steps[k] < 0 else "stands still"
+        raise RunError(
+            f"time of the {channel} in {name} {how} at sample {k + 1} ({t[k]:.9g} s, then {t[k + 1]:.9g} s): "
+            "use the other clock or repair the recording"
+        )
+    return t, arrays[1:]
+
+
+def _is_uniform(t: np.ndarray) -> bool:
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    return bool(np.max(np.abs(t - t[0] - step * np.arange(len(t)))) < JITTER_TOLERANCE * step)
+
+
+def _gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
+    steps = np.diff(t)
+    wide = steps > GAP * np.median(steps)
+    if not wide.any():
+        return ()
+    return (
+        f"{int(wide.sum())} gaps in the {channel}, the longest {steps.max():.3g} s at {t[np.argmax(steps)]:.6g} s, "
+        "bridged by interpolation",
+    )
+
+
+def _interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    return make_interp_spline(t, values, k=min(3, len(t) - 1))(at)

@@ -1,0 +1,41 @@
+"""``inertia identify``: the tensor from recorded runs."""
+
+import argparse
+
+from uq.commands._common import ERRORS, output_folder, start_jax
+from uq.experiment import Experiment
+from uq.recorded import identify_files
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("runs", nargs="+", metavar="RUN.mcap", help="recorded runs of one body")
+    parser.add_argument(
+        "--experiment", required=True, metavar="E.toml", help="r_CG, estimators, channels; or the preset barreto2016"
+    )
+    parser.add_argument("--estimator", metavar="NAME", help="the estimator (recording.estimator, or the first)")
+    parser.add_argument(
+        "--remove-offsets",
+        action=argparse.BooleanOptionalAction,
+        help="estimate constant offsets of force and moment and remove them (as the experiment says)",
+    )
+    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    experiment = Experiment.load(arguments.experiment)
+    out = output_folder(arguments.out)
+    result = identify_files(
+        arguments.runs, experiment, estimator=arguments.estimator, remove_offsets=arguments.remove_offsets
+    )
+    print(result)
+    if out is not None:
+        from uq.report import write
+
+        write(result, out)
+        print(f"\nresult.json, report.html and figures are in {out}")
+    return 0

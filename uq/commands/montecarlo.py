@@ -1,0 +1,44 @@
+"""``inertia montecarlo``: any body, platform, sensors and trajectory."""
+
+import argparse
+
+from uq.commands._common import ERRORS, ProgressBar, output_folder, start_jax, whole_number
+from uq.experiment import Experiment
+from uq.montecarlo import montecarlo
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
+    parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
+    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
+    parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
+    parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
+    parser.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)")
+    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    experiment = Experiment.load(arguments.experiment)
+    out = output_folder(arguments.out)
+    with ProgressBar() as progress:
+        result = montecarlo(
+            experiment,
+            trials=arguments.trials,
+            seed=arguments.seed,
+            trajectories=arguments.trajectory,
+            estimators=arguments.estimator,
+            dtype=arguments.dtype,
+            progress=progress,
+        )
+    print(result)
+    if out is not None:
+        from uq.report import write
+
+        write(result, out)
+        print(f"\nresult.json, report.html and figures are in {out}")
+    return 0

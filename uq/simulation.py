@@ -1,0 +1,103 @@
+"""A synthetic recorded run: one trial's signals, as the load cell and the IMU would give them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.dynamics import acceleration_at, wrench
+from identify.inertia import Body
+from identify.precision import check_precision
+from identify.run import Run
+from rig.bag import write
+from rig.channels import ImuChannel, WrenchChannel
+from uq.experiment import Experiment
+from uq.montecarlo import true_motion
+from uq.sources import BLOCK, Source, draw_bias, draw_block
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class SimulatedRun:
+    """What a rig with the experiment's errors would record, and the truth behind it."""
+
+    run: Run
+    """Measured force, moment and angular velocity."""
+    specific_force: np.ndarray
+    """True specific force at Q in B [m/s²], (n, 3): an accelerometer without errors."""
+    rotation: np.ndarray
+    """True attitude R_AB, (n, 3, 3)."""
+    trajectory: str
+    seed: int
+    trial: int
+
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the run as ROS 2 MCAP: ``/wrench`` on the body at Q in B, ``/imu``, metadata ``rig.run``.
+
+        Raises:
+            RigError: the file exists.
+            OSError: it cannot be written.
+        """
+        stamp = np.round(self.run.t * NANOSECONDS).astype(np.int64)
+        about = {
+            "simulated": json.dumps({"trajectory": self.trajectory, "seed": self.seed, "trial": self.trial}),
+            "wrench": "on_body",
+            "frames": json.dumps({"/wrench": "force and moment on the body at Q, in B", "/imu": "in B, at Q"}),
+            "units": json.dumps({"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}),
+        }
+        write(
+            path,
+            wrench=WrenchChannel("/wrench", "body", stamp, stamp, self.run.force, self.run.moment),
+            imu=ImuChannel("/imu", "body", stamp, stamp, self.run.omega, self.specific_force),
+            metadata={"rig.run": about},
+            overwrite=overwrite,
+        )
+
+
+def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int = 0, trial: int = 0) -> SimulatedRun:
+    """Simulate one run with all the experiment's errors: the draws of the Monte Carlo's trial of that number.
+
+    Args:
+        experiment: body, platform, trajectories, sources.
+        trajectory: name of the trajectory; None for the first.
+        seed: seed of the draws.
+        trial: number of the trial.
+
+    Raises:
+        ExperimentError: there is no such trajectory, or the body is not stated.
+    """
+    name, spec = experiment.select(trajectory)
+    warnings = check_precision("float64")
+    body = Body(*(jnp.asarray(value) for value in experiment.body))
+    motion = true_motion(experiment, spec)
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(body, motion.omega, motion.alpha, motion.specific_force_cg)
+    to_q = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-body.r_cg_from_q, motion.omega, motion.alpha)
+    noise = {target: _noise(experiment.sources, target, seed, trial, len(motion.t)) for target in ("F", "M", "omega")}
+    run = Run(
+        np.asarray(motion.t),
+        np.asarray(true.force) + noise["F"],
+        np.asarray(true.moment) + noise["M"],
+        np.asarray(motion.omega.T) + noise["omega"],
+        name=f"simulated {name}",
+        warnings=tuple(warnings),
+    )
+    specific_force = np.asarray(motion.specific_force_cg.T + to_q)
+    return SimulatedRun(run, specific_force, np.asarray(motion.rotation), name, seed, trial)
+
+
+def _noise(sources: tuple[Source, ...], target: str, seed: int, trial: int, n: int) -> np.ndarray:
+    """The sum of a target's errors, (n, 3)."""
+    key, index = jax.random.key(seed), jnp.asarray(trial)
+    total = np.zeros((n, 3))
+    for source in sources:
+        if source.target == target and source.kind == "bias":
+            total += np.asarray(draw_bias(source, key, index, jnp.dtype(float)))
+        elif source.target == target:
+            blocks = jnp.arange(-(-n // BLOCK))
+            drawn = jax.lax.map(lambda block, s=source: draw_block(s, key, index, block, jnp.dtype(float)), blocks)
+            total += np.concatenate(np.asarray(drawn), axis=1).T[:n]
+    return total
