@@ -16,7 +16,7 @@ from identify.differentiate import derivative
 from identify.estimator import EstimatorSpec
 from identify.filters import apply, noise_level
 from identify.gram import Sums, normal_equations
-from identify.regressor import OMEGA_R_OF_FEATURES, features
+from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, features
 from identify.run import Run, RunError
 from identify.solve import Excitation, excitation
 
@@ -104,7 +104,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     correlation_time = _correlation_time(residuals)
     scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
     sigma = noise_level(run.omega) * estimator.alpha_noise_gain(run.rate)
-    noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[4:7], OMEGA_R_OF_FEATURES[4:7])
+    noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     offsets = None
     if remove_offsets:
         mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)

@@ -53,10 +53,8 @@ def accumulate(
 
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
     """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
-    zero = jnp.zeros(3, offset.dtype)
-
     def shifted(phi):  # the features of omega + offset, linear in the features of omega
-        w, a, squares, (w12, w13, w23) = phi[1:4], phi[4:7], phi[7:10], phi[10:13]
+        w, squares, (w12, w13, w23), a = phi[1:4], phi[4:7], phi[7:10], phi[10:13]
         one = phi[0]
         b1, b2, b3 = offset
         square = squares + 2 * offset * w + one * offset**2
@@ -67,7 +65,7 @@ def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
                 w23 + b2 * w[2] + b3 * w[1] + one * b2 * b3,
             ]
         )
-        return jnp.concatenate([one[None], w + one * offset, a + zero, square, crossed])
+        return jnp.concatenate([one[None], w + one * offset, square, crossed, a])
 
     return jax.vmap(shifted, out_axes=1)(jnp.eye(N_FEATURES, dtype=offset.dtype))
 

@@ -9,20 +9,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-FEATURES = ("1", "w1", "w2", "w3", "a1", "a2", "a3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3")
+FEATURES = ("1", "w1", "w2", "w3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3", "a1", "a2", "a3")
+ALPHA = slice(10, 13)
+"""Where alpha stands among the features."""
 
 
 def features(omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"]) -> Float[Array, "13 *n"]:
     """Return the features ``FEATURES`` of angular velocity [rad/s] and angular acceleration [rad/s²]."""
     w1, w2, w3 = omega
-    a1, a2, a3 = alpha
-    one = jnp.ones_like(w1)
-    return jnp.stack([one, w1, w2, w3, a1, a2, a3, w1 * w1, w2 * w2, w3 * w3, w1 * w2, w1 * w3, w2 * w3])
+    products = jnp.stack([w1 * w1, w2 * w2, w3 * w3, w1 * w2, w1 * w3, w2 * w3])
+    return jnp.concatenate([jnp.ones_like(omega[:1]), omega, products, alpha])
 
 
 def _omega_r(feature):
     """Omega_R from the features of one sample; works on any array library."""
-    _, _, _, _, a1, a2, a3, w11, w22, w33, w12, w13, w23 = feature
+    _, _, _, _, w11, w22, w33, w12, w13, w23, a1, a2, a3 = feature
     return [
         [a1, a2 - w13, a3 + w12, -w23, w22 - w33, w23],
         [w13, a1 + w23, w33 - w11, a2, a3 - w12, -w13],

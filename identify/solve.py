@@ -67,6 +67,9 @@ def _qr(rows, values):
     return inverse @ (q.T @ values), inverse @ inverse.T, singular[0] / singular[-1]
 
 
+Matrix = Float[Array, "6 6"] | Float[np.ndarray, "6 6"]
+
+
 class Excitation(NamedTuple):
     """What a motion tells of the six components: the verdict on identifiability."""
 
@@ -86,7 +89,7 @@ class Excitation(NamedTuple):
         return tuple(name for name, part in zip(COMPONENTS, (blind**2).sum(axis=0), strict=True) if part > 0.4)
 
 
-def excitation(normal: Float[Array, "6 6"], noise: Float[Array, "6 6"]) -> Excitation:
+def excitation(normal: Matrix, noise: Matrix) -> Excitation:
     """Judge which directions of the tensor a motion excites.
 
     A direction counts as identifiable when its strength is at least ten times what the gyro's noise contributes (less

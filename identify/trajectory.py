@@ -16,7 +16,10 @@ from jaxtyping import Array, Float
 from identify.dynamics import acceleration_at
 
 
-def step(u: Float[Array, ""]) -> Float[Array, ""]:
+Scalar = Float[Array, ""] | Float[np.ndarray, ""] | float
+
+
+def step(u: Scalar) -> Float[Array, ""]:
     """Return the smooth step from 0 (u ≤ 0) to 1 (u ≥ 1), ``1 / (1 + exp(1/u - 1/(1-u)))``, flat at both ends."""
     inside = (u > 0) & (u < 1)
     safe = jnp.where(inside, u, 0.5)
@@ -24,12 +27,9 @@ def step(u: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.where(inside, jax.nn.sigmoid(exponent), jnp.where(u >= 1, 1.0, 0.0))
 
 
-def window(t: Float[Array, ""], duration: Float[Array, ""], ramp: Float[Array, ""]) -> Float[Array, ""]:
+def window(t: Scalar, duration: Scalar, ramp: Scalar) -> Float[Array, ""]:
     """Return the window ``s(t) s(D - t)`` that starts and stops a motion within ``ramp`` [s] at either end."""
     return step(t / ramp) * step((duration - t) / ramp)
-
-
-Scalar = Float[Array | np.ndarray, ""]
 
 
 class Trajectory(eqx.Module):
@@ -155,12 +155,13 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     return jnp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
 
 
+@eqx.filter_jit
 def sample(
     trajectory: Trajectory,
     t: Float[Array, " n"],
     *,
     r_cg_from_still: Float[Array | np.ndarray, "3"],
-    gravity: float,
+    gravity: Scalar,
 ) -> Motion:
     """Sample a trajectory at uniform instants.
 

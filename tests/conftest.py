@@ -1,13 +1,39 @@
-"""Settings of the tests: float64 on, and nothing promoted in silence."""
+"""Settings of the tests: float64 on, two devices, nothing promoted in silence; a short experiment."""
+
+import dataclasses
 
 import jax
+import numpy as np
 import pytest
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_num_cpu_devices", 2)
 
 
 @pytest.fixture
-def key():
-    return jax.random.key(0)
+def generator():
+    return np.random.default_rng(20161)
+
+
+@pytest.fixture(scope="session")
+def preset():
+    from uq.experiment import Experiment
+
+    return Experiment.load("barreto2016")
+
+
+@pytest.fixture(scope="session")
+def short(preset):
+    """The preset with trajectories of 7,900 samples: two blocks, the second not full."""
+
+    def shorter(spec):
+        scale = 19.75 / spec.duration
+        trajectory = dataclasses.replace(
+            spec.trajectory, duration=np.array(19.75), ramp=np.array(scale * spec.trajectory.ramp)
+        )
+        return dataclasses.replace(spec, duration=19.75, trajectory=trajectory)
+
+    trajectories = {name: shorter(spec) for name, spec in preset.trajectories.items()}
+    return dataclasses.replace(preset, trajectories=trajectories)

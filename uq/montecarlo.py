@@ -17,7 +17,7 @@ from identify.trajectory import Motion, sample
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.provenance import provenance
 from uq.tables import html_table, text_table
-from uq.trial import Case, Estimator, Setup, TrialEstimates, prepare, trial
+from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates, prepare, trial
 
 GRAM_METRE = 1e3
 """g·m² in a kg·m²."""
@@ -157,6 +157,7 @@ def montecarlo(
     trajectories: Sequence[str] | None = None,
     estimators: Sequence[str] | None = None,
     dtype: str = "float64",
+    sampling: Sampling = "conditioned",
     batch: int | None = None,
     devices: Sequence[jax.Device] | None = None,
     progress: Progress | None = None,
@@ -164,7 +165,7 @@ def montecarlo(
     """Run the Monte Carlo of an experiment.
 
     Every trial draws each source once and solves every estimator for all sources together, each group alone and each
-    source alone, from the same draws. The numbers depend on the seed, the dtype and the experiment; not on ``batch``
+    source alone, from the same draws. The numbers depend on the seed, the dtype, the sampling and the experiment; not on ``batch``
     or ``devices``.
 
     Args:
@@ -173,7 +174,9 @@ def montecarlo(
         seed: seed of every draw.
         trajectories: names of the trajectories; None for all.
         estimators: names of the estimators; None for all.
-        dtype: precision of the draws, ``"float64"`` or ``"float32"``.
+        dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
+        sampling: ``"conditioned"`` draws the load cell's white noise as the sums that it leaves, given the gyro's
+            draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`).
         batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
@@ -193,21 +196,26 @@ def montecarlo(
     breakdowns, errors = {}, {}
     for name in names:
         name, spec = experiment.select(name)
-        setup = prepare_setup(experiment, spec, chosen, dtype)
+        setup = prepare_setup(experiment, spec, chosen, dtype=dtype, sampling=sampling)
         estimates = run_trials(setup, trials, seed, devices, batch, _named(progress, name))
         errors[name] = estimates.inertia - np.asarray(experiment.body.inertia)
         breakdowns[name] = {
             e.name: _breakdown(setup.cases, errors[name][:, k], estimates.ok[:, k]) for k, e in enumerate(chosen)
         }
     record = provenance(
-        experiment=experiment.document, seed=seed, trials=trials, dtype=dtype, sampling="samples", batch=batch
+        experiment=experiment.document, seed=seed, trials=trials, dtype=dtype, sampling=sampling, batch=batch
     )
     nominal = np.asarray(experiment.body.inertia)
     return MonteCarloResult(trials, seed, nominal, breakdowns, tuple(warned), record, errors)
 
 
 def prepare_setup(
-    experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[EstimatorSpec], dtype: str = "float64"
+    experiment: Experiment,
+    spec: TrajectorySpec,
+    estimators: Sequence[EstimatorSpec],
+    *,
+    dtype: str = "float64",
+    sampling: Sampling = "conditioned",
 ) -> Setup:
     """Return what :func:`uq.trial.trial` needs for one trajectory of an experiment.
 
@@ -225,13 +233,13 @@ def prepare_setup(
                 f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {len(t)}: "
                 "raise its duration or rate"
             )
-    return prepare(motion, body, experiment.sources, fitted, jnp.dtype(dtype))
+    return prepare(motion, body, experiment.sources, fitted, dtype=dtype, sampling=sampling)
 
 
 def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     """Return a trajectory's true motion at its samples."""
     still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    return sample(spec.trajectory, jnp.asarray(samples(spec)), r_cg_from_still=still, gravity=experiment.gravity)
+    return sample(spec.trajectory, jnp.asarray(samples(spec)), r_cg_from_still=still, gravity=np.array(experiment.gravity))
 
 
 def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:

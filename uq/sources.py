@@ -11,10 +11,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float, Int, Key
 
 Target = Literal["F", "M", "omega", "r_cg"]
 Kind = Literal["precision", "bias"]
+Index = Int[Array, ""] | int
 
 TARGET_UNITS = {"F": "N", "M": "N*m", "omega": "rad/s", "r_cg": "m"}
 BLOCK = 4000
@@ -43,15 +44,21 @@ def stream(source: Source, key: Key[Array, ""]) -> Key[Array, ""]:
     return jax.random.fold_in(key, zlib.crc32(source.name.encode()))
 
 
-def draw_bias(source: Source, key: Key[Array, ""], trial: Array, dtype: jnp.dtype) -> Float[Array, "3"]:
+def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: jnp.dtype) -> Float[Array, "3"]:
     """Return a bias source's one draw of a trial."""
     trial_key = jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), 0)
     return jnp.asarray(source.sigma, dtype) * jax.random.normal(trial_key, (3,), dtype)
 
 
 def draw_block(
-    source: Source, key: Key[Array, ""], trial: Array, block: Array, dtype: jnp.dtype
+    source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: jnp.dtype
 ) -> Float[Array, "3 4000"]:
     """Return a precision source's draws for one block of samples of a trial, component first."""
     block_key = jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), block)
     return jnp.asarray(source.sigma, dtype)[:, None] * jax.random.normal(block_key, (3, BLOCK), dtype)
+
+
+def draw_sums(source: Source, key: Key[Array, ""], trial: Index, size: int) -> Float[Array, "{size} 3"]:
+    """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
+    sums_key = jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), 0)
+    return jax.random.normal(sums_key, (size, 3)) * jnp.asarray(source.sigma)[None]

@@ -1,11 +1,16 @@
 """One trial of the Monte Carlo: draws in, estimates of every case and estimator out. A pure function of a key.
 
-A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`). Every case (all sources, one group, one
-source) and every estimator is solved from the sums of the same draws.
+A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`): the noise-free sums are known, and what
+the gyro's noise changes in the features is summed apart from them. Every case (all sources, one group, one source) and
+every estimator is solved from the sums of the same draws, over the samples where all estimators have a derivative.
+
+White normal noise of the load cell enters through sums that are linear in it, so that, given the gyro's draws, these
+sums are normal with a known covariance. ``sampling="conditioned"`` draws them from it; ``"samples"`` draws the noise of
+every sample. Both have the same distribution.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,11 +20,16 @@ from jaxtyping import Array, Bool, Float, Int, Key
 
 from identify.differentiate import derivative
 from identify.dynamics import wrench
-from identify.gram import Sums, accumulate, solve, with_offsets
+from identify.gram import Sums, solve, with_offsets
 from identify.inertia import Body
-from identify.regressor import features
+from identify.regressor import ALPHA, features
 from identify.trajectory import Motion
-from uq.sources import BLOCK, Source, draw_bias, draw_block
+from uq.sources import BLOCK, Source, draw_bias, draw_block, draw_sums
+
+Sampling = Literal["conditioned", "samples"]
+
+SHARED = ALPHA.start
+"""Features that all estimators share: all but alpha."""
 
 
 class Estimator(eqx.Module):
@@ -37,35 +47,32 @@ class Case(NamedTuple):
     sources: frozenset[str]
 
 
-class Truth(eqx.Module):
-    """What one estimator would see without errors, cut into blocks."""
+class Signals(NamedTuple):
+    """The noise-free run in blocks, block first (without that axis inside the scan)."""
 
-    alpha: Float[Array, "blocks 3 4000"]
-    """The differentiator's answer to the true omega [rad/s²]."""
-    valid: Bool[Array, "blocks 4000"]
-    """Which samples have a derivative, and so a row in the regressor."""
-    sums: Sums
-    """Sums of the noise-free run."""
+    block: Int[Array, "*blocks"]
+    """Number of the block."""
+    features: Float[Array, "*blocks features 4000"]
+    """The shared features, then each estimator's alpha; zero where a sample does not count."""
+    wrench: Float[Array, "*blocks 6 4000"]
+    """Force [N] and moment [N·m]."""
+    valid: Float[Array, "*blocks 4000"]
+    """1 where every estimator has a derivative, else 0."""
 
 
 class Setup(eqx.Module):
     """Everything that a trial needs besides its key: one trajectory, one body, its sources and estimators."""
 
     body: Body
-    omega: Float[Array, "blocks 3 4000"]
-    force: Float[Array, "blocks 3 4000"]
-    moment: Float[Array, "blocks 3 4000"]
-    truths: tuple[Truth, ...]
+    signals: Signals
+    sums: Sums
+    """Noise-free sums over all features."""
     sources: tuple[Source, ...]
     estimators: tuple[Estimator, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
-    dtype: jnp.dtype = eqx.field(static=True)
-    """Precision of the draws and of the features; sums and solutions have the default precision."""
-
-    @property
-    def halo(self) -> int:
-        """Samples that the longest differentiator needs on either side of a block."""
-        return max(estimator.taps.shape[0] for estimator in self.estimators)
+    dtype: np.dtype = eqx.field(static=True)
+    """Precision of draws and features; sums and solutions have the default precision."""
+    sampling: Sampling = eqx.field(static=True)
 
 
 class TrialEstimates(NamedTuple):
@@ -88,27 +95,37 @@ def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:
 
 
 def prepare(
-    motion: Motion, body: Body, sources: Sequence[Source], estimators: Sequence[Estimator], dtype: jnp.dtype
+    motion: Motion,
+    body: Body,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    dtype: str = "float64",
+    sampling: Sampling = "conditioned",
 ) -> Setup:
-    """Cut a noise-free motion and its wrench into blocks, with each estimator's noise-free sums."""
-    columns = (None, 1, 1, 1)
-    force, moment = jax.vmap(wrench, in_axes=columns, out_axes=1)(
+    """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator."""
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(
         body, motion.omega, motion.alpha, motion.specific_force_cg
     )
-    truths = [_truth(motion.omega, force, moment, estimator.taps, dtype) for estimator in estimators]
-    blocks = [_blocks(signal.astype(dtype)) for signal in (motion.omega, force, moment)]
-    return Setup(body, *blocks, tuple(truths), tuple(sources), tuple(estimators), cases_of(sources), np.dtype(dtype))
+    n, halo = len(motion.t), _halo(estimators)
+    index = jnp.arange(n)
+    valid = ((index >= halo) & (index < n - halo)).astype(float)
+    alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
+    phi = jnp.concatenate([features(motion.omega, motion.alpha)[:SHARED], *alphas]) * valid[None]
+    both = jnp.concatenate(true)
+    sums = Sums(phi @ phi.T, phi @ both[:3].T, phi @ both[3:].T)
+    count = -(-n // BLOCK)
+    signals = Signals(
+        jnp.arange(count), _blocks(phi.astype(dtype)), _blocks(both.astype(dtype)), _blocks(valid[None].astype(dtype))[:, 0]
+    )
+    return Setup(
+        body, signals, sums, tuple(sources), tuple(estimators), cases_of(sources), np.dtype(dtype), sampling
+    )
 
 
-def _truth(omega, force, moment, taps, dtype) -> Truth:
-    h = taps.shape[0]
-    alpha = derivative(omega, taps)
-    inner = slice(h, omega.shape[1] - h)
-    sums = accumulate(omega[:, inner], alpha, force[:, inner], moment[:, inner])
-    padded = jnp.pad(alpha, ((0, 0), (h, h)))
-    index = jnp.arange(omega.shape[1])
-    valid = (index >= h) & (index < omega.shape[1] - h)
-    return Truth(_blocks(padded.astype(dtype)), _blocks(valid[None])[:, 0], sums)
+def _halo(estimators: Sequence[Estimator]) -> int:
+    """Samples that the longest differentiator needs on either side."""
+    return max(estimator.taps.shape[0] for estimator in estimators)
 
 
 def _blocks(signal: Array) -> Array:
@@ -116,34 +133,6 @@ def _blocks(signal: Array) -> Array:
     count = -(-signal.shape[1] // BLOCK)
     padded = jnp.pad(signal, ((0, 0), (0, count * BLOCK - signal.shape[1])))
     return padded.reshape(signal.shape[0], count, BLOCK).swapaxes(0, 1)
-
-
-class _Plan(NamedTuple):
-    """Which draws a setup needs, found from its static part."""
-
-    gyro: tuple[Source, ...]
-    """Precision sources of omega."""
-    cell: tuple[Source, ...]
-    """Precision sources of force and moment."""
-    variants: tuple[frozenset[str], ...]
-    """The sets of gyro sources that act together in some case; the first is empty."""
-
-
-def _plan(setup: Setup) -> _Plan:
-    precision = [source for source in setup.sources if source.kind == "precision"]
-    gyro = tuple(source for source in precision if source.target == "omega")
-    cell = tuple(source for source in precision if source.target in ("F", "M"))
-    names = frozenset(source.name for source in gyro)
-    return _Plan(gyro, cell, tuple(dict.fromkeys([frozenset[str](), *(case.sources & names for case in setup.cases)])))
-
-
-class _Drawn(NamedTuple):
-    """Sums of one estimator in one trial."""
-
-    true: tuple[Sums, ...]
-    """Of the noisy features with the true wrench, one for each variant but the first."""
-    cell: tuple[Float[Array, "13 columns"], ...]
-    """Of the features with the load cell's noise, three columns a source, one for each variant."""
 
 
 def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
@@ -160,104 +149,148 @@ def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEsti
     plan = _plan(setup)
     biases = {s.name: draw_bias(s, key, index, setup.dtype).astype(float) for s in setup.sources if s.kind == "bias"}
     drawn = _visit_blocks(setup, plan, key, index)
-    problems = [
-        _problem(setup, plan, biases, truth.sums, of_estimator, case)
-        for truth, of_estimator in zip(setup.truths, drawn, strict=True)
-        for case in setup.cases
-    ]
-    estimate = jax.vmap(solve)(*jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems))
-    shape = (len(setup.estimators), len(setup.cases))
-    return TrialEstimates(estimate.inertia.reshape(*shape, 6), estimate.ok.reshape(shape))
+    cell = _conditioned(setup, plan, drawn, key, index) if setup.sampling == "conditioned" else drawn.cell
+    sums, r_cg = _problems(setup, plan, biases, drawn, cell)
+    estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
+    return TrialEstimates(estimate.inertia, estimate.ok)
 
 
-def _problem(setup, plan, biases, true, drawn, case) -> tuple[Sums, Float[Array, "3"]]:
-    """The sums and the believed centre of gravity of one case."""
+class _Plan(NamedTuple):
+    """Which draws a setup needs, found from its static part."""
 
-    def offset(target):
-        active = [biases[s.name] for s in setup.sources if s.name in biases and s.name in case.sources and s.target == target]
-        return sum(active, start=jnp.zeros(3))
-
-    variant = plan.variants.index(case.sources & frozenset(source.name for source in plan.gyro))
-    sums = true if variant == 0 else drawn.true[variant - 1]
-    for column, source in enumerate(plan.cell):
-        if source.name in case.sources:
-            noise = drawn.cell[variant][:, 3 * column : 3 * column + 3]
-            if source.target == "F":
-                sums = sums._replace(force=sums.force + noise)
-            else:
-                sums = sums._replace(moment=sums.moment + noise)
-    return with_offsets(sums, offset("omega"), offset("F"), offset("M")), setup.body.r_cg_from_q + offset("r_cg")
+    gyro: tuple[Source, ...]
+    """Precision sources of omega."""
+    cell: tuple[Source, ...]
+    """Precision sources of force and moment."""
+    variants: tuple[frozenset[str], ...]
+    """The sets of gyro sources that act together in some case; not the empty one."""
 
 
-def _visit_blocks(setup: Setup, plan: _Plan, key, index) -> list[_Drawn]:
+def _plan(setup: Setup) -> _Plan:
+    precision = [source for source in setup.sources if source.kind == "precision"]
+    gyro = tuple(source for source in precision if source.target == "omega")
+    cell = tuple(source for source in precision if source.target in ("F", "M"))
+    names = frozenset(source.name for source in gyro)
+    variants = dict.fromkeys(active for case in setup.cases if (active := case.sources & names))
+    return _Plan(gyro, cell, tuple(variants))
+
+
+class _Drawn(NamedTuple):
+    """Sums over one trial. A change is what a variant's gyro noise adds to a feature; changes stand variant by variant."""
+
+    with_true: Float[Array, "changes features"]
+    """Of the changes with the true features."""
+    with_changes: Float[Array, "changes changes"]
+    """Of the changes with each other."""
+    with_wrench: Float[Array, "changes 6"]
+    """Of the changes with the true wrench."""
+    cell: Float[Array, "all columns"]
+    """Of true features and changes with the load cell's noise, three columns a source; none when conditioned."""
+
+
+def _visit_blocks(setup: Setup, plan: _Plan, key, index) -> _Drawn:
     """Scan over the blocks, drawing gyro noise one block ahead so that the differentiators see across the seams."""
-    halo, count = setup.halo, setup.omega.shape[0]
+    halo = _halo(setup.estimators)
 
     def gyro(block):
         return [draw_block(source, key, index, block, setup.dtype) for source in plan.gyro]
 
-    def visit(carry, truth):
+    def visit(carry, signals):
         before, now, sums = carry
-        after = gyro(truth.block + 1)
-        sums = _add(sums, block_sums(before, now, after, truth))
+        after = gyro(signals.block + 1)
+        sums = _add(sums, block_sums(before, now, after, signals))
         return ([noise[:, -halo:] for noise in now], after, sums), None
 
-    def block_sums(before, now, after, truth):
+    def block_sums(before, now, after, signals):
         wide = [jnp.concatenate([a, b, c[:, :halo]], axis=1) for a, b, c in zip(before, now, after, strict=True)]
-        cell = [draw_block(source, key, index, truth.block, setup.dtype) for source in plan.cell]
-        return _block_sums(setup.estimators, plan, truth, wide, cell)
+        cell = [] if setup.sampling == "conditioned" else [
+            draw_block(source, key, index, signals.block, setup.dtype) for source in plan.cell
+        ]  # fmt: skip
+        return _block_sums(setup.estimators, plan, signals, wide, jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *cell]))
 
-    blocks = _Block(
-        jnp.arange(count),
-        setup.omega,
-        jnp.concatenate([setup.force, setup.moment], axis=1),
-        tuple(truth.alpha for truth in setup.truths),
-        tuple(truth.valid for truth in setup.truths),
-    )
-    head, last = jax.tree.map(lambda x: x[:-1], blocks), jax.tree.map(lambda x: x[-1], blocks)
+    head, last = jax.tree.map(lambda x: x[:-1], setup.signals), jax.tree.map(lambda x: x[-1], setup.signals)
     edge = [jnp.zeros((3, halo), setup.dtype) for _ in plan.gyro]
-    shapes = jax.eval_shape(block_sums, edge, gyro(0), edge, last)
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), shapes)
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(block_sums, edge, gyro(0), edge, last))
     (before, now, sums), _ = jax.lax.scan(visit, (edge, gyro(0), zero), head)
     return _add(sums, block_sums(before, now, edge, last))
 
 
-class _Block(NamedTuple):
-    """The noise-free signals of one block (of all, before the scan)."""
-
-    block: Array
-    omega: Array
-    wrench: Array
-    alpha: tuple[Array, ...]
-    valid: tuple[Array, ...]
-
-
-def _block_sums(estimators, plan, truth, wide, cell) -> list[_Drawn]:
+def _block_sums(estimators, plan: _Plan, signals: Signals, wide, cell) -> _Drawn:
     """Sums of one block: ``wide`` holds each gyro source's noise with a halo on either side, ``cell`` the wrench's."""
-    noise = jnp.concatenate(cell) if cell else jnp.zeros((0, BLOCK), truth.omega.dtype)
-    halo = (wide[0].shape[1] - BLOCK) // 2 if wide else 0
-    result = []
-    for estimator, alpha, valid in zip(estimators, truth.alpha, truth.valid, strict=True):
-        h = estimator.taps.shape[0]
-        taps = estimator.taps.astype(truth.omega.dtype)
-        true, with_noise = [], []
-        for variant in plan.variants:
-            active = [w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant]
-            omega_v, alpha_v = truth.omega, alpha
-            for w in active:
-                omega_v = omega_v + w[:, halo : halo + BLOCK]
-                alpha_v = alpha_v + derivative(w[:, halo - h : halo + BLOCK + h], taps)
-            phi = jnp.where(valid, features(omega_v, alpha_v), 0)
-            if variant:
-                product = phi @ jnp.concatenate([phi, truth.wrench, noise]).T
-                n = len(phi)
-                true.append(Sums(product[:, :n], product[:, n : n + 3], product[:, n + 3 : n + 6]))
-                with_noise.append(product[:, n + 6 :])
-            else:
-                with_noise.append(phi @ noise.T)
-        result.append(_Drawn(tuple(true), tuple(with_noise)))
-    return result
+    true = signals.features
+    halo = _halo(estimators)
+    changes = [jnp.zeros((0, BLOCK), true.dtype)]
+    for variant in plan.variants:
+        noise = sum(w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant)
+        changes.append(_changes(true[1:4], noise, halo, [e.taps.astype(true.dtype) for e in estimators]) * signals.valid[None])
+    change = jnp.concatenate(changes)
+    everything = change @ jnp.concatenate([true, change, signals.wrench, cell]).T
+    with_true, with_changes, with_wrench, with_cell = jnp.split(
+        everything, np.cumsum([len(true), len(change), len(signals.wrench)]), axis=1
+    )
+    return _Drawn(with_true, with_changes, with_wrench, jnp.concatenate([true @ cell.T, with_cell]))
+
+
+def _changes(omega, noise, halo: int, taps) -> Array:
+    """What noise in omega (3, halo + block + halo) adds to each feature but 1."""
+    inner = noise[:, halo : halo + BLOCK]
+    (w1, w2, w3), (e1, e2, e3) = 2 * omega + inner, inner
+    v1, v2 = omega[0], omega[1]
+    squares = [w1 * e1, w2 * e2, w3 * e3]
+    crossed = [v1 * e2 + e1 * (w2 - v2), v1 * e3 + e1 * (omega[2] + e3), v2 * e3 + e2 * (omega[2] + e3)]
+    alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
+    return jnp.concatenate([inner, jnp.stack(squares + crossed), *alphas])
 
 
 def _add(sums, more):
     return jax.tree.map(lambda total, part: total + part.astype(total.dtype), sums, more)
+
+
+def _conditioned(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> Float[Array, "all columns"]:
+    """Draw the sums of features and changes with the load cell's noise, given these features and changes."""
+    gram = jnp.block([[setup.sums.gram, drawn.with_true.T], [drawn.with_true, drawn.with_changes]])
+    scale = jnp.sqrt(jnp.diag(gram))
+    inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
+    correlation = gram * jnp.outer(inverse, inverse) + 1e-12 * jnp.eye(len(gram))
+    root = scale[:, None] * jnp.linalg.cholesky(correlation)
+    columns = [root @ draw_sums(source, key, index, len(gram)) for source in plan.cell]
+    return jnp.concatenate([jnp.zeros((len(gram), 0)), *columns], axis=1)
+
+
+def _problems(setup: Setup, plan: _Plan, biases, drawn: _Drawn, cell) -> tuple[Sums, Array]:
+    """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
+    of_cases, size, width = setup.cases, len(setup.sums.gram), len(plan.cell)
+    variants = _variant_sums(setup.sums, plan, drawn, cell)
+    gyro = frozenset(source.name for source in plan.gyro)
+    gram, both, noise = (part[np.array([[frozenset(), *plan.variants].index(c.sources & gyro) for c in of_cases])] for part in variants)
+    on = np.array([[(s.name in c.sources) * np.array([s.target == t for t in "FM"]) for s in plan.cell] for c in of_cases])
+    on = on.reshape(len(of_cases), width, 2).astype(float)
+    added = jnp.einsum("cskj,ckt->cstj", noise.reshape(len(of_cases), size, width, 3), on).reshape(both.shape)
+    both = both + added
+
+    def offset(target):
+        names = [s.name for s in setup.sources if s.kind == "bias" and s.target == target]
+        mask = np.array([[float(name in c.sources) for name in names] for c in of_cases]).reshape(len(of_cases), len(names))
+        return mask @ jnp.stack([biases[name] for name in names]) if names else jnp.zeros((len(of_cases), 3))
+
+    shift = jax.vmap(with_offsets)
+    positions = range(len(setup.estimators))
+    shifted = []
+    for own in (np.r_[0:SHARED, SHARED + 3 * k : SHARED + 3 * k + 3] for k in positions):
+        sums = Sums(gram[:, own][:, :, own], both[:, own, :3], both[:, own, 3:])
+        shifted.append(shift(sums, offset("omega"), offset("F"), offset("M")))
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *shifted), setup.body.r_cg_from_q[None] + offset("r_cg")
+
+
+def _variant_sums(true: Sums, plan: _Plan, drawn: _Drawn, cell) -> tuple[Array, Array, Array]:
+    """Gram matrix, sums with the true wrench and sums with the cell's noise; without gyro noise, then each variant."""
+    size = len(true.gram)
+    both = jnp.concatenate([true.force, true.moment], axis=1)
+    grams, wrenches, noises = [true.gram], [both], [cell[:size]]
+    for k in range(len(plan.variants)):
+        part = slice(k * (size - 1), (k + 1) * (size - 1))
+        linear = jnp.zeros((size, size)).at[1:].set(drawn.with_true[part])
+        grams.append((true.gram + linear + linear.T).at[1:, 1:].add(drawn.with_changes[part, part]))
+        wrenches.append(both.at[1:].add(drawn.with_wrench[part]))
+        noises.append(cell[:size].at[1:].add(cell[size:][part]))
+    return jnp.stack(grams), jnp.stack(wrenches), jnp.stack(noises)

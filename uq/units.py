@@ -4,10 +4,15 @@ An angle is a dimension of its own here, so ``"5 Hz"`` is not taken for 5 rad/s,
 """
 
 import math
+import re
 import tokenize
 from functools import cache
 
 import pint
+
+
+UNIT = re.compile(r"[A-Za-zµΩ°%_][\w*/^.µΩ° ()-]*")
+"""What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
 
 
 class UnitError(ValueError):
@@ -18,6 +23,7 @@ class UnitError(ValueError):
 def _registry() -> pint.UnitRegistry:
     registry = pint.UnitRegistry(on_redefinition="ignore", cache_folder=None)
     registry.define("radian = [angle] = rad")
+    registry.define("revolutions_per_minute = 2 * π * radian / minute = rpm")
     return registry
 
 
@@ -33,14 +39,23 @@ def quantity(text: object, unit: str) -> float:
     """
     if not isinstance(text, str):
         raise UnitError(f"is {text!r}: write a value with its unit, such as \"1 {unit}\"")
+    number, _, name = text.strip().partition(" ")
     try:
-        value = _registry().Quantity(text)
-        converted = value.to(unit)
+        value = float(number) * _factor(name.strip(), unit)
     except pint.DimensionalityError:
         raise UnitError(f"is {text!r}: write a unit of the same dimension as {unit}") from None
     except (pint.PintError, tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError):
-        raise UnitError(f"is {text!r}: write a number and a unit, such as \"1 {unit}\"") from None
-    magnitude = converted.magnitude
-    if not isinstance(magnitude, (int, float)) or not math.isfinite(magnitude):
+        raise UnitError(f"is {text!r}: write a number, a space and a unit, such as \"1 {unit}\"") from None
+    if not math.isfinite(value):
         raise UnitError(f"is {text!r}: write a finite number and a unit")
-    return float(magnitude)
+    return value
+
+
+@cache
+def _factor(name: str, unit: str) -> float:
+    """How many ``unit`` the unit ``name`` is."""
+    if not UNIT.fullmatch(name):
+        raise ValueError(f"{name!r} is not a unit")
+    registry = _registry()
+    one = registry.Quantity(1, registry.parse_units(name))
+    return float(one.to(unit).magnitude)

@@ -1,6 +1,7 @@
 """What the commands share: float64, devices, checks of the output folder, the progress bar."""
 
 import argparse
+import contextlib
 import os
 import sys
 from pathlib import Path
@@ -19,7 +20,7 @@ ERRORS = (ExperimentError, RunError, RigError)
 def start_jax() -> None:
     """Switch on float64 and let each processor be a device of its own; before the first array is made."""
     jax.config.update("jax_enable_x64", True)
-    if "XLA_FLAGS" not in os.environ:
+    with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 
 
