@@ -1,5 +1,6 @@
 """Small tables, for a terminal and for Jupyter."""
 
+import math
 import unicodedata
 from collections.abc import Sequence
 from html import escape
@@ -39,3 +40,13 @@ def _is_figure(cell: str) -> bool:
 def _width(cell: str) -> int:
     """Columns that a cell takes in a terminal, not counting combining marks."""
     return sum(not unicodedata.combining(character) for character in cell)
+
+
+def with_error(value: float, standard_error: float) -> str:
+    """Return a figure with its standard error, ``−30.644 ± 0.054``: two digits of the error, four decimals at most."""
+    if not math.isfinite(value):
+        return "–"
+    if not math.isfinite(standard_error):
+        return f"{value:.3g}".replace("-", "−")
+    digits = 4 if standard_error <= 0 else min(max(1 - math.floor(math.log10(standard_error)), 0), 4)
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {standard_error:.{digits}f}".replace("-", "−")
