@@ -15,9 +15,7 @@ from uq import plots
 from uq.experiment import PRESETS, Experiment
 from uq.montecarlo import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
 from uq.paper import PRINTED, PaperResult
-from uq.tables import with_error
-
-NUMBER = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+)?")
+from uq.tables import is_figure, with_error
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,7 @@ class Table:
     @property
     def numeric(self) -> list[bool]:
         """Which columns hold figures, to be set to the right."""
-        return [all(NUMBER.fullmatch(row[k]) for row in self.rows) for k in range(len(self.head))]
+        return [all(is_figure(row[k]) for row in self.rows) for k in range(len(self.head))]
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ STYLE: dict[Any, Any] = {
     "legend.handlelength": 1.0,
     "lines.linewidth": 0.8,
     "hatch.linewidth": 0.6,
-    "figure.dpi": 200,
+    "figure.dpi": 150,
 }
 NAMES = {"total": "total", "cg": "CG", "imu": "IMU", "r_cg": "r CG"}
 AXES = ("b1", "b2", "b3")
