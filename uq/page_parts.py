@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,7 +46,7 @@ class Drawing:
     @property
     def wide(self) -> bool:
         """Whether it takes the width of a page rather than of a column."""
-        return self.figure.get_figwidth() > plots.COLUMN
+        return bool(self.figure.get_figwidth() > plots.COLUMN)
 
 
 def findings(result: MonteCarloResult) -> list[str]:
@@ -71,7 +72,7 @@ def summary(result: MonteCarloResult) -> Table:
     """Return the table of totals: mean error and 3σ of each component with standard errors."""
     rows = []
     for trajectory, estimator in pairs(result):
-        rows += _two_rows((trajectory, estimator), result[trajectory, estimator].total)
+        rows += _two_rows((trajectory, estimator), result[trajectory, estimator].total)[1:]
     return Table("All sources together, g·m²", ["trajectory", "estimator", "", *COMPONENTS], rows)
 
 
@@ -143,16 +144,21 @@ def breakdown_figures(result: MonteCarloResult, trajectory: str, estimator: str)
     by_source = {"total": breakdown.total, **breakdown.sources}
     return [
         Drawing(
-            f"groups-{trajectory}-{estimator}",
+            stem("groups", trajectory, estimator),
             plots.contributions(breakdown.groups),
             f"{of}: 3σ and mean error of each component, all sources and each group alone.",
         ),
         Drawing(
-            f"sources-{trajectory}-{estimator}",
+            stem("sources", trajectory, estimator),
             plots.contributions(by_source),
             f"{of}: 3σ and mean error of each component, all sources and each source alone.",
         ),
     ]
+
+
+def stem(*names: str) -> str:
+    """Return a file's stem made of names: no two alike, and no character that leads out of the folder."""
+    return "-".join(quote(name, safe="") for name in names)
 
 
 def paper_figures(result: PaperResult) -> list[Drawing]:
@@ -170,7 +176,7 @@ def paper_figures(result: PaperResult) -> list[Drawing]:
         ),
         *(
             Drawing(
-                f"figure3-groups-T1-{name}",
+                stem("figure3", "groups", "T1", name),
                 plots.contributions(campaign["T1", name].groups),
                 f"Figure 3, estimator {name}. T1: 3σ and mean error, all sources and each group alone.",
             )
@@ -179,7 +185,7 @@ def paper_figures(result: PaperResult) -> list[Drawing]:
         Drawing("figure4-simple-motions", simple, "Figure 4. Angular velocity of the simple harmonic motions (T3)."),
         *(
             Drawing(
-                f"figure5-trajectories-{name}",
+                stem("figure5", "trajectories", name),
                 plots.averages(campaign, name, PRINTED),
                 f"Figure 5, estimator {name}. Average 3σ of moments and products beside the source's, and average "
                 "magnitude of the mean errors, which the source does not print.",

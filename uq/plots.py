@@ -131,7 +131,7 @@ def contributions(cases: Mapping[str, Statistics]) -> Figure:
         for k, (name, s) in enumerate(cases.items()):
             x = np.arange(len(COMPONENTS)) + (k - (len(cases) - 1) / 2) * width
             colour, hatch = PALETTE[k % len(PALETTE)], HATCHES[k // len(PALETTE) % len(HATCHES)]
-            _bars(top, x, s.three_sigma, s.three_sigma_standard_error, width, colour, display_name(name), hatch)
+            _bars(top, x, s.three_sigma, s.three_sigma_standard_error, width, colour, _text(display_name(name)), hatch)
             _marks(bottom, x, s.mean_error, s.mean_error_standard_error, colour)
         _finish_dispersion(top)
         _finish_mean_error(bottom, cases)
@@ -146,6 +146,11 @@ def contributions(cases: Mapping[str, Statistics]) -> Figure:
 def display_name(name: str) -> str:
     """Return a group's or source's name as a reader would write it."""
     return NAMES.get(name, name.replace("_", " ").replace("omega", "ω"))
+
+
+def _text(name: str) -> str:
+    """Return a name that matplotlib does not take for a formula."""
+    return name.replace("$", r"\$")
 
 
 def _bars(
@@ -227,7 +232,7 @@ def averages(
         bottom.set_ylabel("average |mean error|\n[g·m²]")
         bottom.tick_params(axis="x", length=0)
         bottom.grid(axis="y", color="#e4e4e4", linewidth=0.5)
-        bottom.set_xticks(x, names)
+        bottom.set_xticks(x, [_text(name) for name in names])
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
         figure.align_ylabels()
     return figure

@@ -1,6 +1,6 @@
 """Reports: one HTML page that stands alone, and a result's files in a folder.
 
-What a page says is in :mod:`uq.pages`; here it is laid out and written.
+What a page says of which result is in :mod:`uq.pages`; here it is laid out and written.
 """
 
 import json
@@ -10,7 +10,7 @@ from base64 import b64encode
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -22,14 +22,7 @@ DPI = 300
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
 
 
-class Result(Protocol):
-    """Anything that :func:`uq.pages.page` knows: a PaperResult, a MonteCarloResult."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of result.json."""
-
-
-def report(result: Result) -> str:
+def report(result: Any) -> str:
     """Return a result's report: an HTML page with its style and figures inside, which loads nothing from elsewhere.
 
     Raises:
@@ -39,7 +32,7 @@ def report(result: Result) -> str:
     return _html(content, {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures})
 
 
-def write(result: Result, out: Path) -> None:
+def write(result: Any, out: Path) -> None:
     """Write ``result.json``, ``report.html`` and the figures (SVG and PNG) into a folder.
 
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
@@ -53,12 +46,12 @@ def write(result: Result, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
         for name, data in content.items():
-            Path(folder, name).write_bytes(data)
+            _write(Path(folder, name), data)
         for name in content:
             os.replace(Path(folder, name), out / name)
 
 
-def files(result: Result) -> dict[str, bytes]:
+def files(result: Any) -> dict[str, bytes]:
     """Return the content of a result's files by name."""
     content = page(result)
     svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
@@ -88,6 +81,14 @@ def _render(figure: Figure, kind: str) -> bytes:
     with matplotlib.rc_context({"svg.hashsalt": "inertia-uq"}):
         figure.savefig(buffer, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
     return buffer.getvalue()
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file down to the disk, so that a full one is noticed here."""
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _json(content: object) -> str:
