@@ -1,15 +1,19 @@
 """Small tables, for a terminal and for Jupyter."""
 
+import math
+import re
 import unicodedata
 from collections.abc import Sequence
 from html import escape
+
+FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+)?")
 
 
 def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an aligned table: text to the left, figures to the right."""
     lines = [list(head), *map(list, rows)]
     widths = [max(_width(line[k]) for line in lines) for k in range(len(head))]
-    right = [all(_is_figure(row[k]) for row in rows) for k in range(len(head))]
+    right = [all(is_figure(row[k]) for row in rows) for k in range(len(head))]
 
     def draw(line: Sequence[str]) -> str:
         cells = [
@@ -24,18 +28,30 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
     """Return the table as HTML."""
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join(
-        "<tr>" + "".join(f'<td style="text-align:{"right" if _is_figure(c) else "left"}">{escape(c)}</td>' for c in row) + "</tr>"
-        for row in rows
-    )
+    body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}<thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
 
 
-def _is_figure(cell: str) -> bool:
-    return cell == "" or cell[0] in "+-−–±" or cell[0].isdigit()
+def is_figure(cell: str) -> bool:
+    """Whether a cell holds a number, with or without a standard error, or none."""
+    return FIGURE.fullmatch(cell) is not None
+
+
+def _cell(text: str) -> str:
+    return f'<td style="text-align:{"right" if is_figure(text) else "left"}">{escape(text)}</td>'
 
 
 def _width(cell: str) -> int:
     """Columns that a cell takes in a terminal, not counting combining marks."""
     return sum(not unicodedata.combining(character) for character in cell)
+
+
+def with_error(value: float, standard_error: float) -> str:
+    """Return a figure with its standard error, ``−30.644 ± 0.054``: two digits of the error, four decimals at most."""
+    if not math.isfinite(value):
+        return "–"
+    if not math.isfinite(standard_error):
+        return f"{value:.3g}".replace("-", "−")
+    digits = 4 if standard_error <= 0 else min(max(1 - math.floor(math.log10(standard_error)), 0), 4)
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {standard_error:.{digits}f}".replace("-", "−")

@@ -1,0 +1,204 @@
+"""The tables, figures and findings that reports are made of."""
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from identify.inertia import COMPONENTS
+from uq import plots
+from uq.experiment import PRESETS, Experiment
+from uq.montecarlo import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
+from uq.paper import PRINTED, PaperResult
+from uq.tables import is_figure, with_error
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a report."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+
+    @property
+    def numeric(self) -> list[bool]:
+        """Which columns hold figures, to be set to the right."""
+        return [all(is_figure(row[k]) for row in self.rows) for k in range(len(self.head))]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of a report."""
+
+    name: str
+    """Stem of its files."""
+    figure: Figure
+    caption: str
+
+    @property
+    def wide(self) -> bool:
+        """Whether it takes the width of a page rather than of a column."""
+        return bool(self.figure.get_figwidth() > plots.COLUMN)
+
+
+def findings(result: MonteCarloResult) -> list[str]:
+    """Return what a reader must not miss: warnings, failed trials, mean errors larger than their 3σ."""
+    found = list(result.warnings)
+    for trajectory, estimator in pairs(result):
+        breakdown = result[trajectory, estimator]
+        if breakdown.failed:
+            found.append(
+                f"{trajectory}, {estimator}: {breakdown.failed} of {result.trials} trials failed and are left out."
+            )
+        excess = [
+            f"{COMPONENTS[k]} {_typeset(f'{GRAM_METRE * breakdown.total.mean_error[k]:.3g}')} g·m² "
+            f"({abs(breakdown.total.mean_error[k]) / breakdown.total.three_sigma[k]:.3g} × 3σ)"
+            for k in np.flatnonzero(np.abs(breakdown.total.mean_error) > breakdown.total.three_sigma)
+        ]
+        if excess:
+            found.append(f"{trajectory}, {estimator}: the mean error exceeds 3σ: {', '.join(excess)}.")
+    return found
+
+
+def summary(result: MonteCarloResult) -> Table:
+    """Return the table of totals: mean error and 3σ of each component with standard errors."""
+    rows = []
+    for trajectory, estimator in pairs(result):
+        rows += _two_rows((trajectory, estimator), result[trajectory, estimator].total)[1:]
+    return Table("All sources together, g·m²", ["trajectory", "estimator", "", *COMPONENTS], rows)
+
+
+def nominal(result: MonteCarloResult) -> Table:
+    """Return the table of the true tensor."""
+    return Table("True tensor, g·m²", list(COMPONENTS), [[_typeset(f"{GRAM_METRE * v:.6g}") for v in result.nominal]])
+
+
+def breakdown_table(result: MonteCarloResult, trajectory: str, estimator: str) -> Table:
+    """Return the table of one breakdown: every group and source, its mean error, 3σ and share."""
+    breakdown, rows = result[trajectory, estimator], []
+    for name, statistics in {**breakdown.groups, **breakdown.sources}.items():
+        first, second = _two_rows((plots.display_name(name),), statistics)
+        rows += [[*first, ""], [*second, _share(breakdown, name)]]
+    head = ["alone", "", *COMPONENTS, "share %"]
+    note = "share: 3σ alone over the total's, averaged over the components."
+    return Table(f"{trajectory}, {estimator}: groups and sources alone, g·m²", head, rows, note)
+
+
+def _share(breakdown: Breakdown, name: str) -> str:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = 100 * breakdown.share(name)
+    return f"{share:.3g}" if np.isfinite(share) else "–"
+
+
+def _two_rows(first: tuple[str, ...], s: Statistics) -> list[list[str]]:
+    mean = map(with_error, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
+    sigma = map(with_error, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
+    return [[*first, "mean error", *mean], [*("" for _ in first), "3σ", *sigma]]
+
+
+def source_tables(provenance: Mapping[str, Any]) -> list[Table]:
+    """Return the tables of error sources, with their references, and of inferred values."""
+    document = provenance.get("experiment") or {}
+    rows = [
+        [s["name"], s["target"], s["kind"], s["group"], ", ".join(s["sigma"]), s.get("reference", "not given")]
+        for s in document.get("source", [])
+    ]
+    guesses = inferred(document)
+    tables = [Table("Error sources", ["source", "perturbs", "kind", "group", "σ on axes 1, 2, 3", "reference"], rows)]
+    note = "Not stated by the source; found as the values that reproduce its Table 2."
+    inferences = [Table("Inferred values", ["key", "value", "reason"], guesses, note)]
+    return [*(tables if rows else []), *(inferences if guesses else [])]
+
+
+def inferred(document: Mapping[str, Any]) -> list[list[str]]:
+    """Return key, value and reason of the values that a preset's file marks INFERRED; none for any other document."""
+    for name in PRESETS:
+        text = resources.files("uq").joinpath("presets", f"{name}.toml").read_text("utf-8")
+        if tomllib.loads(text) == document:
+            return _marked(text)
+    return []
+
+
+def _marked(text: str) -> list[list[str]]:
+    rows, where = [], ""
+    for line in text.splitlines():
+        if header := re.match(r"\[+([^\]]+)\]+", line):
+            where = header[1]
+        elif mark := re.match(r"(\w+) *= *(.*?) *# INFERRED:? *(.*)", line):
+            rows.append([f"{where}.{mark[1]}", mark[2].replace('"', "").strip("[]"), mark[3]])
+    return rows
+
+
+def breakdown_figures(result: MonteCarloResult, trajectory: str, estimator: str) -> list[Drawing]:
+    """Return the figures of one breakdown: by group, and by source."""
+    breakdown = result[trajectory, estimator]
+    of = f"{trajectory}, {estimator}"
+    by_source = {"total": breakdown.total, **breakdown.sources}
+    return [
+        Drawing(
+            stem("groups", trajectory, estimator),
+            plots.contributions(breakdown.groups),
+            f"{of}: 3σ and mean error of each component, all sources and each group alone.",
+        ),
+        Drawing(
+            stem("sources", trajectory, estimator),
+            plots.contributions(by_source),
+            f"{of}: 3σ and mean error of each component, all sources and each source alone.",
+        ),
+    ]
+
+
+def stem(*names: str) -> str:
+    """Return a file's stem made of names: no two alike, and no character that leads out of the folder."""
+    return "-".join(quote(name, safe="") for name in names)
+
+
+def paper_figures(result: PaperResult) -> list[Drawing]:
+    """Return the source's figures 2 to 5, the last two kinds for each estimator."""
+    campaign = result.campaign
+    trajectories = Experiment.from_dict(campaign.provenance["experiment"]).trajectories
+    _, *sphere = plots.rates(trajectories["T1"])
+    t, omega, _ = plots.rates(trajectories["T3"])
+    simple = plots.angular_velocity(t, omega)
+    return [
+        Drawing(
+            "figure2-spheres",
+            plots.spheres(*sphere),
+            "Figure 2. Angular velocity and acceleration of T1 in the body frame.",
+        ),
+        *(
+            Drawing(
+                stem("figure3", "groups", "T1", name),
+                plots.contributions(campaign["T1", name].groups),
+                f"Figure 3, estimator {name}. T1: 3σ and mean error, all sources and each group alone.",
+            )
+            for name in result.estimators
+        ),
+        Drawing("figure4-simple-motions", simple, "Figure 4. Angular velocity of the simple harmonic motions (T3)."),
+        *(
+            Drawing(
+                stem("figure5", "trajectories", name),
+                plots.averages(campaign, name, PRINTED),
+                f"Figure 5, estimator {name}. Average 3σ of moments and products beside the source's, and average "
+                "magnitude of the mean errors, which the source does not print.",
+            )
+            for name in result.estimators
+        ),
+    ]
+
+
+def pairs(result: MonteCarloResult) -> list[tuple[str, str]]:
+    """Return every trajectory with every estimator."""
+    return [(trajectory, estimator) for trajectory, of in result.breakdowns.items() for estimator in of]
+
+
+def _typeset(number: str) -> str:
+    return number.replace("-", "−")

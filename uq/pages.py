@@ -1,0 +1,130 @@
+"""What a report says of each kind of result: its words, tables and figures, apart from how they are laid out.
+
+``page(result)`` dispatches on the result's type; a new kind of result registers its own builder with ``page.register``.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import singledispatch
+from typing import Any
+
+from uq.montecarlo import MonteCarloResult
+from uq.page_parts import (
+    Drawing,
+    Table,
+    breakdown_figures,
+    breakdown_table,
+    findings,
+    nominal,
+    pairs,
+    paper_figures,
+    source_tables,
+    summary,
+)
+from uq.paper import PaperResult
+
+
+@dataclass(frozen=True)
+class Page:
+    """The content of a report, in the order in which it is read."""
+
+    title: str
+    computed: Sequence[str]
+    """What was computed, a paragraph each."""
+    findings: Sequence[str]
+    """What a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
+    tables: Sequence[Table]
+    figures: Sequence[Drawing]
+    details: Sequence[Table]
+    """Tables that follow the figures."""
+    assumptions: Sequence[str]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+
+@singledispatch
+def page(result: object) -> Page:
+    """Return a report's content for a result.
+
+    Raises:
+        TypeError: there is no report for this kind of result.
+    """
+    raise TypeError(f"Argument `result` must be a result with a report, but is a {type(result).__name__}.")
+
+
+@page.register
+def _campaign(result: MonteCarloResult) -> Page:
+    return Page(
+        "Monte Carlo of an inertia tensor",
+        [_computed(result), INDEX],
+        findings(result),
+        [summary(result), nominal(result)],
+        [drawing for pair in pairs(result) for drawing in breakdown_figures(result, *pair)],
+        [*(breakdown_table(result, *pair) for pair in pairs(result)), *source_tables(result.provenance)],
+        ASSUMPTIONS,
+        result.provenance,
+    )
+
+
+@page.register
+def _paper(result: PaperResult) -> Page:
+    campaign = result.campaign
+    comparisons = [
+        Table(f"Table 2 of the source, estimator {name}, g·m² and per cent", *result.rows(name), note=SOURCE_NOTE)
+        for name in result.estimators
+    ]
+    effects = [
+        Table(f"Effects of the groups, estimator {name}, per cent", *result.effect_rows(name))
+        for name in result.estimators
+    ]
+    return Page(
+        "Low uncertainty method for inertia tensor identification: the simulated experiment, reproduced",
+        [SOURCE, _computed(campaign), INDEX],
+        findings(campaign),
+        [*comparisons, *effects, summary(campaign), nominal(campaign)],
+        paper_figures(result),
+        [*(breakdown_table(campaign, *pair) for pair in pairs(campaign)), *source_tables(campaign.provenance)],
+        [*ASSUMPTIONS, *PAPER_ASSUMPTIONS],
+        campaign.provenance,
+    )
+
+
+SOURCE = (
+    "J.P. Barreto, L.E. Muñoz, “Low uncertainty method for inertia tensor identification”, Mechanical Systems and "
+    "Signal Processing 68–69 (2016) 207–216: its simulated experiment, its Table 2 and its figures 2 to 5, beside the "
+    "values that it prints."
+)
+SOURCE_NOTE = (
+    "“source”: the printed value, from 10,000 repetitions. The source prints no mean error; ours stand in the summary."
+)
+INDEX = (
+    "3σ is three standard deviations of the estimates over the trials, the source's index of uncertainty. It does not "
+    "contain the mean error (mean of estimate minus truth), which therefore stands beside it everywhere. The figure "
+    "after ± is a standard error, from the finite number of trials."
+)
+ASSUMPTIONS = (
+    "The body is rigid. Its mass, the attitude of the load cell's axes and of the gyroscope's, the common clock and "
+    "the sensors' scale factors are exact.",
+    "Every error source is normal, with zero mean, and independent of the others and from axis to axis. A precision "
+    "error is drawn afresh at each sample, white in time; a bias is drawn once an experiment.",
+    "The platform runs the trajectory exactly. The error of the centre of gravity enters through the moment of the "
+    "force that the estimator removes, not through the motion.",
+    "The tensor is estimated by ordinary least squares over all samples; the angular acceleration is the numerical "
+    "derivative of the measured angular velocity.",
+    "“Load cell”, “CG” and “IMU” alone are computed from the same draws as the total; shares need not add up to one.",
+)
+PAPER_ASSUMPTIONS = (
+    "The source does not state the sample rate, the duration, the path over the sphere, the height of the centre of "
+    "gravity over the platform's centre, or any filtering. The values marked as inferred are those that reproduce its "
+    "Table 2; they are not the source's words.",
+    "The mean errors of the central difference follow from the inferred sample rate and from the absence of a filter. "
+    "The source's own experiment, with I33 within 0.33 g·m² of its expected value, shows no such bias.",
+)
+
+
+def _computed(result: MonteCarloResult) -> str:
+    names = {estimator: None for of_trajectory in result.breakdowns.values() for estimator in of_trajectory}
+    return (
+        f"{result.trials:,} trials with seed {result.seed}. Trajectories: {', '.join(result.breakdowns)}. "
+        f"Estimators: {', '.join(names)}. In each trial every error source is drawn once; the tensor is then estimated "
+        "with all sources together, with each group alone and with each source alone."
+    )
