@@ -17,12 +17,13 @@ jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 import numpy as np  # noqa: E402
 
 from benchmarks.reference import GROUPS, campaign  # noqa: E402
+from identify.tables import text_table  # noqa: E402
 from uq.experiment import Experiment  # noqa: E402
-from uq.simulation import simulate  # noqa: E402
 from uq.montecarlo import montecarlo  # noqa: E402
-from uq.tables import text_table  # noqa: E402
+from uq.simulation import simulate  # noqa: E402
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
+LABELS = {"reference": "plain NumPy loop", "float64": "engine, float64", "float32": "engine, float32 draws"}
 
 
 def main() -> int:
@@ -69,7 +70,7 @@ def measure(options: argparse.Namespace) -> dict:
         seconds["reference"].append(reference())
     median = {name: statistics.median(values) for name, values in seconds.items()}
     return {
-        "campaign": f"{len(TRAJECTORIES)} trajectories x {len(GROUPS)} groups x {options.campaign} trials, 72000 samples",
+        "campaign": f"{len(TRAJECTORIES)} trajectories x {len(GROUPS)} groups x {options.campaign} trials",
         "cores": len(os.sched_getaffinity(0)),
         "seconds": seconds,
         "median_seconds": median,
@@ -84,13 +85,19 @@ def report(figures: dict) -> str:
     """Return the figures as a table."""
     head = ["", "campaign, s (median)", "min", "max", "times the reference's speed"]
     rows = []
-    for name, label in (("reference", "plain NumPy loop"), ("float64", "engine, float64"), ("float32", "engine, float32 draws")):
+    for name, label in (
+        ("reference", "plain NumPy loop"),
+        ("float64", "engine, float64"),
+        ("float32", "engine, float32 draws"),
+    ):
         values = figures["seconds"][name]
         faster = figures["times_faster"].get(name)
         rows.append([label, f"{figures['median_seconds'][name]:.1f}", f"{min(values):.1f}", f"{max(values):.1f}",
                      f"{faster:.1f}" if faster else "1"])  # fmt: skip
     lines = [figures["campaign"] + f", estimator central, {figures['cores']} cores", text_table(head, rows)]
-    return "\n".join([*lines, f"peak memory {figures['peak_memory_GiB']:.2f} GiB (engine and reference in one process)"])
+    return "\n".join(
+        [*lines, f"peak memory {figures['peak_memory_GiB']:.2f} GiB (engine and reference in one process)"]
+    )
 
 
 if __name__ == "__main__":

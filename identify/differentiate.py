@@ -90,4 +90,3 @@ def derivative(signal: Float[Array, "3 n"], taps: Float[Array, " h"]) -> Float[A
 def noise_gain(taps: np.ndarray) -> float:
     """Return the standard deviation of alpha per standard deviation of white noise in omega [1/s]."""
     return float(np.sqrt(2 * np.sum(np.square(taps))))
-

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from identify.inertia import Body, unpack
 
+
 class Wrench(NamedTuple):
     """Force [N] and moment about Q [N·m], in B."""
 
@@ -34,9 +35,7 @@ def wrench(
     return Wrench(force, moment)
 
 
-def acceleration_at(
-    offset: Float[Array, "3"], omega: Float[Array, "3"], alpha: Float[Array, "3"]
-) -> Float[Array, "3"]:
+def acceleration_at(offset: Float[Array, "3"], omega: Float[Array, "3"], alpha: Float[Array, "3"]) -> Float[Array, "3"]:
     """Return the acceleration of a body-fixed point relative to another, ``alpha × ρ + omega × (omega × ρ)`` [m/s²].
 
     ``offset`` ρ is the vector between the two points in B [m]. With the centre of gravity still, (12) is this with

@@ -81,7 +81,11 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
     try:
-        taps, smoothing, needed = estimator.taps(run.rate), estimator.filter_taps(run.rate), estimator.lost(run.rate) + 3
+        taps, smoothing, needed = (
+            estimator.taps(run.rate),
+            estimator.filter_taps(run.rate),
+            estimator.lost(run.rate) + 3,
+        )
     except ValueError as error:
         raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
     if len(run.t) < needed:
@@ -108,16 +112,27 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     offsets = None
     if remove_offsets:
         mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)
-        offsets = mean_moment - np.cross(r_cg, mean_force) - np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, mean_phi) @ inertia
+        offsets = (
+            mean_moment - np.cross(r_cg, mean_force) - np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, mean_phi) @ inertia
+        )
     return Information(
-        run, sums, normal, noise, inertia, scores, excitation(normal, noise), offsets,
-        residuals.std(axis=0), correlation_time, count,
+        run,
+        sums,
+        normal,
+        noise,
+        inertia,
+        scores,
+        excitation(normal, noise),
+        offsets,
+        residuals.std(axis=0),
+        correlation_time,
+        count,
     )
 
 
 @jax.jit
 def _rows(
-    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"], taps, smoothing
+    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"], taps: Array, smoothing: Array
 ) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:
     """Features, force and moment of the instants that have a derivative, all through the same filter."""
     inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])

@@ -53,6 +53,7 @@ def accumulate(
 
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
     """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
+
     def shifted(phi):  # the features of omega + offset, linear in the features of omega
         w, squares, (w12, w13, w23), a = phi[1:4], phi[4:7], phi[7:10], phi[10:13]
         one = phi[0]
@@ -70,9 +71,7 @@ def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
     return jax.vmap(shifted, out_axes=1)(jnp.eye(N_FEATURES, dtype=offset.dtype))
 
 
-def with_offsets(
-    sums: Sums, omega: Float[Array, "3"], force: Float[Array, "3"], moment: Float[Array, "3"]
-) -> Sums:
+def with_offsets(sums: Sums, omega: Float[Array, "3"], force: Float[Array, "3"], moment: Float[Array, "3"]) -> Sums:
     """Return the sums that would have come of samples with these constants added to omega, force and moment."""
     shift = shift_omega(omega)
     totals = sums.gram[:, 0]

@@ -8,7 +8,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import norm, t as student
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from identify.estimate import Information, information
 from identify.estimator import EstimatorSpec
@@ -18,6 +19,7 @@ from identify.inertia import COMPONENTS, is_admissible, principal
 from identify.precision import check_precision
 from identify.run import Run, RunError
 from identify.solve import excitation
+from identify.tables import html_table, text_table
 
 
 @dataclass(frozen=True)
@@ -83,14 +85,18 @@ class Identification:
             "inertia": _by_component(self.inertia),
             "bias": _by_component(self.bias),
             "standard_uncertainty": _by_component(self.standard_uncertainty),
-            "interval95": {name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)},
+            "interval95": {
+                name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)
+            },
             "covariance": self.covariance.tolist(),
             "principal": {"moments": np.asarray(moments).tolist(), "axes": np.asarray(axes).tolist()},
             "mass": {"value": self.mass, "standard_uncertainty": None},
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
             "delay": {"value": 0.0, "estimated": False},
             "rotation": {"value": np.eye(3).tolist(), "estimated": False},
-            "offsets": {run.file: None if run.offsets is None else {"moment": run.offsets.tolist()} for run in self.runs},
+            "offsets": {
+                run.file: None if run.offsets is None else {"moment": run.offsets.tolist()} for run in self.runs
+            },
             "runs": [
                 {
                     "file": run.file,
@@ -126,25 +132,20 @@ class Identification:
         return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
 
     def __repr__(self) -> str:
-        head, rows = self.rows()
-        widths = [max(len(line[k]) for line in [head, *rows]) for k in range(len(head))]
-        table = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in [head, *rows]]
         notes = [f"warning: {text}" for text in self.warnings] + [f"assumed: {text}" for text in self.assumptions]
-        return "\n".join([self._title(), *table, *notes])
+        return "\n".join([self._title(), text_table(*self.rows()), *notes])
 
     def _repr_html_(self) -> str:
-        head, rows = self.rows()
-        line = lambda tag, cells: "<tr>" + "".join(f"<{tag}>{escape(c)}</{tag}>" for c in cells) + "</tr>"  # noqa: E731
-        notes = "".join(f"<li>{kind}: {escape(n)}</li>" for kind in ("warning", "assumption") for n in getattr(self, kind + "s"))
-        table = "".join([line("th", head), *(line("td", row) for row in rows)])
-        return f"<table><caption>{escape(self._title())}</caption>{table}</table><ul>{notes}</ul>"
+        notes = [f"warning: {text}" for text in self.warnings] + [f"assumed: {text}" for text in self.assumptions]
+        listed = "".join(f"<li>{escape(text)}</li>" for text in notes)
+        return f"{html_table(*self.rows(), caption=self._title())}<ul>{listed}</ul>"
 
 
 def identify(
     runs: Run | Sequence[Run],
     *,
-    r_cg: Sequence[float] | np.ndarray,
-    sigma_r_cg: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    r_cg: Sequence[float | int] | np.ndarray,
+    sigma_r_cg: Sequence[float | int] | np.ndarray = (0.0, 0.0, 0.0),
     estimator: EstimatorSpec | None = None,
     remove_offsets: bool = False,
     mass: float | None = None,
@@ -209,7 +210,7 @@ def identify(
 
 
 def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How much more runs scatter than their residuals say (at least 1), and the coverage factor of 95 %, by component."""
+    """By component: how much more runs scatter than their residuals say, at least 1; the coverage factor of 95 %."""
     alone = [part for part in parts if part.excitation.identifiable.all()]
     own = norm.ppf(0.975) if len(parts) > 1 else student.ppf(0.975, parts[0].degrees_of_freedom)
     if len(alone) < 2:
@@ -219,19 +220,21 @@ def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray,
     return np.maximum(ratio, 1.0), np.where(ratio > 1, student.ppf(0.975, len(alone) - 1), own)
 
 
-def _warnings(parts, inertia, bias, covariance, scatter) -> list[str]:
+def _warnings(
+    parts: list[Information], inertia: np.ndarray, bias: np.ndarray, covariance: np.ndarray, scatter: np.ndarray
+) -> list[str]:
     found = [f"{part.run.name}: {text}" for part in parts for text in part.run.warnings]
     sigma = np.sqrt(np.diag(covariance))
     for name, one, three in zip(COMPONENTS, bias, 3 * sigma, strict=True):
         if abs(one) > 0.1 * three:
             found.append(
-                f"the gyro's noise biases {name} by about {1e3 * one:.3g} g·m²: use a smoothing differentiator or a low-pass"
+                f"the gyro's noise biases {name} by about {1e3 * one:.3g} g·m²: use a smoothing differentiator"
             )
     for name, ratio in zip(COMPONENTS, scatter, strict=True):
         if ratio > 2:
             found.append(f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes")
     if not bool(is_admissible(jnp.asarray(inertia))):
-        found.append("no mass distribution has this tensor (its moments break the triangle inequality): check signs, frames, r_CG")
+        found.append("no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG")
     return found
 
 
@@ -248,6 +251,10 @@ def _run_estimate(part: Information) -> RunEstimate:
     )  # fmt: skip
 
 
+def _offsets(run: RunEstimate) -> dict[str, list[float]] | None:
+    return None if run.offsets is None else {"moment": run.offsets.tolist()}
+
+
 def _by_component(values: np.ndarray) -> dict[str, float]:
     return dict(zip(COMPONENTS, map(float, values), strict=True))
 
@@ -261,4 +268,3 @@ def _decimals(uncertainty: float) -> int:
 
 def _named(runs: Sequence[Run]) -> str:
     return runs[0].name if len(runs) == 1 else f"{runs[0].name} and {len(runs) - 1} more"
-

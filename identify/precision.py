@@ -25,7 +25,7 @@ def check_precision(dtype: str) -> list[str]:
     """
     if dtype not in ("float32", "float64"):
         raise ValueError(f"Argument `dtype` must be 'float64' or 'float32', but is {dtype!r}.")
-    if dtype == "float32" or jax.config.jax_enable_x64:
+    if dtype == "float32" or jax.config.read("jax_enable_x64"):
         return []
     warnings.warn(MESSAGE, PrecisionWarning, stacklevel=3)
     return [MESSAGE]

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
-from numpy import ndarray as Array
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 JITTER_TOLERANCE = 1e-3
@@ -21,13 +21,13 @@ class RunError(ValueError):
 class Run:
     """Force, moment and angular velocity at common, uniform instants, samples first, all in the body frame B."""
 
-    t: Float[Array, " n"]
+    t: Float[np.ndarray, " n"]
     """Instants [s]."""
-    force: Float[Array, "n 3"]
+    force: Float[np.ndarray, "n 3"]
     """Force on the body at Q [N]."""
-    moment: Float[Array, "n 3"]
+    moment: Float[np.ndarray, "n 3"]
     """Moment on the body about Q [N·m]."""
-    omega: Float[Array, "n 3"]
+    omega: Float[np.ndarray, "n 3"]
     """Angular velocity [rad/s]."""
     name: str = "run"
     """What messages and results call it: a file name, if it has one."""
@@ -42,7 +42,9 @@ class Run:
         return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     @classmethod
-    def from_arrays(cls, t, force, moment, omega, *, name: str = "run") -> "Run":
+    def from_arrays(
+        cls, t: ArrayLike, force: ArrayLike, moment: ArrayLike, omega: ArrayLike, *, name: str = "run"
+    ) -> "Run":
         """Build a run from samples at common instants.
 
         Args:
@@ -59,7 +61,15 @@ class Run:
 
     @classmethod
     def from_channels(
-        cls, t_wrench, force, moment, t_imu, omega, *, name: str = "run", sha256: str | None = None
+        cls,
+        t_wrench: ArrayLike,
+        force: ArrayLike,
+        moment: ArrayLike,
+        t_imu: ArrayLike,
+        omega: ArrayLike,
+        *,
+        name: str = "run",
+        sha256: str | None = None,
     ) -> "Run":
         """Build a run from a load cell and an IMU that sample at their own instants of the same clock.
 
@@ -78,23 +88,23 @@ class Run:
         Raises:
             RunError: as :meth:`from_arrays`, or the two share no interval.
         """
-        t_wrench, (force, moment) = _checked(name, "wrench", t_wrench, force=force, moment=moment)
-        t_imu, (omega,) = _checked(name, "angular velocity", t_imu, omega=omega)
-        if len(t_wrench) == len(t_imu) and np.array_equal(t_wrench, t_imu) and _is_uniform(t_wrench):
-            return cls(t_wrench, force, moment, omega, name, sha256)
-        start, stop = max(t_wrench[0], t_imu[0]), min(t_wrench[-1], t_imu[-1])
+        at, (of_force, of_moment) = _checked(name, "wrench", t_wrench, force=force, moment=moment)
+        at_imu, (of_omega,) = _checked(name, "angular velocity", t_imu, omega=omega)
+        if np.array_equal(at, at_imu) and _is_uniform(at):
+            return cls(at, of_force, of_moment, of_omega, name, sha256)
+        start, stop = max(at[0], at_imu[0]), min(at[-1], at_imu[-1])
         if stop <= start:
             raise RunError(
-                f"no overlap in {name}: wrench from {t_wrench[0]:.6g} to {t_wrench[-1]:.6g} s, angular velocity from "
-                f"{t_imu[0]:.6g} to {t_imu[-1]:.6g} s; check the clocks"
+                f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
+                f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
-        interval = max(float(np.median(np.diff(t))) for t in (t_wrench, t_imu))
+        interval = max(float(np.median(np.diff(t))) for t in (at, at_imu))
         t = start + interval * np.arange(int((stop - start) / interval * (1 + 1e-9)) + 1)
         if len(t) < 2:
             raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
-        warnings = (*_gaps("wrench", t_wrench), *_gaps("angular velocity", t_imu))
-        wrench = _interpolate(t_wrench, np.hstack([force, moment]), t)
-        return cls(t, wrench[:, :3], wrench[:, 3:], _interpolate(t_imu, omega, t), name, sha256, warnings)
+        warnings = (*_gaps("wrench", at), *_gaps("angular velocity", at_imu))
+        wrench = _interpolate(at, np.hstack([of_force, of_moment]), t)
+        return cls(t, wrench[:, :3], wrench[:, 3:], _interpolate(at_imu, of_omega, t), name, sha256, warnings)
 
     def between(self, start: float, stop: float) -> "Run":
         """Return the part of the run from ``start`` to ``stop`` [s].
@@ -104,16 +114,16 @@ class Run:
         """
         keep = (self.t >= start) & (self.t <= stop)
         if keep.sum() < 2:
-            raise RunError(f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part")
-        return replace(
-            self, t=self.t[keep], force=self.force[keep], moment=self.moment[keep], omega=self.omega[keep]
-        )
+            raise RunError(
+                f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
+            )
+        return replace(self, t=self.t[keep], force=self.force[keep], moment=self.moment[keep], omega=self.omega[keep])
 
     def __repr__(self) -> str:
         return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
 
 
-def _checked(name: str, channel: str, t, **signals) -> tuple[np.ndarray, list[np.ndarray]]:
+def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tuple[np.ndarray, list[np.ndarray]]:
     t = np.asarray(t, float)
     if t.ndim != 1:
         raise RunError(f"times of the {channel} in {name} have shape {t.shape}: give one number a sample")
@@ -123,7 +133,9 @@ def _checked(name: str, channel: str, t, **signals) -> tuple[np.ndarray, list[np
     for signal, values in (("time", t), *signals.items()):
         values = np.asarray(values, float)
         if signal != "time" and values.shape != (len(t), 3):
-            raise RunError(f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components a sample")
+            raise RunError(
+                f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components a sample"
+            )
         bad = ~np.isfinite(values.reshape(len(t), -1)).all(axis=1)
         if bad.any():
             raise RunError(

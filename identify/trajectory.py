@@ -15,7 +15,6 @@ from jaxtyping import Array, Float
 
 from identify.dynamics import acceleration_at
 
-
 Scalar = Float[Array, ""] | Float[np.ndarray, ""] | float
 
 
@@ -82,7 +81,7 @@ class Sphere(Trajectory):
         cosine = sin_term(fast)  # of cos Ωt
         cross = (sin_term(minus) - sin_term(plus)) / 2  # of sin Ωt sin εt
         spiral = jnp.roll(jnp.stack([sine, cosine, cross]), self.pole - 1)
-        return self.angular_acceleration * spiral * window(t, T, self.ramp)
+        return jnp.asarray(self.angular_acceleration * spiral * window(t, T, self.ramp))
 
 
 class Harmonic(Trajectory):
@@ -103,7 +102,7 @@ class Harmonic(Trajectory):
         local = t - segment * jnp.arange(3.0)
         swing = jnp.sin(self.angular_acceleration / self.angular_velocity * local)
         shape = jax.vmap(window, in_axes=(0, None, None))(local, segment, self.ramp)
-        return self.angular_velocity * swing * shape
+        return jnp.asarray(self.angular_velocity * swing * shape)
 
 
 class Motion(NamedTuple):
@@ -126,7 +125,7 @@ def attitude(
 ) -> Float[Array, "n 3 3"]:
     """Integrate the angular velocity to attitudes R_AB at the instants ``t``, starting from ``start`` (level).
 
-    Fourth-order Magnus steps on two Gauss points each (Iserles et al., Acta Numerica 2000, doi:10.1017/S0962492900002154).
+    Fourth-order Magnus steps on two Gauss points each (Iserles et al., doi:10.1017/S0962492900002154).
     """
     h = jnp.diff(t)
     middle, offset = (t[1:] + t[:-1]) / 2, np.sqrt(3) / 6
@@ -175,7 +174,7 @@ def sample(
     omega = jax.vmap(trajectory.omega)(t)
     alpha = jax.vmap(trajectory.alpha)(t)
     rotation = attitude(trajectory, t)
-    acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(r_cg_from_still, omega, alpha)
+    acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(jnp.asarray(r_cg_from_still), omega, alpha)
     specific_force = acceleration + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB
     return Motion(t, omega.T, alpha.T, rotation, specific_force.T)
 

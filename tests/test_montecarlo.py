@@ -34,7 +34,7 @@ def errors(experiment, trials, **options):
     return estimates(experiment, trials, **options)[1].inertia - np.asarray(experiment.inertia)
 
 
-# --- no errors ---------------------------------------------------------------------------------------------------------
+# --- no errors ---
 
 
 @pytest.mark.parametrize("name", ["T1", "T2", "T3", "T4"])
@@ -61,7 +61,7 @@ def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, na
         assert np.abs(error[k, [1, 2, 4]]).max() < 2e-6 * preset.inertia.max()
 
 
-# --- closed forms ------------------------------------------------------------------------------------------------------
+# --- closed forms ---
 
 
 @pytest.mark.parametrize("sampling", ["conditioned", "samples"])
@@ -127,14 +127,14 @@ def test_groups_share_their_draws(short):
     np.testing.assert_allclose(sources, error[:, :, 0], atol=1e-3 * scale)
 
 
-# --- the same functions, the same numbers ------------------------------------------------------------------------------
+# --- the same functions, the same numbers ---
 
 
 @pytest.mark.parametrize("estimator", ["central", "smoothed"])
 def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
     """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
     one = dataclasses.replace(short, estimators=(short.estimator(estimator),))
-    setup, result = estimates(one, 4, estimators=(estimator,), sampling="samples")
+    _, result = estimates(one, 4, estimators=(estimator,), sampling="samples")
     r_cg_draw = draw_bias(short.sources[4], jax.random.key(0), jnp.asarray(3), jnp.dtype(float))
     assert short.sources[4].name == "r_cg"
     found = identify(
@@ -195,7 +195,7 @@ def test_a_new_number_does_not_compile_again(short):
     assert module._batch._cached._cache_size() == before
 
 
-# --- results -----------------------------------------------------------------------------------------------------------
+# --- results ---
 
 
 def test_statistics_of_known_errors(generator):

@@ -16,11 +16,11 @@ from small_campaign import campaign, document, paper_result
 
 import uq.report
 from identify.inertia import COMPONENTS
+from identify.tables import with_error
 from uq.experiment import Experiment
 from uq.montecarlo import montecarlo
 from uq.page_parts import inferred
 from uq.report import report, write
-from uq.tables import with_error
 
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
 VOID = {"meta", "img", "br", "hr", "link", "input"}

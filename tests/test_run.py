@@ -85,5 +85,7 @@ def test_bad_input_is_refused_in_one_line(what, message):
 
 def test_sensors_that_do_not_overlap_are_refused():
     t, force, moment, omega = arrays()
-    with pytest.raises(RunError, match="no overlap in run: wrench from 0 to 0.99 s, angular velocity from 5 to 5.99 s"):
+    with pytest.raises(
+        RunError, match=r"no overlap in run: wrench from 0 to 0\.99 s, angular velocity from 5 to 5\.99 s"
+    ):
         Run.from_channels(t, force, moment, t + 5, omega)

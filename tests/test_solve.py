@@ -51,10 +51,14 @@ def test_generalised_is_gauss_markov_with_correlated_axes(rows, generator):
     stacked = np.asarray(rows).reshape(-1, 6)
     information = stacked.T @ big @ stacked
     np.testing.assert_allclose(solution.covariance, np.linalg.inv(information), rtol=1e-9)
-    np.testing.assert_allclose(solution.value, np.linalg.solve(information, stacked.T @ big @ values.ravel()), rtol=1e-9)
+    np.testing.assert_allclose(
+        solution.value, np.linalg.solve(information, stacked.T @ big @ values.ravel()), rtol=1e-9
+    )
 
 
-@pytest.mark.parametrize(("axis", "blind"), [(0, {"I22", "I23", "I33"}), (1, {"I11", "I13", "I33"}), (2, {"I11", "I12", "I22"})])
+@pytest.mark.parametrize(
+    ("axis", "blind"), [(0, {"I22", "I23", "I33"}), (1, {"I11", "I13", "I33"}), (2, {"I11", "I12", "I22"})]
+)
 def test_rotation_about_one_axis_leaves_three_components_unseen(axis, blind):
     t = jnp.linspace(0, 20, 2001)
     one = jnp.zeros((1, 3)).at[0, axis].set(1.0)

@@ -51,7 +51,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _overview() -> str:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:<{width}}  {summary}" for name, summary in COMMANDS.items()]
-    return "usage: inertia COMMAND [ARGUMENTS]\n\n" + "\n".join(lines) + "\n\n'inertia COMMAND --help' explains one command."
+    return (
+        "usage: inertia COMMAND [ARGUMENTS]\n\n"
+        + "\n".join(lines)
+        + "\n\n'inertia COMMAND --help' explains one command."
+    )
 
 
 if __name__ == "__main__":

@@ -7,11 +7,13 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from identify.estimator import EstimatorSpec
@@ -121,8 +123,12 @@ class Experiment:
                 twice = next(name for name in names if names.count(name) > 1)
                 raise ExperimentError(f"two entries named '{twice}' in [[{kind}]]: give each its own name")
         if recording.estimator is not None and recording.estimator not in [e.name for e in estimators]:
-            raise ExperimentError(f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]")
-        return cls(r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document)
+            raise ExperimentError(
+                f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]"
+            )
+        return cls(
+            r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document
+        )
 
     @property
     def body(self) -> Body:
@@ -134,7 +140,7 @@ class Experiment:
         for key in ("mass", "inertia"):
             if getattr(self, key) is None:
                 raise ExperimentError(f"missing key body.{key}: a simulation needs it")
-        return Body(np.array(self.mass), self.r_cg_from_q, np.asarray(self.inertia))
+        return Body(jnp.asarray(self.mass), jnp.asarray(self.r_cg_from_q), jnp.asarray(self.inertia))
 
     def estimator(self, name: str | None = None) -> EstimatorSpec:
         """Return an estimator by name; without one, the recording's, or the first.
@@ -165,6 +171,16 @@ class Experiment:
         if name not in self.trajectories:
             raise ExperimentError(f"unknown trajectory '{name}': choose one of {', '.join(self.trajectories)}")
         return name, self.trajectories[name]
+
+    def inputs(self) -> dict[str, Any]:
+        """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
+        values = self._in_si()
+        same = bool(self.document) and Experiment.from_dict(self.document)._in_si() == values
+        return {"experiment": dict(self.document) if same else None, "resolved": values}
+
+    def _in_si(self) -> dict[str, Any]:
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "document"}
+        return _plain(parts)
 
     @property
     def sigma_r_cg(self) -> np.ndarray:
@@ -352,6 +368,17 @@ def _recording(table: _Table) -> Recording:
     )
     table.finish()
     return recording
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as numbers, strings, lists and dicts, for JSON."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if is_dataclass(value):
+        return {"class": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return np.asarray(value).tolist() if isinstance(value, (np.ndarray, np.generic, jax.Array)) else value
 
 
 def samples(spec: TrajectorySpec) -> np.ndarray:

@@ -11,12 +11,12 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from identify.estimator import EstimatorSpec
-from identify.inertia import COMPONENTS, Body
+from identify.inertia import COMPONENTS
 from identify.precision import check_precision
+from identify.tables import html_table, text_table
 from identify.trajectory import Motion, sample
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.provenance import provenance
-from uq.tables import html_table, text_table
 from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates, prepare, trial
 
 GRAM_METRE = 1e3
@@ -165,8 +165,8 @@ def montecarlo(
     """Run the Monte Carlo of an experiment.
 
     Every trial draws each source once and solves every estimator for all sources together, each group alone and each
-    source alone, from the same draws. The numbers depend on the seed, the dtype, the sampling and the experiment; not on ``batch``
-    or ``devices``.
+    source alone, from the same draws. The numbers depend on the seed, the dtype, the sampling and the experiment, not
+    on ``batch`` or ``devices``.
 
     Args:
         experiment: body, platform, trajectories, sources, estimators.
@@ -198,13 +198,12 @@ def montecarlo(
         name, spec = experiment.select(name)
         setup = prepare_setup(experiment, spec, chosen, dtype=dtype, sampling=sampling)
         estimates = run_trials(setup, trials, seed, devices, batch, _named(progress, name))
-        errors[name] = estimates.inertia - np.asarray(experiment.body.inertia)
+        errors[name] = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
         breakdowns[name] = {
-            e.name: _breakdown(setup.cases, errors[name][:, k], estimates.ok[:, k]) for k, e in enumerate(chosen)
+            e.name: _breakdown(setup.cases, errors[name][:, k], np.asarray(estimates.ok)[:, k])
+            for k, e in enumerate(chosen)
         }
-    record = provenance(
-        experiment=experiment.document, seed=seed, trials=trials, dtype=dtype, sampling=sampling, batch=batch
-    )
+    record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, sampling=sampling, batch=batch)
     nominal = np.asarray(experiment.body.inertia)
     return MonteCarloResult(trials, seed, nominal, breakdowns, tuple(warned), record, errors)
 
@@ -224,7 +223,7 @@ def prepare_setup(
     """
     motion = true_motion(experiment, spec)
     t = motion.t
-    body = Body(*(jnp.asarray(value) for value in experiment.body))
+    body = experiment.body
     fitted = [_fitted(e, spec.rate) for e in estimators]
     for estimator in fitted:
         needed = 2 * len(estimator.taps) + 2
@@ -239,12 +238,16 @@ def prepare_setup(
 def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     """Return a trajectory's true motion at its samples."""
     still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    return sample(spec.trajectory, jnp.asarray(samples(spec)), r_cg_from_still=still, gravity=np.array(experiment.gravity))
+    return sample(
+        spec.trajectory, jnp.asarray(samples(spec)), r_cg_from_still=still, gravity=np.array(experiment.gravity)
+    )
 
 
 def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
     if estimator.lowpass is not None:
-        raise ExperimentError(f"estimator '{estimator.name}' has a low-pass, which is for recorded runs: leave it out here")
+        raise ExperimentError(
+            f"estimator '{estimator.name}' has a low-pass, which is for recorded runs: leave it out here"
+        )
     try:
         return Estimator(estimator.name, jnp.asarray(estimator.taps(rate)))
     except ValueError as error:
@@ -295,7 +298,8 @@ def _batch(setup: Setup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: i
 
 
 def _breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Breakdown:
-    groups, sources = {}, {}
+    groups: dict[str, Statistics] = {}
+    sources: dict[str, Statistics] = {}
     for k, case in enumerate(cases):
         kind, _, name = case.name.rpartition(":")
         (sources if kind == "source" else groups)[name] = Statistics.of(errors[:, k])

@@ -11,12 +11,13 @@ from urllib.parse import quote
 import numpy as np
 from matplotlib.figure import Figure
 
+from identify.identification import Identification
 from identify.inertia import COMPONENTS
+from identify.tables import is_figure, with_error
 from uq import plots
 from uq.experiment import PRESETS, Experiment
 from uq.montecarlo import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
 from uq.paper import PRINTED, PaperResult
-from uq.tables import is_figure, with_error
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def summary(result: MonteCarloResult) -> Table:
     """Return the table of totals: mean error and 3σ of each component with standard errors."""
     rows = []
     for trajectory, estimator in pairs(result):
-        rows += _two_rows((trajectory, estimator), result[trajectory, estimator].total)[1:]
+        rows += _two_rows((trajectory, estimator), result[trajectory, estimator].total)
     return Table("All sources together, g·m²", ["trajectory", "estimator", "", *COMPONENTS], rows)
 
 
@@ -102,6 +103,18 @@ def _two_rows(first: tuple[str, ...], s: Statistics) -> list[list[str]]:
     mean = map(with_error, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
     sigma = map(with_error, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
     return [[*first, "mean error", *mean], [*("" for _ in first), "3σ", *sigma]]
+
+
+def run_table(result: Identification) -> Table:
+    """Return the table of runs: each one's own estimate, samples, rate, residuals, and the hash of its file."""
+    head = ["run", "samples", "rate, Hz", "residual, N·m", *(f"{name}, g·m²" for name in COMPONENTS), "SHA-256"]
+    rows = []
+    for run in result.runs:
+        values = [_typeset(f"{GRAM_METRE * v:.4g}") if run.alone else "–" for v in run.inertia]
+        residual = f"{float(np.sqrt(np.mean(run.residual**2))):.3g}"
+        rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values, (run.sha256 or "–")[:12]])
+    note = "–: the run does not identify the whole tensor alone. SHA-256: first twelve digits; in full in result.json."
+    return Table("Runs", head, rows, note)
 
 
 def source_tables(provenance: Mapping[str, Any]) -> list[Table]:

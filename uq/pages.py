@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from functools import singledispatch
 from typing import Any
 
+from identify.identification import Identification
+from uq import plots
 from uq.montecarlo import MonteCarloResult
 from uq.page_parts import (
     Drawing,
@@ -18,6 +20,7 @@ from uq.page_parts import (
     nominal,
     pairs,
     paper_figures,
+    run_table,
     source_tables,
     summary,
 )
@@ -88,6 +91,28 @@ def _paper(result: PaperResult) -> Page:
     )
 
 
+@page.register
+def _identification(result: Identification) -> Page:
+    names = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
+    centre = ", ".join(f"{1e3 * r:.6g} ± {1e3 * u:.3g}" for r, u in zip(result.r_cg, result.sigma_r_cg, strict=True))
+    return Page(
+        "Inertia tensor of a body",
+        [f"The tensor about the centre of gravity, in the body frame, from {names} with the estimator "
+         f"“{result.estimator.name}”; centre of gravity from the load cell's centre: ({centre}) mm.", UNCERTAINTY],
+        result.warnings,
+        [Table("Inertia tensor, g·m²", *result.rows())],
+        [Drawing("runs", plots.estimates(result), "Each component: each run alone, and all together.")],
+        [run_table(result), *source_tables(result.provenance)],
+        [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
+        result.provenance,
+    )  # fmt: skip
+
+
+UNCERTAINTY = (
+    "The standard uncertainty combines the residuals (correlated in time), the scatter between runs where it is "
+    "larger, and the stated uncertainty of the centre of gravity. The bias is the expected mean error from the gyro's "
+    "noise in the regressor; it is stated, not subtracted, and not contained in the interval."
+)
 SOURCE = (
     "J.P. Barreto, L.E. Muñoz, “Low uncertainty method for inertia tensor identification”, Mechanical Systems and "
     "Signal Processing 68–69 (2016) 207–216: its simulated experiment, its Table 2 and its figures 2 to 5, beside the "

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from identify.inertia import MOMENTS, PRODUCTS
+from identify.tables import html_table, text_table
 from uq.experiment import Experiment
-from uq.montecarlo import GRAM_METRE, Breakdown, MonteCarloResult, Progress, Statistics, montecarlo
-from uq.tables import html_table, text_table
+from uq.montecarlo import GRAM_METRE, MonteCarloResult, Progress, Statistics, montecarlo
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 
@@ -21,6 +21,8 @@ PRINTED: Mapping[str, Mapping[str, float]] = {
     "products against T4 %": {"T1": -46.4, "T2": -43.2, "T3": -1.73},
 }
 """The source's Table 2, in g·m² and per cent."""
+
+NAMES = {"load_cell": "load cell", "cg": "CG", "imu": "IMU"}
 
 PRINTED_SHARES: Mapping[str, float] = {"load_cell": 97.0, "cg": 20.0, "imu": 6.0}
 """Effect of each group alone on T1, per cent of the total 3σ, average of the six components."""
@@ -62,8 +64,12 @@ class PaperResult:
 
     def effects(self, estimator: str) -> dict[str, float]:
         """Return the change of a group's average 3σ between trajectories, with the rows of ``PRINTED_EFFECTS``."""
+
+        def effect(trajectory: str, group: str) -> float:
+            return float(np.mean(self.campaign[trajectory, estimator].groups[group].three_sigma))
+
         return {
-            name: 100 * (_effect(self.campaign[one, estimator], group) / _effect(self.campaign[other, estimator], group) - 1)
+            name: 100 * (effect(one, group) / effect(other, group) - 1)
             for name, (group, one, other, _) in PRINTED_EFFECTS.items()
         }
 
@@ -79,7 +85,7 @@ class PaperResult:
     def effect_rows(self, estimator: str) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of shares and effects beside the printed ones."""
         rows = [
-            [f"{group}, share of total, T1 %", _figure(value), _figure(PRINTED_SHARES[group])]
+            [f"{NAMES[group]}, share of total, T1 %", _figure(value), _figure(PRINTED_SHARES[group])]
             for group, value in self.shares(estimator).items()
         ]
         rows += [
@@ -127,13 +133,9 @@ def _average(statistics: Statistics, components: tuple[int, ...]) -> float:
     return GRAM_METRE * float(np.mean(statistics.three_sigma[list(components)]))
 
 
-def _effect(breakdown: Breakdown, group: str) -> float:
-    return float(np.mean(breakdown.groups[group].three_sigma))
-
-
 def _against_t4(values: Mapping[str, float]) -> dict[str, float]:
     return {name: 100 * (value / values["T4"] - 1) for name, value in values.items() if name != "T4"}
 
 
 def _figure(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+    return "–" if value is None else f"{value:.3g}".replace("-", "−")

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
+from identify.identification import Identification
 from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from uq.averages import average
 from uq.experiment import TrajectorySpec, samples
@@ -139,6 +140,34 @@ def contributions(cases: Mapping[str, Statistics]) -> Figure:
         for edge in np.arange(len(COMPONENTS) - 1) + 0.5:
             bottom.axvline(edge, color="#e4e4e4", linewidth=0.5, zorder=0)
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=8 if wide else 4)
+        figure.align_ylabels()
+    return figure
+
+
+def estimates(result: Identification) -> Figure:
+    """Draw each component as each run alone gives it, with its 95 % interval, and the interval of all runs together.
+
+    Args:
+        result: an identification; a run that does not identify the whole tensor alone is not drawn.
+    """
+    runs = [run for run in result.runs if run.alone]
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 3.6), layout="constrained")
+        for k, axes in enumerate(figure.subplots(2, 3).flat):
+            low, high = GRAM_METRE * result.interval95[k]
+            axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
+            axes.axhline(GRAM_METRE * result.inertia[k], color=PALETTE[1])
+            values = [GRAM_METRE * run.inertia[k] for run in runs]
+            bars = [GRAM_METRE * 1.96 * run.standard_uncertainty[k] for run in runs]
+            axes.errorbar(range(1, len(runs) + 1), values, bars, fmt="o", markersize=2.6, color=PALETTE[0],
+                          elinewidth=0.7, capsize=1.4, label="each run, ±1.96 u")  # fmt: skip
+            axes.set_ylabel(f"{COMPONENTS[k]} [g·m²]")
+            axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+            axes.set_xlim(0.4, len(runs) + 0.6)
+            axes.ticklabel_format(useOffset=False)
+            if k > 2:
+                axes.set_xlabel("run")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
         figure.align_ylabels()
     return figure
 

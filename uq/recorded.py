@@ -81,9 +81,13 @@ def identify_files(
         remove_offsets=experiment.recording.remove_offsets if remove_offsets is None else remove_offsets,
         mass=experiment.mass,
     )
-    sign = () if "wrench" in experiment.document.get("recording", {}) else ("the wrench is that on the body, in the body frame, at Q",)
+    sign = (
+        ()
+        if "wrench" in experiment.document.get("recording", {})
+        else ("the wrench is that on the body, in the body frame, at Q",)
+    )
     return replace(
         result,
         assumptions=(*sign, *result.assumptions),
-        provenance=provenance(experiment=experiment.document, inputs={run.name: run.sha256 for run in runs}),
+        provenance=provenance(**experiment.inputs(), inputs={run.name: run.sha256 for run in runs}),
     )

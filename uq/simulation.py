@@ -4,14 +4,17 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from identify.dynamics import acceleration_at, wrench
 from identify.inertia import Body
 from identify.precision import check_precision
 from identify.run import Run
+from identify.trajectory import Motion
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
 from uq.experiment import Experiment
@@ -72,21 +75,27 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     """
     name, spec = experiment.select(trajectory)
     warnings = check_precision("float64")
-    body = Body(*(jnp.asarray(value) for value in experiment.body))
+    body = experiment.body
     motion = true_motion(experiment, spec)
-    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(body, motion.omega, motion.alpha, motion.specific_force_cg)
-    to_q = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-body.r_cg_from_q, motion.omega, motion.alpha)
+    force, moment, at_q = _true_signals(body, motion)
     noise = {target: _noise(experiment.sources, target, seed, trial, len(motion.t)) for target in ("F", "M", "omega")}
     run = Run(
         np.asarray(motion.t),
-        np.asarray(true.force) + noise["F"],
-        np.asarray(true.moment) + noise["M"],
+        np.asarray(force) + noise["F"],
+        np.asarray(moment) + noise["M"],
         np.asarray(motion.omega.T) + noise["omega"],
         name=f"simulated {name}",
         warnings=tuple(warnings),
     )
-    specific_force = np.asarray(motion.specific_force_cg.T + to_q)
-    return SimulatedRun(run, specific_force, np.asarray(motion.rotation), name, seed, trial)
+    return SimulatedRun(run, np.asarray(at_q), np.asarray(motion.rotation), name, seed, trial)
+
+
+@jax.jit
+def _true_signals(body: Body, motion: Motion) -> tuple[Array, Array, Array]:
+    """Force and moment at Q, and specific force at Q, each (n, 3)."""
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(body, motion.omega, motion.alpha, motion.specific_force_cg)
+    to_q = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-body.r_cg_from_q, motion.omega, motion.alpha)
+    return true.force, true.moment, motion.specific_force_cg.T + to_q
 
 
 def _noise(sources: tuple[Source, ...], target: str, seed: int, trial: int, n: int) -> np.ndarray:
@@ -97,7 +106,11 @@ def _noise(sources: tuple[Source, ...], target: str, seed: int, trial: int, n: i
         if source.target == target and source.kind == "bias":
             total += np.asarray(draw_bias(source, key, index, jnp.dtype(float)))
         elif source.target == target:
-            blocks = jnp.arange(-(-n // BLOCK))
-            drawn = jax.lax.map(lambda block, s=source: draw_block(s, key, index, block, jnp.dtype(float)), blocks)
+            drawn = _all_blocks(source, key, index, -(-n // BLOCK))
             total += np.concatenate(np.asarray(drawn), axis=1).T[:n]
     return total
+
+
+@eqx.filter_jit
+def _all_blocks(source: Source, key: Array, index: Array, count: int) -> Array:
+    return jax.lax.map(lambda block: draw_block(source, key, index, block, jnp.dtype(float)), jnp.arange(count))

@@ -116,11 +116,12 @@ def prepare(
     sums = Sums(phi @ phi.T, phi @ both[:3].T, phi @ both[3:].T)
     count = -(-n // BLOCK)
     signals = Signals(
-        jnp.arange(count), _blocks(phi.astype(dtype)), _blocks(both.astype(dtype)), _blocks(valid[None].astype(dtype))[:, 0]
+        jnp.arange(count),
+        _blocks(phi.astype(dtype)),
+        _blocks(both.astype(dtype)),
+        _blocks(valid[None].astype(dtype))[:, 0],
     )
-    return Setup(
-        body, signals, sums, tuple(sources), tuple(estimators), cases_of(sources), np.dtype(dtype), sampling
-    )
+    return Setup(body, signals, sums, tuple(sources), tuple(estimators), cases_of(sources), np.dtype(dtype), sampling)
 
 
 def _halo(estimators: Sequence[Estimator]) -> int:
@@ -176,7 +177,7 @@ def _plan(setup: Setup) -> _Plan:
 
 
 class _Drawn(NamedTuple):
-    """Sums over one trial. A change is what a variant's gyro noise adds to a feature; changes stand variant by variant."""
+    """Sums over one trial. A change is what a variant's gyro noise adds to a feature; variant by variant."""
 
     with_true: Float[Array, "changes features"]
     """Of the changes with the true features."""
@@ -203,10 +204,10 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, index) -> _Drawn:
 
     def block_sums(before, now, after, signals):
         wide = [jnp.concatenate([a, b, c[:, :halo]], axis=1) for a, b, c in zip(before, now, after, strict=True)]
-        cell = [] if setup.sampling == "conditioned" else [
-            draw_block(source, key, index, signals.block, setup.dtype) for source in plan.cell
-        ]  # fmt: skip
-        return _block_sums(setup.estimators, plan, signals, wide, jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *cell]))
+        drawn = plan.cell if setup.sampling == "samples" else ()
+        cell = [draw_block(source, key, index, signals.block, setup.dtype) for source in drawn]
+        noise = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *cell])
+        return _block_sums(setup.estimators, plan, signals, wide, noise)
 
     head, last = jax.tree.map(lambda x: x[:-1], setup.signals), jax.tree.map(lambda x: x[-1], setup.signals)
     edge = [jnp.zeros((3, halo), setup.dtype) for _ in plan.gyro]
@@ -218,11 +219,11 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, index) -> _Drawn:
 def _block_sums(estimators, plan: _Plan, signals: Signals, wide, cell) -> _Drawn:
     """Sums of one block: ``wide`` holds each gyro source's noise with a halo on either side, ``cell`` the wrench's."""
     true = signals.features
-    halo = _halo(estimators)
+    halo, taps = _halo(estimators), [e.taps.astype(true.dtype) for e in estimators]
     changes = [jnp.zeros((0, BLOCK), true.dtype)]
     for variant in plan.variants:
         noise = sum(w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant)
-        changes.append(_changes(true[1:4], noise, halo, [e.taps.astype(true.dtype) for e in estimators]) * signals.valid[None])
+        changes.append(_changes(true[1:4], noise, halo, taps) * signals.valid[None])
     change = jnp.concatenate(changes)
     everything = change @ jnp.concatenate([true, change, signals.wrench, cell]).T
     with_true, with_changes, with_wrench, with_cell = jnp.split(
@@ -234,12 +235,12 @@ def _block_sums(estimators, plan: _Plan, signals: Signals, wide, cell) -> _Drawn
 def _changes(omega, noise, halo: int, taps) -> Array:
     """What noise in omega (3, halo + block + halo) adds to each feature but 1."""
     inner = noise[:, halo : halo + BLOCK]
-    (w1, w2, w3), (e1, e2, e3) = 2 * omega + inner, inner
-    v1, v2 = omega[0], omega[1]
-    squares = [w1 * e1, w2 * e2, w3 * e3]
-    crossed = [v1 * e2 + e1 * (w2 - v2), v1 * e3 + e1 * (omega[2] + e3), v2 * e3 + e2 * (omega[2] + e3)]
+    (w1, w2, _), (e1, e2, e3) = omega, inner
+    _, noisy2, noisy3 = omega + inner
+    squares = (2 * omega + inner) * inner
+    crossed = jnp.stack([w1 * e2 + e1 * noisy2, w1 * e3 + e1 * noisy3, w2 * e3 + e2 * noisy3])
     alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
-    return jnp.concatenate([inner, jnp.stack(squares + crossed), *alphas])
+    return jnp.concatenate([inner, squares, crossed, *alphas])
 
 
 def _add(sums, more):
@@ -260,25 +261,26 @@ def _conditioned(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> Float[
 def _problems(setup: Setup, plan: _Plan, biases, drawn: _Drawn, cell) -> tuple[Sums, Array]:
     """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
     of_cases, size, width = setup.cases, len(setup.sums.gram), len(plan.cell)
-    variants = _variant_sums(setup.sums, plan, drawn, cell)
     gyro = frozenset(source.name for source in plan.gyro)
-    gram, both, noise = (part[np.array([[frozenset(), *plan.variants].index(c.sources & gyro) for c in of_cases])] for part in variants)
-    on = np.array([[(s.name in c.sources) * np.array([s.target == t for t in "FM"]) for s in plan.cell] for c in of_cases])
-    on = on.reshape(len(of_cases), width, 2).astype(float)
-    added = jnp.einsum("cskj,ckt->cstj", noise.reshape(len(of_cases), size, width, 3), on).reshape(both.shape)
-    both = both + added
+    variant = np.array([[frozenset(), *plan.variants].index(case.sources & gyro) for case in of_cases])
+    gram, both, noise = (part[variant] for part in _variant_sums(setup.sums, plan, drawn, cell))
+    on = [[[float(s.name in c.sources and s.target == t) for t in "FM"] for s in plan.cell] for c in of_cases]
+    noise = noise.reshape(len(of_cases), size, width, 3)
+    added = jnp.einsum("cskj,ckt->cstj", noise, np.reshape(on, (len(of_cases), width, 2)))
+    both = both + added.reshape(both.shape)
 
     def offset(target):
         names = [s.name for s in setup.sources if s.kind == "bias" and s.target == target]
-        mask = np.array([[float(name in c.sources) for name in names] for c in of_cases]).reshape(len(of_cases), len(names))
+        mask = np.array([[float(name in c.sources) for name in names] for c in of_cases]).reshape(
+            len(of_cases), len(names)
+        )
         return mask @ jnp.stack([biases[name] for name in names]) if names else jnp.zeros((len(of_cases), 3))
 
-    shift = jax.vmap(with_offsets)
-    positions = range(len(setup.estimators))
     shifted = []
-    for own in (np.r_[0:SHARED, SHARED + 3 * k : SHARED + 3 * k + 3] for k in positions):
+    for k in range(len(setup.estimators)):
+        own = np.r_[0:SHARED, SHARED + 3 * k : SHARED + 3 * k + 3]
         sums = Sums(gram[:, own][:, :, own], both[:, own, :3], both[:, own, 3:])
-        shifted.append(shift(sums, offset("omega"), offset("F"), offset("M")))
+        shifted.append(jax.vmap(with_offsets)(sums, offset("omega"), offset("F"), offset("M")))
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *shifted), setup.body.r_cg_from_q[None] + offset("r_cg")
 
 

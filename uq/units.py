@@ -10,7 +10,6 @@ from functools import cache
 
 import pint
 
-
 UNIT = re.compile(r"[A-Za-zµΩ°%_][\w*/^.µΩ° ()-]*")
 """What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
 
@@ -21,7 +20,7 @@ class UnitError(ValueError):
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    registry = pint.UnitRegistry(on_redefinition="ignore", cache_folder=None)
+    registry: pint.UnitRegistry = pint.UnitRegistry(on_redefinition="ignore", cache_folder=None)
     registry.define("radian = [angle] = rad")
     registry.define("revolutions_per_minute = 2 * π * radian / minute = rpm")
     return registry
@@ -38,14 +37,14 @@ def quantity(text: object, unit: str) -> float:
         UnitError: ``text`` is a bare number, not a number with a unit, not finite, or of another dimension.
     """
     if not isinstance(text, str):
-        raise UnitError(f"is {text!r}: write a value with its unit, such as \"1 {unit}\"")
+        raise UnitError(f'is {text!r}: write a value with its unit, such as "1 {unit}"')
     number, _, name = text.strip().partition(" ")
     try:
         value = float(number) * _factor(name.strip(), unit)
     except pint.DimensionalityError:
         raise UnitError(f"is {text!r}: write a unit of the same dimension as {unit}") from None
     except (pint.PintError, tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError):
-        raise UnitError(f"is {text!r}: write a number, a space and a unit, such as \"1 {unit}\"") from None
+        raise UnitError(f'is {text!r}: write a number, a space and a unit, such as "1 {unit}"') from None
     if not math.isfinite(value):
         raise UnitError(f"is {text!r}: write a finite number and a unit")
     return value

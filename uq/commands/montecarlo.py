@@ -16,7 +16,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
     parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
-    parser.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)")
+    parser.add_argument(
+        "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 

@@ -12,7 +12,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
-    parser.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)")
+    parser.add_argument(
+        "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 

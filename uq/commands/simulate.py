@@ -12,7 +12,9 @@ __all__ = ["ERRORS", "configure", "run"]
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
-    parser.add_argument("-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist")
+    parser.add_argument(
+        "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"
+    )
     parser.add_argument("--trajectory", metavar="NAME", help="the trajectory (the first)")
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     parser.add_argument("--trial", type=whole_number, default=0, help="number of the Monte Carlo's trial (0)")
