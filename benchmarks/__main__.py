@@ -18,8 +18,8 @@ import numpy as np  # noqa: E402
 
 from benchmarks.reference import GROUPS, campaign  # noqa: E402
 from identify.tables import text_table  # noqa: E402
+from uq.campaign import montecarlo  # noqa: E402
 from uq.experiment import Experiment  # noqa: E402
-from uq.montecarlo import montecarlo  # noqa: E402
 from uq.simulation import simulate  # noqa: E402
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")

@@ -123,7 +123,7 @@ class Identification:
         rows = []
         for name, value, bias, uncertainty, (low, high) in columns:
             digits = _decimals(1e3 * uncertainty)
-            figures = [f"{1e3 * x:.{digits}f}" for x in (value, bias, uncertainty, low, high)]
+            figures = [_fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
         return head, rows
 
@@ -264,6 +264,11 @@ def _decimals(uncertainty: float) -> int:
     if not np.isfinite(uncertainty) or uncertainty <= 0:
         return 6
     return max(0, 1 - int(np.floor(np.log10(uncertainty))))
+
+
+def _fixed(value: float, digits: int) -> str:
+    """A figure with these decimals and a minus sign, but never a minus before nought."""
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _named(runs: Sequence[Run]) -> str:

@@ -5,9 +5,9 @@ import tomllib
 from functools import cache
 from importlib import resources
 
+from uq.barreto2016 import PaperResult
+from uq.campaign import montecarlo
 from uq.experiment import Experiment
-from uq.montecarlo import montecarlo
-from uq.paper import PaperResult
 
 
 def document():

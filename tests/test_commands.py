@@ -222,5 +222,5 @@ def test_packages_start_without_jax():
     """`inertia --help` and the rig never wait for JAX; the engine changes no global setting by being imported."""
     code = "import sys, uq, uq.cli, rig, rig.bag; assert 'jax' not in sys.modules, 'jax'"
     subprocess.run([sys.executable, "-c", code], check=True)
-    code = "import identify, uq.montecarlo, jax; assert not jax.config.jax_enable_x64"
+    code = "import identify, uq.campaign, jax; assert not jax.config.jax_enable_x64"
     subprocess.run([sys.executable, "-c", code], check=True)

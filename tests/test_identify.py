@@ -10,7 +10,7 @@ from identify.estimator import EstimatorSpec
 from identify.identification import identify
 from identify.precision import PrecisionWarning
 from identify.run import Run, RunError
-from uq.montecarlo import montecarlo
+from uq.campaign import montecarlo
 from uq.simulation import simulate
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)

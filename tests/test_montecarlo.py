@@ -12,9 +12,9 @@ from identify.differentiate import gain
 from identify.gram import accumulate, solve
 from identify.identification import identify
 from identify.regressor import omega_r
-from uq import montecarlo as module
+from uq import campaign as module
+from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion
 from uq.experiment import ExperimentError
-from uq.montecarlo import Statistics, montecarlo, prepare_setup, run_trials, true_motion
 from uq.simulation import simulate
 from uq.sources import draw_bias, draw_block
 from uq.trial import trial

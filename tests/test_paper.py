@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uq.paper import PRINTED, PRINTED_EFFECTS, PRINTED_SHARES, TRAJECTORIES, paper
+from uq.barreto2016 import PRINTED, PRINTED_EFFECTS, PRINTED_SHARES, TRAJECTORIES, paper
 
 ROWS = ("3σ moments", "% of nominal", "3σ products")
 

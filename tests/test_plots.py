@@ -12,9 +12,9 @@ from small_campaign import campaign
 from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from uq import plots
 from uq.averages import average
+from uq.barreto2016 import PRINTED
+from uq.campaign import Breakdown, MonteCarloResult, Statistics
 from uq.experiment import Experiment
-from uq.montecarlo import MonteCarloResult, Statistics
-from uq.paper import PRINTED
 
 
 def heights(axes):
@@ -96,7 +96,7 @@ def test_standard_errors_of_averages_hold():
 
 def synthetic(rng, mixing):
     errors = (rng.normal(size=(200, 6)) @ mixing + 5)[:, None, None, :]
-    return MonteCarloResult(200, 0, np.ones(6), {"T": {"e": None}}, (), {}, {"T": errors})
+    return MonteCarloResult(200, 0, np.ones(6), {"T": {"e": Breakdown({}, {}, 0)}}, (), {}, {"T": errors})
 
 
 def test_motions_are_drawn_as_they_are():

@@ -17,8 +17,8 @@ from small_campaign import campaign, document, paper_result
 import uq.report
 from identify.inertia import COMPONENTS
 from identify.tables import with_error
+from uq.campaign import montecarlo
 from uq.experiment import Experiment
-from uq.montecarlo import montecarlo
 from uq.page_parts import inferred
 from uq.report import report, write
 

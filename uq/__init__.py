@@ -2,3 +2,31 @@
 
 Public names are imported on first use, so that ``inertia record`` starts without waiting for JAX.
 """
+
+from importlib import import_module
+from typing import Any
+
+_WHERE = {
+    "Experiment": "experiment",
+    "ExperimentError": "experiment",
+    "MonteCarloResult": "campaign",
+    "PaperResult": "barreto2016",
+    "SimulatedRun": "simulation",
+    "Source": "sources",
+    "identify_files": "recorded",
+    "load_run": "recorded",
+    "montecarlo": "campaign",
+    "paper": "barreto2016",
+    "simulate": "simulation",
+}
+__all__ = list(_WHERE)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'uq' has no attribute '{name}'")
+    return getattr(import_module(f"uq.{_WHERE[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_WHERE])

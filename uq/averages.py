@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uq.montecarlo import MonteCarloResult
+from uq.campaign import MonteCarloResult
 
 
 class Average(NamedTuple):

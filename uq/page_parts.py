@@ -15,9 +15,9 @@ from identify.identification import Identification
 from identify.inertia import COMPONENTS
 from identify.tables import is_figure, with_error
 from uq import plots
+from uq.barreto2016 import PRINTED, PaperResult
+from uq.campaign import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
 from uq.experiment import PRESETS, Experiment
-from uq.montecarlo import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
-from uq.paper import PRINTED, PaperResult
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from typing import Any
 
 from identify.identification import Identification
 from uq import plots
-from uq.montecarlo import MonteCarloResult
+from uq.barreto2016 import PaperResult
+from uq.campaign import MonteCarloResult
 from uq.page_parts import (
     Drawing,
     Table,
@@ -24,7 +25,6 @@ from uq.page_parts import (
     source_tables,
     summary,
 )
-from uq.paper import PaperResult
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-u
 from identify.identification import Identification
 from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from uq.averages import average
+from uq.campaign import GRAM_METRE, MonteCarloResult, Statistics
 from uq.experiment import TrajectorySpec, samples
-from uq.montecarlo import GRAM_METRE, MonteCarloResult, Statistics
 
 COLUMN, PAGE = 3.5, 7.2
 """Width of a column and of a page [in]."""

@@ -68,11 +68,17 @@ def _html(content: Page, svg: Mapping[str, bytes]) -> str:
         loader=PackageLoader("uq"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     images = {name: f"data:image/svg+xml;base64,{b64encode(data).decode()}" for name, data in svg.items()}
-    record = {name: value for name, value in content.provenance.items() if name not in ("experiment", "resolved")}
+    record = {k: _words(v) for k, v in content.provenance.items() if k not in ("experiment", "resolved")}
     experiment = _json(content.provenance.get("experiment") or content.provenance.get("resolved") or {})
     return environment.get_template("report.html").render(
         page=content, images=images, provenance=record, experiment=experiment
     )
+
+
+def _words(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name}: {item}" for name, item in value.items())
+    return "–" if value is None else str(value)
 
 
 def _render(figure: Figure, kind: str) -> bytes:

@@ -17,8 +17,8 @@ from identify.run import Run
 from identify.trajectory import Motion
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
+from uq.campaign import true_motion
 from uq.experiment import Experiment
-from uq.montecarlo import true_motion
 from uq.sources import BLOCK, Source, draw_bias, draw_block
 
 NANOSECONDS = 1_000_000_000

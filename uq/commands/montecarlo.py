@@ -2,9 +2,9 @@
 
 import argparse
 
+from uq.campaign import montecarlo
 from uq.commands._common import ERRORS, ProgressBar, output_folder, start_jax, whole_number
 from uq.experiment import Experiment
-from uq.montecarlo import montecarlo
 
 __all__ = ["ERRORS", "configure", "run"]
 

@@ -2,8 +2,8 @@
 
 import argparse
 
+from uq.barreto2016 import paper
 from uq.commands._common import ERRORS, ProgressBar, output_folder, start_jax, whole_number
-from uq.paper import paper
 
 __all__ = ["ERRORS", "configure", "run"]
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from identify.inertia import MOMENTS, PRODUCTS
 from identify.tables import html_table, text_table
+from uq.campaign import GRAM_METRE, MonteCarloResult, Progress, Statistics, montecarlo
 from uq.experiment import Experiment
-from uq.montecarlo import GRAM_METRE, MonteCarloResult, Progress, Statistics, montecarlo
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 

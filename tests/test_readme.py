@@ -1,0 +1,27 @@
+"""The README's Python runs as it stands, and its commands exist."""
+
+import re
+from pathlib import Path
+
+from uq.cli import COMMANDS
+
+README = Path(__file__).parent.parent / "README.md"
+
+
+def test_the_example_runs_and_finds_its_tensor():
+    (code,) = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), flags=re.S)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+    names = {}
+    exec(code, names)
+    result = names["result"]
+    assert abs(result.inertia[0] - 0.381) < 4 * result.standard_uncertainty[0]
+    assert result.standard_uncertainty[0] < 0.01
+
+
+def test_its_commands_exist():
+    text = README.read_text("utf-8")
+    used = set(re.findall(r"^inertia (\w+)", text, flags=re.M))
+    assert used
+    assert used <= set(COMMANDS)
+    for target in set(re.findall(r"make (\w+)", text)):
+        assert re.search(rf"^{target}:", (README.parent / "Makefile").read_text(), flags=re.M), target
