@@ -6,11 +6,11 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -19,16 +19,10 @@ import numpy as np
 from identify.estimator import EstimatorSpec
 from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
+from uq.document import ExperimentError, Table
 from uq.sources import TARGET_UNITS, Source
-from uq.units import UnitError, quantity
-
-T = TypeVar("T")
 
 PRESETS = ("barreto2016",)
-
-
-class ExperimentError(ValueError):
-    """A mistake in an experiment file, in one line: what, where, what to do."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +102,11 @@ class Experiment:
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> "Experiment":
         """Build an experiment from the content of a file; see :meth:`load`."""
-        top = _Table("", document)
+        top = Table("", document)
         r_cg_from_q, mass, inertia = top.table("body", _body)
         gravity, r_cg_from_omb = top.table("platform", _platform, {})
         trajectories = {
-            name: _trajectory(_Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
+            name: _trajectory(Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
         }
         estimators = top.tables("estimator", _estimator)
         sources = top.tables("source", _source)
@@ -189,86 +183,7 @@ class Experiment:
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
 
 
-_REQUIRED: Any = object()
-
-
-class _Table:
-    """A TOML table that knows where it stands and which of its keys have been used."""
-
-    def __init__(self, where: str, content: object):
-        if not isinstance(content, Mapping):
-            raise ExperimentError(f"{where} is {content!r}: write a table")
-        self.where, self.content, self.used = where, content, set[str]()
-
-    def path(self, key: str) -> str:
-        return f"{self.where}.{key}" if self.where else key
-
-    def raw(self, key: str, default: Any = _REQUIRED) -> Any:
-        self.used.add(key)
-        if key not in self.content and default is _REQUIRED:
-            raise ExperimentError(f"missing key {self.path(key)}: add it")
-        return self.content.get(key, default)
-
-    def quantity(self, key: str, unit: str, default: Any = _REQUIRED, *, positive: bool = False) -> Any:
-        raw = self.raw(key, default)
-        if raw is default and key not in self.content:
-            return default
-        value = _quantity(self.path(key), raw, unit)
-        if positive and value <= 0:
-            raise ExperimentError(f"{self.path(key)} is {raw!r}: write a value above zero")
-        return value
-
-    def vector(self, key: str, unit: str, default: Any = _REQUIRED) -> np.ndarray:
-        raw = self.raw(key, default)
-        if not isinstance(raw, list) or len(raw) != 3:
-            raise ExperimentError(f"{self.path(key)} is {raw!r}: write three values with their units, one an axis")
-        return np.array([_quantity(f"{self.path(key)}[{i}]", item, unit) for i, item in enumerate(raw)])
-
-    def choice(self, key: str, choices: tuple[str, ...], default: Any = _REQUIRED) -> Any:
-        value = self.raw(key, default)
-        if value not in choices:
-            raise ExperimentError(f"{self.path(key)} is {value!r}: choose one of {', '.join(choices)}")
-        return value
-
-    def typed(self, key: str, kind: type, default: Any = _REQUIRED) -> Any:
-        value = self.raw(key, default)
-        if key in self.content and (not isinstance(value, kind) or (kind is not bool and isinstance(value, bool))):
-            name = {str: "a string", int: "a whole number", bool: "true or false"}[kind]
-            raise ExperimentError(f"{self.path(key)} is {value!r}: write {name}")
-        return value
-
-    def mapping(self, key: str) -> Mapping[str, Any]:
-        return _Table(self.path(key), self.raw(key, {})).content
-
-    def table(self, key: str, build: "Callable[[_Table], T]", default: Any = _REQUIRED) -> T:
-        return build(_Table(self.path(key), self.raw(key, default)))
-
-    def tables(self, key: str, build: "Callable[[_Table], T]") -> tuple[T, ...]:
-        items = self.raw(key, [])
-        if not isinstance(items, list):
-            raise ExperimentError(f"{self.path(key)} is a table: write [[{key}]], one for each")
-        return tuple(build(_Table(f"{key}[{_label(i, item)}]", item)) for i, item in enumerate(items))
-
-    def finish(self) -> None:
-        unknown = sorted(set(self.content) - self.used)
-        if unknown:
-            known = ", ".join(sorted(self.used))
-            raise ExperimentError(f"unknown key {self.path(unknown[0])}: the keys here are {known}")
-
-
-def _label(index: int, item: object) -> str:
-    name = item.get("name") if isinstance(item, Mapping) else None
-    return name if isinstance(name, str) else str(index)
-
-
-def _quantity(where: str, raw: object, unit: str) -> float:
-    try:
-        return quantity(raw, unit)
-    except UnitError as error:
-        raise ExperimentError(f"{where} {error}") from None
-
-
-def _body(table: _Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
+def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     r_cg = table.vector("r_cg_from_q", "m")
     mass = table.quantity("mass", "kg", None, positive=True)
     inertia = table.table("inertia", _inertia) if "inertia" in table.content else None
@@ -276,7 +191,7 @@ def _body(table: _Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     return r_cg, mass, inertia
 
 
-def _inertia(table: _Table) -> np.ndarray:
+def _inertia(table: Table) -> np.ndarray:
     i11, i22, i33 = (table.quantity(name, "kg*m^2", positive=True) for name in ("I11", "I22", "I33"))
     i12, i13, i23 = (table.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23"))
     table.finish()
@@ -289,14 +204,14 @@ def _inertia(table: _Table) -> np.ndarray:
     return np.array([i11, i12, i13, i22, i23, i33])
 
 
-def _platform(table: _Table) -> tuple[float, np.ndarray]:
+def _platform(table: Table) -> tuple[float, np.ndarray]:
     gravity = table.quantity("gravity", "m/s^2", 9.80665, positive=True)
     r_cg_from_omb = table.vector("r_cg_from_omb", "m", ["0 m", "0 m", "0 m"])
     table.finish()
     return gravity, r_cg_from_omb
 
 
-def _trajectory(table: _Table) -> TrajectorySpec:
+def _trajectory(table: Table) -> TrajectorySpec:
     kind = table.choice("kind", ("sphere", "harmonic"))
     still = table.choice("still", ("cg", "omb"), "cg")
     duration = table.quantity("duration", "s", positive=True)
@@ -326,7 +241,7 @@ def _trajectory(table: _Table) -> TrajectorySpec:
     return TrajectorySpec(trajectory, duration, rate, still)
 
 
-def _estimator(table: _Table) -> EstimatorSpec:
+def _estimator(table: Table) -> EstimatorSpec:
     name = table.typed("name", str)
     table.choice("method", ("ols",), "ols")
     differentiator = table.choice("differentiator", ("central", "savitzky-golay"))
@@ -341,7 +256,7 @@ def _estimator(table: _Table) -> EstimatorSpec:
     return EstimatorSpec(name, differentiator, band, window, lowpass)
 
 
-def _source(table: _Table) -> Source:
+def _source(table: Table) -> Source:
     name = table.typed("name", str)
     target = table.choice("target", tuple(TARGET_UNITS))
     kind = table.choice("kind", ("precision", "bias"))
@@ -358,7 +273,7 @@ def _source(table: _Table) -> Source:
     return Source(name, target, kind, group, sigma, reference)
 
 
-def _recording(table: _Table) -> Recording:
+def _recording(table: Table) -> Recording:
     recording = Recording(
         table.typed("wrench_topic", str, None),
         table.typed("imu_topic", str, None),

@@ -1,0 +1,103 @@
+"""A TOML table that knows where it stands: typed values out, or one line that names the key."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from uq.units import UnitError, quantity
+
+T = TypeVar("T")
+
+
+class ExperimentError(ValueError):
+    """A mistake in an experiment file, in one line: what, where, what to do."""
+
+
+REQUIRED: Any = object()
+
+
+class Table:
+    """A TOML table that knows where it stands and which of its keys have been used."""
+
+    def __init__(self, where: str, content: object):
+        if not isinstance(content, Mapping):
+            raise ExperimentError(f"{where} is {content!r}: write a table")
+        self.where, self.content, self.used = where, content, set[str]()
+
+    def path(self, key: str) -> str:
+        """Return a key with the tables above it."""
+        return f"{self.where}.{key}" if self.where else key
+
+    def raw(self, key: str, default: Any = REQUIRED) -> Any:
+        """Return a value as it stands in the file."""
+        self.used.add(key)
+        if key not in self.content and default is REQUIRED:
+            raise ExperimentError(f"missing key {self.path(key)}: add it")
+        return self.content.get(key, default)
+
+    def quantity(self, key: str, unit: str, default: Any = REQUIRED, *, positive: bool = False) -> Any:
+        """Return a value in ``unit``."""
+        raw = self.raw(key, default)
+        if raw is default and key not in self.content:
+            return default
+        value = _quantity(self.path(key), raw, unit)
+        if positive and value <= 0:
+            raise ExperimentError(f"{self.path(key)} is {raw!r}: write a value above zero")
+        return value
+
+    def vector(self, key: str, unit: str, default: Any = REQUIRED) -> np.ndarray:
+        """Return three values in ``unit``, shape (3,)."""
+        raw = self.raw(key, default)
+        if not isinstance(raw, list) or len(raw) != 3:
+            raise ExperimentError(f"{self.path(key)} is {raw!r}: write three values with their units, one an axis")
+        return np.array([_quantity(f"{self.path(key)}[{i}]", item, unit) for i, item in enumerate(raw)])
+
+    def choice(self, key: str, choices: tuple[str, ...], default: Any = REQUIRED) -> Any:
+        """Return one of these words."""
+        value = self.raw(key, default)
+        if value not in choices:
+            raise ExperimentError(f"{self.path(key)} is {value!r}: choose one of {', '.join(choices)}")
+        return value
+
+    def typed(self, key: str, kind: type, default: Any = REQUIRED) -> Any:
+        """Return a string, a whole number or a truth value."""
+        value = self.raw(key, default)
+        if key in self.content and (not isinstance(value, kind) or (kind is not bool and isinstance(value, bool))):
+            name = {str: "a string", int: "a whole number", bool: "true or false"}[kind]
+            raise ExperimentError(f"{self.path(key)} is {value!r}: write {name}")
+        return value
+
+    def mapping(self, key: str) -> Mapping[str, Any]:
+        """Return a table's content, empty when it is missing."""
+        return Table(self.path(key), self.raw(key, {})).content
+
+    def table(self, key: str, build: "Callable[[Table], T]", default: Any = REQUIRED) -> T:
+        """Build a value from a table."""
+        return build(Table(self.path(key), self.raw(key, default)))
+
+    def tables(self, key: str, build: "Callable[[Table], T]") -> tuple[T, ...]:
+        """Build a value from each table of an array."""
+        items = self.raw(key, [])
+        if not isinstance(items, list):
+            raise ExperimentError(f"{self.path(key)} is a table: write [[{key}]], one for each")
+        return tuple(build(Table(f"{key}[{_label(i, item)}]", item)) for i, item in enumerate(items))
+
+    def finish(self) -> None:
+        """Refuse the keys that nobody asked for."""
+        unknown = sorted(set(self.content) - self.used)
+        if unknown:
+            known = ", ".join(sorted(self.used))
+            raise ExperimentError(f"unknown key {self.path(unknown[0])}: the keys here are {known}")
+
+
+def _label(index: int, item: object) -> str:
+    name = item.get("name") if isinstance(item, Mapping) else None
+    return name if isinstance(name, str) else str(index)
+
+
+def _quantity(where: str, raw: object, unit: str) -> float:
+    try:
+        return quantity(raw, unit)
+    except UnitError as error:
+        raise ExperimentError(f"{where} {error}") from None
