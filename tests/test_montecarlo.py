@@ -176,6 +176,27 @@ def test_draws_are_bit_identical_in_any_batch(short):
     assert not (one == many[4]).any()
 
 
+def test_no_two_draws_are_alike(short):
+    """Seed, source, trial and block each make other numbers; so do an experiment's bias and its samples."""
+    one, other = short.sources[0], short.sources[2]
+    dtype = jnp.dtype(float)
+    draws = [
+        draw_block(source, jax.random.key(seed), trial, block, dtype) / source.sigma[:, None]
+        for seed, source, trial, block in [
+            (0, one, 0, 0),
+            (1, one, 0, 0),
+            (0, other, 0, 0),
+            (0, one, 1, 0),
+            (0, one, 0, 1),
+        ]
+    ]
+    for k, first in enumerate(draws):
+        for second in draws[k + 1 :]:
+            correlation = np.corrcoef(np.ravel(first), np.ravel(second))[0, 1]
+            assert abs(correlation) < 5 / np.sqrt(12_000)  # ten pairs: 6e-6 false alarms
+    np.testing.assert_allclose(np.std(draws), 1, atol=5 / np.sqrt(2 * 60_000))
+
+
 def test_an_added_source_changes_no_draw(short):
     setup, both = estimates(short, 3)
     fewer_setup, fewer = estimates(only(short, "M_bias", "omega_precision"), 3)
