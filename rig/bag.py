@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator
 from operator import itemgetter
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Literal, Protocol, cast
 
 import numpy as np
 from mcap.records import Channel
@@ -58,6 +58,19 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
         wrench=contents.wrench(wrench_topic),
         imu=contents.imu(imu_topic),
     )
+
+
+class Output(Protocol):
+    """What a run is written to."""
+
+    def write(self, data: bytes, /) -> int:
+        """Take all of ``data``."""
+
+    def tell(self) -> int:
+        """Bytes taken so far."""
+
+    def flush(self) -> None:
+        """Pass everything on."""
 
 
 class _Pieces:
@@ -245,9 +258,11 @@ def write(
         writer.finish()
 
 
-def start(stream: IO[bytes], *, compression: Compression = "zstd", chunk_size: int = 2**18) -> Writer:
+def start(stream: Output, *, compression: Compression = "zstd", chunk_size: int = 2**18) -> Writer:
     """An MCAP writer of profile ros2 whose data section ends with a checksum."""
-    writer = Writer(stream, compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True)
+    writer = Writer(
+        cast(IO[bytes], stream), compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True
+    )
     writer.start(profile="ros2", library=LIBRARY)
     return writer
 

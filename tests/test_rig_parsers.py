@@ -1,5 +1,7 @@
 """Every parser on split, dirtied and damaged streams: it never raises, finds the frames again, counts every byte."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -39,7 +41,7 @@ def decode(kind, pieces):
 
 def cut(data, cuts):
     edges = sorted({min(c, len(data)) for c in cuts} | {0, len(data)})
-    return [data[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [data[a:b] for a, b in pairwise(edges)]
 
 
 @pytest.mark.parametrize("kind", KINDS)

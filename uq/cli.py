@@ -9,6 +9,7 @@ from typing import NoReturn
 COMMANDS = {
     "paper": "reproduce the source's Table 2 and figures, beside its printed values",
     "montecarlo": "Monte Carlo of any body, platform, sensors and trajectory",
+    "record": "record sensors to an MCAP file",
     "simulate": "write a synthetic recorded run with the experiment's errors",
     "identify": "identify the inertia tensor from recorded runs",
 }

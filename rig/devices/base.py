@@ -62,14 +62,17 @@ WAIT, NO_FRAME = -1, 0
 class Parser(ABC):
     """Finds frames in a stream of bytes, however it is cut into pieces; never raises on any input.
 
-    A subclass gives ``START``, ``frame_length`` and ``samples``.
+    A subclass gives ``START``, ``frame_length`` and ``samples``. Missing samples are counted by the device's counter,
+    or by its clock where ``period`` [ns] is known (0: unknown).
     """
 
     START: ClassVar[bytes] = b""
     MODULUS: ClassVar[int] = 0  # the counter of the device wraps here; 0: it has none
 
-    def __init__(self) -> None:
+    def __init__(self, period: int = 0) -> None:
         self.counts = Counts()
+        self._period = period
+        self._time: int | None = None
         self._buffer = bytearray()
         self._done = 0
         self._synchronised = False
@@ -88,6 +91,12 @@ class Parser(ABC):
     def pending(self) -> int:
         """The number of bytes that wait for the rest of their frame."""
         return len(self._buffer)
+
+    def begin(self) -> None:
+        """Count anew from here; what was missing before does not count, device clocks go on."""
+        self.counts = Counts(bytes=len(self._buffer))
+        self._done, self._lost = 0, False
+        self._time = self._counter = None
 
     def feed(self, data: bytes) -> list[Sample]:
         """The samples that are complete with these bytes."""
@@ -148,7 +157,14 @@ class Parser(ABC):
             counts.flagged += sample.flagged
             if sample.counter is not None:
                 sample = sample._replace(counter=self._unwrap(sample.counter))
+            elif sample.time is not None and self._period:
+                self._count_missing(sample.time)
             found.append(sample._replace(end=self._done))
+
+    def _count_missing(self, time: int) -> None:
+        if self._time is not None:
+            self.counts.missing += max(0, round((time - self._time) / self._period) - 1)
+        self._time = time
 
     def _unwrap(self, raw: int) -> int:
         """The counter without its wraps; counts what is missing in between."""

@@ -19,7 +19,6 @@ from rig.devices.base import (
     Heard,
     Identity,
     Listen,
-    NoAnswerError,
     Parser,
     Sample,
     Send,
@@ -52,8 +51,8 @@ class BotaParser(Parser):
 
     START = b"\xaa"
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, period: int = 0) -> None:
+        super().__init__(period)
         self._clock = Unwrapper(2**32)
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
@@ -85,7 +84,7 @@ class Bota(Device):
 
     def parser(self) -> BotaParser:
         """A fresh parser."""
-        return BotaParser()
+        return BotaParser(round(self.sinc * SINC_PERIOD * 1e9) if self.options["configure"] else 0)
 
     @property
     def sinc(self) -> int:
@@ -180,6 +179,3 @@ class BotaEmulator(Emulator):
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
         """One frame."""
         return encode(values, microseconds=round(time * 1e6))
-
-
-__all__ = ["Bota", "BotaEmulator", "BotaParser", "NoAnswerError", "crc", "encode"]

@@ -16,7 +16,6 @@ BASE, FORMAT, DATA = 0x01, 0x0C, 0x80
 PING, IDLE, INFO, RESUME = 0x01, 0x02, 0x03, 0x06
 MESSAGE_FORMAT, BASE_RATE, STREAM = 0x0F, 0x0E, 0x11
 ACCELERATION, RATE, TIME, STEP, ACK = 0x04, 0x05, 0xD5, 0xD6, 0xF1
-STEP_MARKS = (ACCELERATION, RATE, TIME)
 
 
 def checksum(data: bytes | bytearray) -> bytes:
@@ -63,14 +62,9 @@ def encode(
 
 
 class MipParser(Parser):
-    """Packets to samples; a sample needs acceleration and rate in one packet. ``period`` [ns] finds missing ones."""
+    """Packets to samples; a sample needs acceleration and rate in one packet."""
 
     START = b"\x75"
-
-    def __init__(self, period: int = 0) -> None:
-        super().__init__()
-        self._period = period
-        self._time: int | None = None
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
         """The length where both sums and the structure of the fields agree."""
@@ -94,13 +88,7 @@ class MipParser(Parser):
         in_g = struct.unpack(">3f", acceleration)
         specific_force = tuple(a * STANDARD_GRAVITY for a in in_g)
         nanoseconds = int.from_bytes(time, "big") if len(time) == 8 else None
-        self._count_missing(nanoseconds)
         return [Sample(struct.unpack(">3f", rate) + specific_force, time=nanoseconds)]
-
-    def _count_missing(self, time: int | None) -> None:
-        if time is not None and self._time is not None and self._period:
-            self.counts.missing += max(0, round((time - self._time) / self._period) - 1)
-        self._time = time
 
 
 def find_field(data: bytes, descriptor_set: int, descriptor: int) -> bytes | None:
@@ -139,7 +127,7 @@ class MicroStrain(Device):
 
     def parser(self) -> MipParser:
         """A fresh parser."""
-        return MipParser(round(1e9 / self.rate))
+        return MipParser(round(1e9 / self.rate) if self.options["configure"] else 0)
 
     def start(self) -> Conversation:
         """Idle, who are you, base rate, message format and read it back, stream on, resume."""

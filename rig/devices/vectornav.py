@@ -67,12 +67,10 @@ class VectorNavParser(Parser):
     START = b"\xfa"
 
     def __init__(self, mask: int = OUTPUT, period: int = 0) -> None:
-        super().__init__()
+        super().__init__(period)
         self._head = b"\xfa" + struct.pack("<BH", 1, mask)
         self._length = 4 + sum(size for bit, size in enumerate(SIZES) if mask >> bit & 1) + 2
         self._at = offsets(mask)
-        self._period = period
-        self._time: int | None = None
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
         """The length where header and CRC agree."""
@@ -88,9 +86,6 @@ class VectorNavParser(Parser):
         rate = struct.unpack_from("<3f", frame, 4 + self._at[RATE])
         acceleration = struct.unpack_from("<3f", frame, 4 + self._at[ACCELERATION])
         time = struct.unpack_from("<Q", frame, 4 + self._at[TIME])[0] if TIME in self._at else None
-        if time is not None and self._time is not None and self._period:
-            self.counts.missing += max(0, round((time - self._time) / self._period) - 1)
-        self._time = time
         return [Sample(rate + acceleration, time=time)]
 
 
@@ -142,7 +137,7 @@ class VectorNav(Device):
 
     def parser(self) -> VectorNavParser:
         """A fresh parser."""
-        return VectorNavParser(self._mask, round(1e9 / self.rate))
+        return VectorNavParser(self._mask, round(1e9 / self.rate) if self.options["configure"] else 0)
 
     def start(self) -> Conversation:
         """No ASCII output, who are you, binary output and what it became."""
