@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator
 from operator import itemgetter
 from pathlib import Path
-from typing import IO, Literal, Protocol, cast
+from typing import IO, Literal, Protocol, cast, runtime_checkable
 
 import numpy as np
 from mcap.records import Channel
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rig import cdr, decode, schemas
 from rig.channels import ImuChannel, Recording, WrenchChannel
-from rig.container import Batch, Definitions, Scanner, batches, damage
+from rig.container import Batch, Definitions, Scanner, batches, damage, seal
 from rig.errors import RigError
 from rig.files import replacing
 
@@ -60,6 +60,7 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
     )
 
 
+@runtime_checkable
 class Output(Protocol):
     """What a run is written to."""
 
@@ -250,7 +251,7 @@ def write(
     with replacing(path, overwrite=overwrite) as stream:
         writer = start(stream, compression=compression)
         for name, record in (metadata or {}).items():
-            writer.add_metadata(name, record)
+            writer.add_metadata(name, seal(name, record))
         ids = [register(writer, TYPES[type(channel)], channel.topic) for channel in channels]
         streams = [_messages(channel, number) for channel, number in zip(channels, ids, strict=True)]
         for log_time, number, data, stamp, sequence in heapq.merge(*streams, key=itemgetter(0)):

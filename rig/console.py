@@ -7,6 +7,7 @@ import termios
 import threading
 import tty
 from collections.abc import Callable
+from io import TextIOBase
 from typing import TextIO
 
 from rig.recorder import Progress
@@ -15,7 +16,7 @@ from rig.recorder import Progress
 class Terminal:
     """Progress and messages on a stream; without a terminal only the messages."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO | TextIOBase) -> None:
         self._stream, self._live = stream, stream.isatty()
         self._last: dict[str, tuple[float, int]] = {}
 
@@ -51,12 +52,12 @@ class Terminal:
 class Keys:
     """Calls ``mark`` with every line of input, or with every key where the input is a terminal."""
 
-    def __init__(self, stream: TextIO | None, mark: Callable[[str], None]) -> None:
+    def __init__(self, stream: object, mark: Callable[[str], None]) -> None:
         self._mark = mark
         self._ended = threading.Event()
         self._handle = -1
         with contextlib.suppress(OSError, ValueError, AttributeError):
-            self._handle = stream.fileno()  # type: ignore[union-attr]
+            self._handle = stream.fileno()  # type: ignore[attr-defined]
         self._old: list | None = None
 
     def __enter__(self) -> "Keys":

@@ -26,25 +26,31 @@ def estimate(
 ) -> Delay | None:
     """Shift of ``b`` (n_b,) against ``a`` (n_a,), sampled at ``time_b`` and ``time_a`` [s], both increasing.
 
-    Both are brought to a common grid of ``step`` [s]; the peak of the normalised cross-correlation within ``longest``
-    [s] is refined by a parabola. None when they overlap too little, stand still or do not resemble each other.
+    Both are brought to a common grid of ``step`` [s]; the peak of the correlation coefficient within ``longest`` [s] is
+    refined by a parabola. Every shift is judged on the same stretch of ``b``, so that the ends do not pull the peak
+    towards zero. None when they overlap too little, stand still or do not resemble each other.
     """
     start, stop = max(time_a[0], time_b[0]), min(time_a[-1], time_b[-1])
     grid = np.arange(start, stop, step)
     reach = round(longest / step)
     if len(grid) < 4 * reach:
         return None
-    x, y = np.interp(grid, time_a, a), np.interp(grid, time_b, b)
-    x, y = x - x.mean(), y - y.mean()
-    size = float(np.sqrt((x @ x) * (y @ y)))
-    if size < 1e-12:
+    x, y = np.interp(grid, time_a, a), np.interp(grid, time_b, b)[reach : len(grid) - reach]
+    correlation = _coefficients(x, y)[::-1]  # from shift -reach to +reach
+    peak = int(np.argmax(correlation))
+    if correlation[peak] < LEAST_CORRELATION or peak in (0, len(correlation) - 1):
         return None
-    length = 2 ** int(np.ceil(np.log2(2 * len(grid))))
-    correlation = np.fft.irfft(np.conj(np.fft.rfft(x, length)) * np.fft.rfft(y, length), length)
-    window = np.concatenate([correlation[-reach:], correlation[: reach + 1]]) / size
-    peak = int(np.argmax(window))
-    if window[peak] < LEAST_CORRELATION or peak in (0, len(window) - 1):
-        return None
-    left, middle, right = window[peak - 1 : peak + 2]
+    left, middle, right = correlation[peak - 1 : peak + 2]
     shift = 0.5 * (left - right) / (left - 2 * middle + right)
     return Delay(float((peak - reach + shift) * step), float(middle))
+
+
+def _coefficients(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correlation coefficient of ``y`` (m,) with every stretch of ``x`` (n,) of its length: (n - m + 1,)."""
+    m = len(y)
+    y = y - y.mean()
+    length = 2 ** int(np.ceil(np.log2(len(x) + m)))
+    products = np.fft.irfft(np.fft.rfft(x, length) * np.conj(np.fft.rfft(y, length)), length)[: len(x) - m + 1]
+    sums, squares = (np.concatenate([[0.0], np.cumsum(v)]) for v in (x, x * x))
+    power = (squares[m:] - squares[:-m]) - (sums[m:] - sums[:-m]) ** 2 / m
+    return products / np.sqrt(np.maximum(power * (y @ y), 1e-24))

@@ -6,7 +6,7 @@ import select
 import socket
 import time
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import serial
 
@@ -21,6 +21,7 @@ class PortLostError(Exception):
     """The port has gone: unplugged, or closed at the other end."""
 
 
+@runtime_checkable
 class Port(Protocol):
     """A stream of bytes with somebody at the other end."""
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rig import bag, cdr, delay, messages, schemas
+from rig.container import seal
 from rig.errors import RigError
 from rig.rigfile import Rig
 from rig.session import Session
@@ -119,7 +120,7 @@ class Recorder:
         self, session: Session, sink: Sink, seconds: float | None, progress: Callable[[Progress], None] | None
     ) -> None:
         self._writer = bag.start(sink, chunk_size=2**20)
-        self._writer.add_metadata("rig.run", self._metadata(session))
+        self._writer.add_metadata("rig.run", seal("rig.run", self._metadata(session)))
         self._register(session)
         session.go()
         start = time.monotonic_ns()
@@ -236,7 +237,7 @@ class Recorder:
             facts |= {f"{name}.{key}": str(value) for key, value in device.items()}
         for name, values in summary.delays.items():
             facts |= {f"{name}.{key}": str(value) for key, value in values.items()}
-        self._writer.add_metadata("rig.end", facts)
+        self._writer.add_metadata("rig.end", seal("rig.end", facts))
         self._writer.finish()
         summary.bytes = sink.tell()
 

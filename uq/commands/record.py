@@ -1,9 +1,11 @@
 """``inertia record``: sensors to an MCAP file."""
 
 import argparse
+import contextlib
 import json
 import signal
 import sys
+from collections.abc import Callable, Iterator
 
 from rig.errors import RigError
 
@@ -35,6 +37,18 @@ def run(arguments: argparse.Namespace) -> int:
     return _record(arguments)
 
 
+@contextlib.contextmanager
+def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and the end of the terminal stop the work cleanly."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    old = {number: signal.signal(number, lambda *_: stop()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
 def _record(arguments: argparse.Namespace) -> int:
     from rig import rigfile
     from rig.console import Keys, Terminal
@@ -44,9 +58,7 @@ def _record(arguments: argparse.Namespace) -> int:
     rig = rigfile.load(arguments.rig)
     terminal = Terminal(sys.stderr)
     recorder = Recorder(rig, run_path(arguments.output), note=arguments.note, say=terminal.say)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: recorder.stop())
-    with Keys(sys.stdin, recorder.mark):
+    with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
         summary = recorder.run(arguments.seconds, progress=terminal.progress)
     terminal.done()
     print(json.dumps(summary.to_dict()))
@@ -57,10 +69,9 @@ def _watch(arguments: argparse.Namespace) -> int:
     from rig import rigfile, watch
 
     stop = watch.Stop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    for line in watch.watch(rigfile.load(arguments.rig), stop, seconds=arguments.seconds):
-        print(line, flush=True)
+    with _on_signal(stop.set):
+        for line in watch.watch(rigfile.load(arguments.rig), stop, seconds=arguments.seconds):
+            print(line, flush=True)
     return 0
 
 
