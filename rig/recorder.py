@@ -21,7 +21,7 @@ from rig.sink import Sink
 from rig.source import Measurement, Source
 
 TICK = 0.01  # seconds between two looks at the queues
-FLUSH = 0.1  # seconds of data that a killed recorder may lose, at most, with TICK
+FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
 STATUS = 1.0  # seconds between two status messages
 KEPT = 60_000  # samples kept for the delay between a command and the IMU
 ENCODERS = {"wrench": cdr.WrenchEncoder, "imu": cdr.ImuEncoder}

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +40,7 @@ def ramp_run(path, seconds=60.0, rate=800.0):
 
 
 class Bench:
-    """Emulated Bota and Xsens under ``folder``; ``tell`` sends them a command, such as ``unplug imu``."""
+    """Emulated Bota and Xsens under ``folder``, playing a ramp from the start; ``tell`` sends them a command, such as ``unplug imu``."""
 
     def __init__(self, folder, *, seconds=60.0, loop=False):
         ramp_run(folder / "ramp.mcap", seconds)
@@ -56,6 +55,8 @@ class Bench:
         )
         self.tell(json.dumps(specs))
         self.ports = json.loads(self.process.stdout.readline())["ports"]
+        self.tell("go")
+        assert "start" in json.loads(self.process.stdout.readline())
         self.rig = Path(folder) / "rig.toml"
         self.rig.write_text(RIG.format(**self.ports))
 
@@ -101,7 +102,3 @@ class Recording:
         out, err = self.process.communicate(timeout=30)
         self.messages += err.decode()
         return self.process.returncode, json.loads(out) if out else None, self.messages
-
-
-def sleep(seconds):
-    time.sleep(seconds)
