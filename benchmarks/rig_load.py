@@ -96,7 +96,12 @@ def main() -> None:
         contents = bag.load(folder / "out.mcap")
         for topic, pieces in contents.topics.items():
             columns = pieces.arrays()
-            print(topic, len(columns["stamp"]), "samples, steps of the counter", set(np.diff(columns["sequence"]).tolist()))
+            print(
+                topic,
+                len(columns["stamp"]),
+                "samples, steps of the counter",
+                set(np.diff(columns["sequence"]).tolist()),
+            )
             print("   stamps out of order:", int((np.diff(columns["stamp"]) <= 0).sum()))
 
 
