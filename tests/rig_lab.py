@@ -40,7 +40,7 @@ def ramp_run(path, seconds=60.0, rate=800.0):
 
 
 class Bench:
-    """Emulated Bota and Xsens under ``folder``, playing a ramp from the start; ``tell`` sends them a command, such as ``unplug imu``."""
+    """Emulated Bota and Xsens, playing a ramp from the start; ``tell`` sends a command, such as ``unplug imu``."""
 
     def __init__(self, folder, *, seconds=60.0, loop=False):
         ramp_run(folder / "ramp.mcap", seconds)
