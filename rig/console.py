@@ -59,6 +59,7 @@ class Keys:
         with contextlib.suppress(OSError, ValueError, AttributeError):
             self._handle = stream.fileno()  # type: ignore[attr-defined]
         self._old: list | None = None
+        self._thread: threading.Thread | None = None
 
     def __enter__(self) -> "Keys":
         if self._handle < 0:
@@ -68,11 +69,14 @@ class Keys:
                 return self  # in the background the terminal is not ours to read
             self._old = termios.tcgetattr(self._handle)
             tty.setcbreak(self._handle)
-        threading.Thread(target=self._listen, name="marks", daemon=True).start()
+        self._thread = threading.Thread(target=self._listen, name="marks", daemon=True)
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
+        if self._thread is not None:
+            self._thread.join(1.0)
         if self._old is not None:
             termios.tcsetattr(self._handle, termios.TCSADRAIN, self._old)
 

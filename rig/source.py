@@ -43,7 +43,7 @@ class Source:
     def begin(self, now: int) -> None:
         """Count anew from here; the fit of the clocks goes on."""
         self.parser.begin()
-        self._last_sample, self._bytes_since, self._number = now, 0, 0
+        self._last_sample, self._bytes_since, self._before = now, 0, 0
 
     def _fresh(self) -> None:
         self.parser = self.entry.device.parser()
@@ -75,6 +75,7 @@ class Source:
     def _reconnect(self, identity: Identity) -> None:
         self.parser.finish()
         self._past, self.identity = self.counts, identity
+        self._before = self._past.samples + self._past.missing
         self.reconnects += 1
         self._fresh()
         self._bytes_since = 0
@@ -82,8 +83,7 @@ class Source:
     def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
         arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
         stamp = arrived if sample.time is None else self.clock.stamp(sample.time, arrived)
-        number = sample.counter if sample.counter is not None else self._number + self.parser.counts.missing
-        self._number += 1
+        number = sample.number if sample.counter is not None else sample.number + self._before
         return Measurement(arrival, stamp, number, sample.values if self._plain else self._turn(sample.values))
 
     def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:

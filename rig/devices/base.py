@@ -20,6 +20,7 @@ class Sample(NamedTuple):
         counter: the device's own counter, unwrapped, or None.
         flagged: the device says that this sample is out of range or invalid.
         end: number of bytes of the stream up to the end of the sample's frame.
+        number: the counter, or without one the number of the sample, missing ones counted.
     """
 
     values: tuple[float, ...]
@@ -27,6 +28,7 @@ class Sample(NamedTuple):
     counter: int | None = None
     flagged: bool = False
     end: int = 0
+    number: int = 0
 
 
 @dataclass
@@ -156,10 +158,12 @@ class Parser(ABC):
             counts.samples += 1
             counts.flagged += sample.flagged
             if sample.counter is not None:
-                sample = sample._replace(counter=self._unwrap(sample.counter))
-            elif sample.time is not None and self._period:
+                number = self._unwrap(sample.counter)
+                found.append(sample._replace(end=self._done, number=number, counter=number))
+                continue
+            if sample.time is not None and self._period:
                 self._count_missing(sample.time)
-            found.append(sample._replace(end=self._done))
+            found.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1))
 
     def _count_missing(self, time: int) -> None:
         if self._time is not None:
