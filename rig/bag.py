@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import IO, Literal, Protocol, cast, runtime_checkable
 
 import numpy as np
-from mcap.records import Channel
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, ChunkIndex
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
@@ -264,8 +265,30 @@ def start(stream: Output, *, compression: Compression = "zstd", chunk_size: int 
     writer = Writer(
         cast(IO[bytes], stream), compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True
     )
+    writer._Writer__chunk_indices = _PackedIndexes()  # type: ignore[attr-defined]
     writer.start(profile="ros2", library=LIBRARY)
     return writer
+
+
+class _PackedIndexes:
+    """The writer's list of chunk indexes as bytes: a tenth of the memory, which grows by twenty chunks a second."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+
+    def append(self, index: ChunkIndex) -> None:
+        """Take one more."""
+        builder = RecordBuilder()
+        index.write(builder)
+        self._data += builder.end()
+
+    def __iter__(self) -> Iterator["_PackedIndexes"]:
+        """All in one, for the writer, which writes each."""
+        yield self
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Write them all."""
+        builder.write(self._data)
 
 
 def register(writer: Writer, type_name: str, topic: str) -> int:

@@ -276,6 +276,25 @@ def test_no_flipped_bit_goes_unnoticed(tmp_path, compression):
             bag.read(path)
 
 
+def test_the_index_of_the_chunks_is_whole_and_small(tmp_path):
+    """The writer keeps it packed: a recording of hours must not fill the memory. Foreign readers seek by it."""
+    with open(tmp_path / "run.mcap", "wb") as stream:
+        writer = bag.start(stream)
+        number = bag.register(writer, schemas.WRENCH, "/wrench")
+        encode = cdr.WrenchEncoder("body")
+        for time in range(500):
+            writer.add_message(number, time, encode(time, *[0.0] * 6), time)
+            writer.flush()
+        kept = writer._Writer__chunk_indices
+        assert isinstance(kept, bag._PackedIndexes)
+        assert len(kept._data) < 500 * 150
+        writer.finish()
+    with open(tmp_path / "run.mcap", "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert len(reader.get_summary().chunk_indexes) == 500
+        assert next(reader.iter_messages(starting_at=100))[2].log_time == 100
+
+
 def test_an_existing_file_is_kept(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")
