@@ -19,13 +19,14 @@ from rig import bag
 from rig.channels import ImuChannel, WrenchChannel
 
 OPEN = """
-import resource, sys, time
+import sys, time
 from rig import bag
 start = time.perf_counter()
 run = bag.read(sys.argv[1])
 took = time.perf_counter() - start
 count = len(run.wrench.stamp) + len(run.imu.stamp)
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+peak = int(status["VmHWM"].split()[0]) / 2**20
 print(f"{count} messages in {took:.1f} s ({count / took / 1e6:.2f} M/s), peak resident memory {peak:.2f} GiB")
 """
 

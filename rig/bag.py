@@ -27,6 +27,7 @@ PathLike = str | os.PathLike[str]
 Compression = Literal["zstd", "lz4", "none"]
 COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
 LIBRARY = "inertia-uq"
+BLOCK = 4096  # rows that are Python numbers at a time while writing
 
 # The doubles of a message that a channel keeps.
 KEPT = {schemas.WRENCH: ("force", "torque"), schemas.IMU: ("angular_velocity", "linear_acceleration")}
@@ -314,8 +315,11 @@ def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
 def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
     encode = (cdr.WrenchEncoder if isinstance(channel, WrenchChannel) else cdr.ImuEncoder)(channel.frame_id)
-    values = np.concatenate(_columns(channel), axis=1).tolist()
-    counter = range(len(values)) if channel.sequence is None else channel.sequence.tolist()
-    columns = channel.log_time.tolist(), channel.stamp.tolist(), counter, values
-    for log_time, stamp, sequence, row in zip(*columns, strict=True):
-        yield log_time, number, encode(stamp, *row), stamp, sequence
+    n = len(channel.log_time)
+    counter = np.arange(n) if channel.sequence is None else channel.sequence
+    for start in range(0, n, BLOCK):
+        block = slice(start, start + BLOCK)
+        values = np.concatenate([column[block] for column in _columns(channel)], axis=1)
+        columns = channel.log_time[block], channel.stamp[block], counter[block], values
+        for log_time, stamp, sequence, row in zip(*(column.tolist() for column in columns), strict=True):
+            yield log_time, number, encode(stamp, *row), stamp, sequence

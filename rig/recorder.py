@@ -92,10 +92,8 @@ class Recorder:
             RigError: a device is not there, the file exists, or the disk is full.
             OSError: the file cannot be written.
         """
-        with Session(self._rig) as session:
+        with Session(self._rig, self._stopped) as session:
             self._say_all(session.warnings)
-            if self._stopped.is_set():
-                return self.summary
             with contextlib.closing(Sink(self._path)) as sink:
                 try:
                     self._record(session, sink, seconds or session.duration, progress)

@@ -50,6 +50,11 @@ class Entry:
     settings: dict[str, str]
     delay_to: str = ""
 
+    @property
+    def required(self) -> bool:
+        """Whether a recording needs its samples from start to end; a platform's command may come and go."""
+        return self.device.measures != "values" or self.device.rate > 0
+
 
 @dataclass(frozen=True)
 class Rig:

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -90,8 +91,9 @@ class Session:
         RigError: a port cannot be opened, or a device does not answer or sends no samples.
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, cancelled: threading.Event | None = None) -> None:
         self._rig = rig
+        self._cancelled = cancelled or threading.Event()
         self._emulators: Emulators | None = None
         self._readers: list[Reader] = []
         self.sources: list[Source] = []
@@ -117,7 +119,7 @@ class Session:
         for reader in self._readers:
             reader.start()
         self._wait(lambda reader: reader.identity is not None, CONNECT_LIMIT, "no answer from")
-        self._wait(lambda reader: bool(reader.events), FIRST_SAMPLE, "no bytes from")
+        self._wait(lambda reader: bool(reader.events) or not reader.entry.required, FIRST_SAMPLE, "no bytes from")
         now = time.monotonic_ns()
         self.sources = [Source(reader.entry, reader, now=now) for reader in self._readers]
         self._check_samples()
@@ -125,7 +127,7 @@ class Session:
     def _wait(self, done, seconds: float, complaint: str) -> None:  # type: ignore[no-untyped-def]
         deadline = time.monotonic() + seconds
         while not all(done(reader) for reader in self._readers):
-            self.raise_failures()
+            self._raise_if_ended()
             if time.monotonic() > deadline:
                 entry = next(reader.entry for reader in self._readers if not done(reader))
                 raise RigError(f"{complaint} {entry.name} on {entry.port}: check its power, cable and `kind`")
@@ -134,11 +136,11 @@ class Session:
     def _check_samples(self) -> None:
         """Every device must send something that makes sense before a recording starts."""
         deadline = time.monotonic() + FIRST_SAMPLE
-        while missing := [source for source in self.sources if not source.counts.samples]:
+        while missing := [s for s in self.sources if s.entry.required and not s.counts.samples]:
             for source in self.sources:
                 for _ in self.measurements(source):
                     pass
-            self.raise_failures()
+            self._raise_if_ended()
             if time.monotonic() > deadline:
                 entry = missing[0].entry
                 raise RigError(
@@ -146,6 +148,11 @@ class Session:
                     f"another device than '{entry.kind}': set `baudrate` or `kind`"
                 )
             time.sleep(0.002)
+
+    def _raise_if_ended(self) -> None:
+        self.raise_failures()
+        if self._cancelled.is_set():
+            raise RigError("stopped before every device had answered: nothing was recorded, start again")
 
     @property
     def warnings(self) -> list[str]:

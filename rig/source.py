@@ -102,7 +102,7 @@ class Source:
         """Notice silence and babble; call a few times a second."""
         rate = self.entry.device.rate
         patience = max(SILENCE, 20 / rate) if rate else 5.0
-        if self.state != "unplugged" and now - self._last_sample > patience * 1e9:
+        if self.entry.required and self.state != "unplugged" and now - self._last_sample > patience * 1e9:
             self._change("babbling" if self._bytes_since > BABBLE else "silent", now)
 
     def _change(self, state: str, now: int) -> None:
@@ -126,7 +126,7 @@ class Source:
         """Whether nothing is missing, as far as host and device can tell."""
         counts = self.counts
         lost = counts.missing + counts.failures + counts.resynchronisations + self.reader.overflow
-        return not lost and not self.downtime and counts.samples > 0
+        return not lost and not self.downtime and (counts.samples > 0 or not self.entry.required)
 
 
 TROUBLES = {

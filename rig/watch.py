@@ -20,7 +20,7 @@ def watch(rig: Rig, stop: Stop, *, seconds: float | None = None) -> Iterator[str
     Raises:
         RigError: a device is not there.
     """
-    with Session(rig) as session:
+    with Session(rig, stop) as session:
         yield from (f"warning: {text}" for text in session.warnings)
         start = last = time.monotonic()
         rows: dict[str, list[tuple[float, ...]]] = {source.entry.name: [] for source in session.sources}

@@ -92,6 +92,15 @@ def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
     assert got[1].stamp - got[0].stamp == pytest.approx(1_250_000 - 37 * byte_time, abs=1_000_000)
 
 
+def test_a_source_turns_by_the_rotation_of_the_rig_file(tmp_path):
+    (tmp_path / "rig.toml").write_text(RIG + "rotation_to_body = [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]\n")
+    entry = load(tmp_path / "rig.toml").entries[0]
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    frame = bota.encode((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), microseconds=0)
+    (got,) = source.take(Event(1, frame))
+    assert got.values == (2.0, -3.0, 1.0, 5.0, -6.0, 4.0)  # minus the rotated: the reading is the wrench on the sensor
+
+
 def test_a_source_tells_how_it_fares_and_counts_over_reconnections(entry):
     source = Source(entry, Reader(entry, "/dev/none"), now=0)
     frame = bota.encode((0.0,) * 6, microseconds=5)

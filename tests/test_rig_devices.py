@@ -74,6 +74,13 @@ def test_xsens_round_trip():
     assert parser.counts.missing == 1
 
 
+def test_a_counter_that_steps_back_is_not_a_gap():
+    parser = xsens.XsensParser()
+    stream = b"".join(xsens.encode(k, 0, (0.0,) * 3, (0.0,) * 3) for k in (5, 4, 6, 6, 10))
+    assert [s.counter for s in parser.feed(stream)] == [5, 4, 6, 6, 10]
+    assert parser.counts.missing == 1 + 3  # 4 to 6 and 6 to 10
+
+
 @pytest.mark.skipif(not (SHARED / "xsens").is_dir(), reason="the sample data is not here")
 @pytest.mark.parametrize("name", ["1", "2"])
 def test_xsens_captures_decode_to_their_expected_values(name):

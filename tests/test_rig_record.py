@@ -357,6 +357,28 @@ def test_udp_lines_are_a_device(tmp_path):
     assert summary["devices"]["pose"]["missing"] == 0
 
 
+def test_a_command_that_never_comes_does_not_stop_a_recording(tmp_path):
+    with Bench(tmp_path) as bench, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        number = probe.getsockname()[1]
+        probe.close()
+        more = f'[[device]]\nname = "pose"\nkind = "line"\nport = "udp:{number}"\noptions = {{ columns = ["x mm"] }}\n'
+        bench.rig.write_text(bench.rig.read_text() + more)
+        status, summary, _ = Recording(bench.rig, "-o", tmp_path / "run.mcap", "--seconds", "0.5").end()
+    assert (status, summary["devices"]["pose"]["samples"]) == (0, 0)
+
+
+def test_stopping_while_a_device_is_awaited_records_nothing(tmp_path):
+    with Bench(tmp_path) as bench:
+        bench.rig.write_text(bench.rig.read_text().replace('"xsens"', '"microstrain"'))
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap", wait=False)
+        time.sleep(0.9)
+        status, _, messages = recording.stop()
+    assert status == 2
+    assert messages.startswith("error: stopped before every device had answered")
+    assert not (tmp_path / "run.mcap").exists()
+
+
 def test_watch_shows_rates_force_and_gravity_and_writes_nothing(emulated, tmp_path):
     before = sorted(tmp_path.iterdir())
     done = subprocess.run(
