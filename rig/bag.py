@@ -9,12 +9,9 @@ import os
 from collections.abc import Iterator
 from operator import itemgetter
 from pathlib import Path
-from typing import IO, Literal, Protocol, cast, runtime_checkable
 
 import numpy as np
-from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, ChunkIndex
-from mcap.writer import CompressionType, Writer
+from mcap.records import Channel
 from numpy.typing import NDArray
 
 from rig import cdr, decode, schemas
@@ -22,11 +19,9 @@ from rig.channels import ImuChannel, Recording, WrenchChannel
 from rig.container import Batch, Definitions, Scanner, batches, damage, seal
 from rig.errors import RigError
 from rig.files import replacing
+from rig.writer import Compression, new_writer, register
 
 PathLike = str | os.PathLike[str]
-Compression = Literal["zstd", "lz4", "none"]
-COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
-LIBRARY = "inertia-uq"
 BLOCK = 4096  # rows that are Python numbers at a time while writing
 
 # The doubles of a message that a channel keeps.
@@ -60,20 +55,6 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
         wrench=contents.wrench(wrench_topic),
         imu=contents.imu(imu_topic),
     )
-
-
-@runtime_checkable
-class Output(Protocol):
-    """What a run is written to."""
-
-    def write(self, data: bytes, /) -> int:
-        """Take all of ``data``."""
-
-    def tell(self) -> int:
-        """Bytes taken so far."""
-
-    def flush(self) -> None:
-        """Pass everything on."""
 
 
 class _Pieces:
@@ -251,7 +232,7 @@ def write(
     for channel in channels:
         _check_lengths(channel)
     with replacing(path, overwrite=overwrite) as stream:
-        writer = start(stream, compression=compression)
+        writer = new_writer(stream, compression=compression)
         for name, record in (metadata or {}).items():
             writer.add_metadata(name, seal(name, record))
         ids = [register(writer, TYPES[type(channel)], channel.topic) for channel in channels]
@@ -259,44 +240,6 @@ def write(
         for log_time, number, data, stamp, sequence in heapq.merge(*streams, key=itemgetter(0)):
             writer.add_message(number, log_time, data, stamp, sequence)
         writer.finish()
-
-
-def start(stream: Output, *, compression: Compression = "zstd", chunk_size: int = 2**18) -> Writer:
-    """An MCAP writer of profile ros2 whose data section ends with a checksum."""
-    writer = Writer(
-        cast(IO[bytes], stream), compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True
-    )
-    writer._Writer__chunk_indices = _PackedIndexes()  # type: ignore[attr-defined]
-    writer.start(profile="ros2", library=LIBRARY)
-    return writer
-
-
-class _PackedIndexes:
-    """The writer's list of chunk indexes as bytes: a tenth of the memory, which grows by twenty chunks a second."""
-
-    def __init__(self) -> None:
-        self._data = bytearray()
-
-    def append(self, index: ChunkIndex) -> None:
-        """Take one more."""
-        builder = RecordBuilder()
-        index.write(builder)
-        self._data += builder.end()
-
-    def __iter__(self) -> Iterator["_PackedIndexes"]:
-        """All in one, for the writer, which writes each."""
-        yield self
-
-    def write(self, builder: RecordBuilder) -> None:
-        """Write them all."""
-        builder.write(self._data)
-
-
-def register(writer: Writer, type_name: str, topic: str) -> int:
-    """Add a CDR channel of this ROS 2 type, with its full definition; returns its id."""
-    definition = schemas.DEFINITIONS[type_name]
-    schema_id = writer.register_schema(type_name, "ros2msg", definition.encode())
-    return writer.register_channel(topic, "cdr", schema_id)
 
 
 def _columns(channel: WrenchChannel | ImuChannel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

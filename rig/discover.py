@@ -8,7 +8,7 @@ from pathlib import Path
 from serial.tools import list_ports
 
 from rig.devices import REGISTRY, create
-from rig.devices.base import Identity, NoAnswerError
+from rig.devices.conversation import Identity, NoAnswerError
 from rig.errors import RigError
 from rig.port import Port, PortLostError, converse, open_port
 

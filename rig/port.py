@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 
 import serial
 
-from rig.devices.base import Conversation, Identity, Send
+from rig.devices.conversation import Conversation, Identity, Send
 from rig.errors import RigError
 
 TIMEOUT = 0.1  # seconds that a read may wait

@@ -5,7 +5,7 @@ import time
 from collections import deque
 from typing import NamedTuple
 
-from rig.devices.base import Identity, NoAnswerError
+from rig.devices.conversation import Identity, NoAnswerError
 from rig.errors import RigError
 from rig.port import Port, PortLostError, converse, open_port
 from rig.rigfile import Entry

@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import bag, cdr, delay, messages, schemas
+from rig import cdr, delay, messages, schemas
 from rig.container import seal
 from rig.errors import RigError
 from rig.rigfile import Rig
 from rig.session import Session
 from rig.sink import Sink
 from rig.source import Measurement, Source
+from rig.writer import new_writer, register
 
 TICK = 0.01  # seconds between two looks at the queues
 FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
@@ -117,7 +118,7 @@ class Recorder:
     def _record(
         self, session: Session, sink: Sink, seconds: float | None, progress: Callable[[Progress], None] | None
     ) -> None:
-        self._writer = bag.start(sink, chunk_size=2**20)
+        self._writer = new_writer(sink, chunk_size=2**20)
         self._writer.add_metadata("rig.run", seal("rig.run", self._metadata(session)))
         self._register(session)
         session.go()
@@ -148,14 +149,14 @@ class Recorder:
         for source in session.sources:
             entry = source.entry
             measures = entry.device.measures
-            self._channels[entry.name] = bag.register(self._writer, TYPES[measures], entry.topic)
+            self._channels[entry.name] = register(self._writer, TYPES[measures], entry.topic)
             self._encoders[entry.name] = self._encoder(source)
-            self._raw[entry.name] = bag.register(self._writer, schemas.BYTES, f"/raw/{entry.name}")
+            self._raw[entry.name] = register(self._writer, schemas.BYTES, f"/raw/{entry.name}")
             if entry.delay_to:
                 for name in (entry.name, entry.delay_to):
                     self._signals[name] = deque(maxlen=KEPT)
-        self._status_channel = bag.register(self._writer, schemas.DIAGNOSTICS, "/diagnostics")
-        self._mark_channel = bag.register(self._writer, schemas.TEXT, "/mark")
+        self._status_channel = register(self._writer, schemas.DIAGNOSTICS, "/diagnostics")
+        self._mark_channel = register(self._writer, schemas.TEXT, "/mark")
 
     def _encoder(self, source: Source) -> Callable[[int, tuple[float, ...]], bytes]:
         entry = source.entry

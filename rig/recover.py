@@ -18,8 +18,8 @@ from pathlib import Path
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
+from mcap.writer import Writer
 
-from rig import bag
 from rig.container import (
     KNOWN,
     MAGIC,
@@ -36,6 +36,7 @@ from rig.container import (
 )
 from rig.errors import RigError
 from rig.files import refuse_existing, replacing
+from rig.writer import new_writer
 
 # A chunk's header: opcode, length, three u64, CRC, name of the compression.
 CHUNK_START = re.compile(rb"\x06(?=.{5}\0\0\0.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0\0\0\0))", re.DOTALL)
@@ -116,7 +117,7 @@ def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.Pat
     if not found.chunks and not loose:
         raise RigError(f"nothing to recover in {path}: no intact chunk in {len(data)} bytes")
     with replacing(output) as stream:
-        writer = bag.start(stream)
+        writer = new_writer(stream)
         for name, facts in _metadata(found, trusted, result):
             writer.add_metadata(name, seal(name, facts))
         copy = _Copy(writer, found)
@@ -257,7 +258,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 class _Copy:
     """Copies messages to a writer, with the channels they need."""
 
-    def __init__(self, writer: bag.Writer, found: _Found) -> None:
+    def __init__(self, writer: Writer, found: _Found) -> None:
         self._writer, self._found = writer, found
         self._channels: dict[int, int] = {}
         self._schemas: dict[int, int] = {}

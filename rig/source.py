@@ -5,7 +5,8 @@ from dataclasses import fields
 from typing import NamedTuple
 
 from rig.clock import ClockTracker
-from rig.devices.base import Counts, Identity, Sample
+from rig.devices.conversation import Identity
+from rig.devices.parser import Counts, Sample
 from rig.reader import Event, Reader
 from rig.rigfile import IDENTITY, Entry
 

@@ -12,7 +12,7 @@ import pytest
 from rig import clock, delay
 from rig.console import Keys, Terminal
 from rig.devices import bota
-from rig.devices.base import Identity
+from rig.devices.conversation import Identity
 from rig.errors import RigError
 from rig.reader import LIMIT, Event, Reader
 from rig.recorder import Progress, command_delay

@@ -7,7 +7,7 @@ import pytest
 from rig_samples import SHARED
 
 from rig.devices import REGISTRY, bota, create, microstrain, robotous, vectornav, vectornav_ascii, xsens
-from rig.devices.base import Listen, NoAnswerError, Send
+from rig.devices.conversation import Listen, NoAnswerError, Send
 from rig.errors import RigError
 
 

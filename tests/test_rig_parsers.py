@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.devices import REGISTRY, create
-from rig.devices.base import Sample
+from rig.devices.parser import Sample
 
 KINDS = list(REGISTRY)
 COLUMNS = ["time us", *[f"{name} rad/s" for name in ("omega_x", "omega_y", "omega_z")]]

@@ -9,6 +9,7 @@ from rig import bag
 from rig.container import Scanner
 from rig.errors import RigError
 from rig.recover import recover
+from rig.writer import new_writer, register
 from uq.cli import main
 
 METADATA = {"rig.run": {"note": "a run"}}
@@ -18,12 +19,12 @@ def written(path, compression="zstd", n=1000):
     """A run of 2 n messages in small chunks, one known row a message."""
     wrench, imu = wrench_channel(n), imu_channel(n)
     with open(path, "wb") as stream:
-        writer = bag.start(stream, compression=compression, chunk_size=8000)
+        writer = new_writer(stream, compression=compression, chunk_size=8000)
         for name, facts in METADATA.items():
             writer.add_metadata(name, bag.seal(name, facts))
         streams = []
         for channel in (wrench, imu):
-            number = bag.register(writer, bag.TYPES[type(channel)], channel.topic)
+            number = register(writer, bag.TYPES[type(channel)], channel.topic)
             streams.append(bag._messages(channel, number))
         for pair in zip(*streams, strict=True):
             for time, number, data, stamp, sequence in pair:

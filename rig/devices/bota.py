@@ -10,21 +10,9 @@ from binascii import crc_hqx
 from collections.abc import Generator
 from typing import ClassVar
 
-from rig.devices.base import (
-    NO_FRAME,
-    WAIT,
-    Conversation,
-    Device,
-    Emulator,
-    Heard,
-    Identity,
-    Listen,
-    Parser,
-    Sample,
-    Send,
-    Unwrapper,
-    ask,
-)
+from rig.devices.base import Device, Emulator
+from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
 from rig.errors import RigError
 
 FRAME = struct.Struct("<H6fIf")

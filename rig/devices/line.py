@@ -8,7 +8,8 @@ six names of a wrench or an IMU the device measures that; any other names are re
 import math
 from typing import ClassVar
 
-from rig.devices.base import NO_FRAME, WAIT, Device, Emulator, Measures, Parser, Sample
+from rig.devices.base import Device, Emulator, Measures
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.errors import RigError
 
 WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")

@@ -8,7 +8,9 @@ import struct
 from itertools import accumulate
 from typing import ClassVar
 
-from rig.devices.base import NO_FRAME, WAIT, Conversation, Device, Emulator, Identity, Parser, Sample, ask
+from rig.devices.base import Device, Emulator
+from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.errors import RigError
 
 STANDARD_GRAVITY = 9.80665  # m/s² per g, exactly (CGPM 1901)

@@ -9,7 +9,9 @@ import struct
 from functools import partial
 from typing import ClassVar
 
-from rig.devices.base import NO_FRAME, WAIT, Conversation, Device, Emulator, Identity, Parser, Sample, ask
+from rig.devices.base import Device, Emulator
+from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.errors import RigError
 
 MODEL, SERIAL, FIRMWARE, GET_FILTER, SET_RATE, GET_RATE, ONE, START, STOP = 1, 2, 3, 8, 15, 16, 10, 11, 12

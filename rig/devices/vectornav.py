@@ -9,20 +9,9 @@ from binascii import crc_hqx
 from collections.abc import Generator
 from typing import ClassVar
 
-from rig.devices.base import (
-    NO_FRAME,
-    WAIT,
-    Conversation,
-    Device,
-    Emulator,
-    Heard,
-    Identity,
-    Listen,
-    Parser,
-    Sample,
-    Send,
-    ask,
-)
+from rig.devices.base import Device, Emulator
+from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.errors import RigError
 
 # Bytes of the items of group 1 by bit (VN-100 user manual, binary output groups).

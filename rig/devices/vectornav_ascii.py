@@ -7,7 +7,9 @@ XOR is weak, so that the exact form of every number is demanded too.
 import re
 from typing import ClassVar
 
-from rig.devices.base import NO_FRAME, WAIT, Conversation, Device, Identity, Parser, Sample
+from rig.devices.base import Device
+from rig.devices.conversation import Conversation, Identity
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.devices.vectornav import VectorNavEmulator, identify, register, sentence
 
 NUMBER = rb",[+-]\d{2,3}\.\d{3,6}"

@@ -8,7 +8,9 @@ import struct
 from collections.abc import Iterator
 from typing import ClassVar
 
-from rig.devices.base import NO_FRAME, WAIT, Conversation, Device, Emulator, Identity, Parser, Sample, Unwrapper, ask
+from rig.devices.base import Device, Emulator
+from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
 
 MTDATA2, ERROR = 0x36, 0x42
 GOTO_CONFIG, GOTO_MEASUREMENT, SET_OUTPUT, REQUEST_ID, DEVICE_ID = 0x30, 0x10, 0xC0, 0x00, 0x01
