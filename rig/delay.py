@@ -1,11 +1,13 @@
 """The delay between two sampled signals, from their cross-correlation."""
 
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 LEAST_CORRELATION = 0.7
+Signal = deque[tuple[int, tuple[float, ...]]]  # (stamp [ns], values)
 
 
 class Delay(NamedTuple):
@@ -54,3 +56,28 @@ def _coefficients(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.
     sums, squares = (np.concatenate([[0.0], np.cumsum(v)]) for v in (x, x * x))
     power = (squares[m:] - squares[:-m]) - (sums[m:] - sums[:-m]) ** 2 / m
     return products / np.sqrt(np.maximum(power * (y @ y), 1e-24))
+
+
+def of_command(
+    names: tuple[str, ...],
+    command: Signal,
+    imu: Signal,
+) -> Delay | None:
+    """The delay of the IMU behind commanded angular velocities, on the axis that moves most; None when unclear.
+
+    ``names`` of the command's values: omega_x, omega_y, omega_z are compared. Both signals are (stamp [ns], values).
+    """
+    axes = [axis for axis in range(3) if f"omega_{'xyz'[axis]}" in names]
+    if not axes or len(command) < 10 or len(imu) < 10:
+        return None
+    origin = command[0][0]
+    time_a, a = _arrays(command, origin)
+    time_b, b = _arrays(imu, origin)
+    columns = {axis: a[:, names.index(f"omega_{'xyz'[axis]}")] for axis in axes}
+    axis = max(axes, key=lambda i: float(columns[i].var()))
+    return estimate(time_a, columns[axis], time_b, b[:, axis])
+
+
+def _arrays(signal: Signal, origin: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    time_ = np.array([stamp - origin for stamp, _ in signal]) * 1e-9
+    return time_, np.array([values for _, values in signal])

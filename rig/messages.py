@@ -12,7 +12,7 @@ class _Writer:
     def __init__(self) -> None:
         self._data = bytearray()
 
-    def put(self, form: str, *values: float) -> "_Writer":
+    def put(self, form: str, *values: int | float) -> "_Writer":
         size = struct.calcsize("<" + form[-1])
         self._data += bytes(-len(self._data) % size)
         self._data += struct.pack("<" + form, *values)

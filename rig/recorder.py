@@ -10,8 +10,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from rig import cdr, delay, messages, schemas
 from rig.container import seal
 from rig.errors import RigError
@@ -124,9 +122,25 @@ class Recorder:
         session.go()
         start = time.monotonic_ns()
         self._say("ready: recording")
+        try:
+            self._follow(session, sink, start, seconds, progress)
+        except RigError as error:
+            self._finish(session, sink, start)
+            raise RigError(f"{error}; what was recorded until then is in {self._path}") from error
+        self._finish(session, sink, start)
+
+    def _follow(
+        self,
+        session: Session,
+        sink: Sink,
+        start: int,
+        seconds: float | None,
+        progress: Callable[[Progress], None] | None,
+    ) -> None:
+        """Write what arrives until the time is over."""
         next_flush, next_status = start, start
-        while True:
-            now = time.monotonic_ns()
+        end = float("inf") if seconds is None else start + seconds * 1e9
+        while not self._stopped.wait(TICK) and (now := time.monotonic_ns()) < end:
             self._drain(session)
             self.summary.seconds = (now - start) * 1e-9
             if now >= next_status:
@@ -139,9 +153,6 @@ class Recorder:
                 self._writer.flush()
                 sink.mark_whole()
             session.raise_failures()
-            if self._stopped.wait(TICK) or (seconds is not None and now - start >= seconds * 1e9):
-                break
-        self._finish(session, sink, start)
 
     def _register(self, session: Session) -> None:
         """Announce every channel."""
@@ -258,7 +269,7 @@ class Recorder:
         for source in session.sources:
             entry = source.entry
             if entry.delay_to:
-                found = command_delay(
+                found = delay.of_command(
                     getattr(entry.device, "names", ()), self._signals[entry.name], self._signals[entry.delay_to]
                 )
                 if found is None:
@@ -286,28 +297,3 @@ class Recorder:
             facts |= {f"{name}.serial_number": identity.serial, f"{name}.firmware": identity.firmware}
             facts |= {f"{name}.read_back.{key}": value for key, value in identity.settings.items()}
         return facts
-
-
-def command_delay(
-    names: tuple[str, ...],
-    command: deque[tuple[int, tuple[float, ...]]],
-    imu: deque[tuple[int, tuple[float, ...]]],
-) -> delay.Delay | None:
-    """The delay of the IMU behind commanded angular velocities, on the axis that moves most; None when unclear.
-
-    ``names`` of the command's values: omega_x, omega_y, omega_z are compared. Both signals are (stamp [ns], values).
-    """
-    axes = [axis for axis in range(3) if f"omega_{'xyz'[axis]}" in names]
-    if not axes or len(command) < 10 or len(imu) < 10:
-        return None
-    origin = command[0][0]
-    time_a, a = _arrays(command, origin)
-    time_b, b = _arrays(imu, origin)
-    columns = {axis: a[:, names.index(f"omega_{'xyz'[axis]}")] for axis in axes}
-    axis = max(axes, key=lambda i: float(columns[i].var()))
-    return delay.estimate(time_a, columns[axis], time_b, b[:, axis])
-
-
-def _arrays(signal: deque[tuple[int, tuple[float, ...]]], origin: int) -> tuple[np.ndarray, np.ndarray]:
-    time_ = np.array([stamp - origin for stamp, _ in signal]) * 1e-9
-    return time_, np.array([values for _, values in signal])

@@ -3,19 +3,21 @@
 import io
 import os
 import pty
+import threading
 import time
 from collections import deque
 
 import numpy as np
 import pytest
+from rig_lab import Bench
 
-from rig import clock, delay
+from rig import bag, clock, delay
 from rig.console import Keys, Terminal
 from rig.devices import bota
 from rig.devices.conversation import Identity
 from rig.errors import RigError
 from rig.reader import LIMIT, Event, Reader
-from rig.recorder import Progress, command_delay
+from rig.recorder import Progress, Recorder
 from rig.rigfile import load
 from rig.session import Session
 from rig.source import Source
@@ -75,7 +77,7 @@ def test_a_delay_that_cannot_be_told_is_none():
     assert delay.estimate(t, noise[0], t, noise[1]) is None  # coefficient 0.7 by chance: below 1e-100
     assert delay.estimate(t[:100], noise[0, :100], t[:100], noise[0, :100]) is None
     assert delay.estimate(t, 0 * t, t, np.sin(t)) is None
-    assert command_delay(("stroke",), deque(), deque()) is None
+    assert delay.of_command(("stroke",), deque(), deque()) is None
 
 
 def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
@@ -165,6 +167,17 @@ def test_an_exception_in_a_reader_ends_the_session_loudly(entry, monkeypatch, tm
     session._readers = [reader]
     with pytest.raises(RigError, match=r"reader of cell failed .*a bug"):
         session.raise_failures()
+
+
+def test_a_recording_whose_reader_fails_is_ended_loudly_and_kept(tmp_path, monkeypatch):
+    with Bench(tmp_path) as bench:
+        recorder = Recorder(load(bench.rig), tmp_path / "run.mcap")
+        broken = threading.Timer(1.2, lambda: monkeypatch.setattr("rig.port.os.read", lambda *_: 1 / 0))
+        broken.start()
+        with pytest.raises(RigError, match=r"reader of .* failed .*what was recorded until then is in"):
+            recorder.run()
+        monkeypatch.undo()
+    assert len(bag.read(tmp_path / "run.mcap").wrench.stamp) > 100
 
 
 def test_the_terminal_shows_rates_losses_time_and_size(entry):
