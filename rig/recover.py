@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
@@ -42,6 +43,7 @@ from rig.writer import new_writer
 CHUNK_START = re.compile(rb"\x06(?=.{5}\0\0\0.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0\0\0\0))", re.DOTALL)
 HEADER = struct.Struct("<BQQQQII")
 FOOTER = struct.Struct("<QQI")
+INDEXES = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)  # only repeat what the chunks say
 
 
 @dataclass
@@ -121,7 +123,7 @@ def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.Pat
         for name, facts in _metadata(found, trusted, result):
             writer.add_metadata(name, seal(name, facts))
         copy = _Copy(writer, found)
-        for batch in [*(walk(chunk_data(_record(data, at))) for at in found.chunks), *loose]:
+        for batch in chain((walk(chunk_data(_record(data, at))) for at in found.chunks), loose):
             result.messages += copy.batch(batch)
             result.chunks += 1
             writer.flush()
@@ -189,7 +191,8 @@ def _between(data: mmap.mmap, position: int, end: int, found: _Found) -> None:
         opcode, length = RECORD_HEADER.unpack_from(data, position) if position + 9 <= end else (0, 0)
         if opcode not in KNOWN or opcode == Opcode.CHUNK or position + 9 + length > end:
             break
-        found.between.append(_record(data, position))
+        if opcode not in INDEXES:
+            found.between.append(_record(data, position))
         position += 9 + length
     found.gaps.append(end - position)
 

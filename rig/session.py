@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import parse_qsl
 
@@ -37,33 +38,36 @@ class Emulators:
 
     def ports(self) -> dict[str, str]:
         """Wait until the emulators are there; their ports by device name, and how long the run is in ``duration``."""
-        assert self.process.stdout is not None  # noqa: S101
-        line = self.process.stdout.readline()
-        if not line:
-            raise RigError("the emulators did not start: is the run of their ports a readable MCAP file?")
-        answer = json.loads(line)
-        if "error" in answer:
-            raise RigError(answer["error"])
+        answer = self._answer()
         self.duration: float | None = answer["duration"]
         return answer["ports"]
 
     def go(self) -> float:
         """Start the run; returns when it starts [s, monotonic]."""
-        assert self.process.stdout is not None  # noqa: S101
         self.command("go")
-        return json.loads(self.process.stdout.readline())["start"]
+        return self._answer()["start"]
 
     def command(self, text: str) -> None:
         """Send one command line (see ``rig.emulator``)."""
         assert self.process.stdin is not None  # noqa: S101
-        self.process.stdin.write(text.encode() + b"\n")
-        self.process.stdin.flush()
+        with suppress(BrokenPipeError):  # the missing answer tells
+            self.process.stdin.write(text.encode() + b"\n")
+            self.process.stdin.flush()
+
+    def _answer(self) -> dict:
+        assert self.process.stdout is not None  # noqa: S101
+        line = self.process.stdout.readline()
+        answer = json.loads(line) if line.endswith(b"\n") else {"error": "the emulators have died: start again"}
+        if "error" in answer:
+            raise RigError(answer["error"])
+        return answer
 
     def close(self) -> None:
         """End the process."""
         for stream in (self.process.stdin, self.process.stdout):
             if stream is not None:
-                stream.close()
+                with suppress(BrokenPipeError):
+                    stream.close()
         try:
             self.process.wait(2)
         except subprocess.TimeoutExpired:
