@@ -10,7 +10,8 @@ from rig.devices.parser import Counts, Sample
 from rig.reader import Event, Reader
 from rig.rigfile import IDENTITY, Entry
 
-SILENCE = 1.0  # seconds without a sample that are worth a message; at least 20 sample periods
+SILENCE = 1.0  # seconds without a sample that are worth a message
+LAST_SILENCE = 0.3  # the same at the end of a recording
 BABBLE = 2000  # bytes without a sample that are worth a message
 
 
@@ -99,10 +100,10 @@ class Source:
             v * d + w * e + x * f,
         )
 
-    def look(self, now: int) -> None:
-        """Notice silence and babble; call a few times a second."""
+    def look(self, now: int, *, patience: float = SILENCE) -> None:
+        """Notice silence and babble of more than ``patience`` [s] and 20 sample periods; call a few times a second."""
         rate = self.entry.device.rate
-        patience = max(SILENCE, 20 / rate) if rate else 5.0
+        patience = max(patience, 20 / rate) if rate else 5.0
         if self.entry.required and self.state != "unplugged" and now - self._last_sample > patience * 1e9:
             self._change("babbling" if self._bytes_since > BABBLE else "silent", now)
 
@@ -117,7 +118,8 @@ class Source:
         self.state = state
 
     def finish(self, now: int) -> None:
-        """The recording has ended."""
+        """The recording has ended; a sensor that went silent just before has lost data all the same."""
+        self.look(now, patience=LAST_SILENCE)
         self.parser.finish()
         if self.state != "ok":
             self.downtime += now - self._last_sample
