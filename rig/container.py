@@ -25,7 +25,7 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT = 2**30  # no sane writer makes larger chunks; a damaged length must not take all the memory
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
-PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError, EOFError)
+PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
 
 
 class DamageError(RigError):

@@ -143,6 +143,8 @@ class Recorder:
         while not self._stopped.wait(TICK) and (now := time.monotonic_ns()) < end:
             self._drain(session)
             self.summary.seconds = (now - start) * 1e-9
+            for source in session.sources:
+                source.look(now)
             if now >= next_status:
                 next_status = now + round(STATUS * 1e9)
                 self._status(session, now)
@@ -191,9 +193,7 @@ class Recorder:
                     self._write(channel, encode, measurement)
                     if kept is not None:
                         kept.append((measurement.stamp, measurement.values))
-            while source.troubles:
-                self._say(source.troubles[0])
-                self._report(messages.WARN, source, source.troubles.pop(0))
+        self._tell_troubles(session)
         while self._marks:
             time_, text = self._marks.popleft()
             self._writer.add_message(
@@ -201,14 +201,18 @@ class Recorder:
             )
             self.summary.marks += 1
 
+    def _tell_troubles(self, session: Session) -> None:
+        for source in session.sources:
+            while source.troubles:
+                self._say(source.troubles[0])
+                self._report(messages.WARN, source, source.troubles.pop(0))
+
     def _write(self, channel: int, encode: Callable[[int, tuple[float, ...]], bytes], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
         stamp += self._epoch
         self._writer.add_message(channel, arrival + self._epoch, encode(stamp, values), stamp, number & 0xFFFFFFFF)
 
     def _status(self, session: Session, now: int) -> None:
-        for source in session.sources:
-            source.look(now)
         rows = []
         for source in session.sources:
             level = messages.OK if source.state == "ok" else messages.ERROR
@@ -231,13 +235,14 @@ class Recorder:
         }
 
     def _finish(self, session: Session, sink: Sink, start: int) -> None:
+        now = time.monotonic_ns()
         session.halt()
         self._drain(session)
-        now = time.monotonic_ns()
         summary = self.summary
         for source in session.sources:
             source.finish(now)
             summary.devices[source.entry.name] = self._device_summary(source)
+        self._tell_troubles(session)
         self._status(session, now)
         self._estimate_delays(session)
         summary.seconds = (now - start) * 1e-9

@@ -121,6 +121,15 @@ def test_a_source_tells_how_it_fares_and_counts_over_reconnections(entry):
     assert source.state == "babbling"
 
 
+def test_silence_just_before_the_end_is_missing_data(entry):
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    list(source.take(Event(10**9, bota.encode((0.0,) * 6, microseconds=5))))
+    source.look(10**9 + 900_000_000)
+    assert source.state == "ok"
+    source.finish(10**9 + 900_000_000)
+    assert (source.state, source.complete) == ("silent", False)
+
+
 class EndlessPort:
     """A port that never runs dry."""
 

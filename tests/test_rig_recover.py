@@ -134,6 +134,23 @@ def test_the_command_says_what_was_lost(tmp_path, capsys):
     assert path.read_bytes() == data[: len(data) // 2]
 
 
+@pytest.mark.parametrize("length", [2**62, 2**64 - 1])
+def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
+    path = tmp_path / "run.mcap"
+    whole = written(path)
+    (start, end, record), *_ = chunk_spans(path)
+    data = bytearray(path.read_bytes())
+    at = start + 9 + 8 + 8 + 8 + 4 + 4 + len("zstd")
+    data[at : at + 8] = length.to_bytes(8, "little")
+    path.write_bytes(data)
+    with pytest.raises(RigError, match="inertia recover"):
+        bag.read(path)
+    got, result = saved(path, tmp_path / "new.mcap")
+    assert got.items() <= whole.items()
+    assert len(got) == len(whole) - rows_of_chunk(record)
+    assert result.lost_bytes >= end - start
+
+
 @pytest.mark.parametrize("content", [b"", b"nonsense" * 100])
 def test_what_is_no_run_is_no_run(tmp_path, content, capsys):
     (tmp_path / "x.mcap").write_bytes(content)
