@@ -9,23 +9,20 @@ import os
 from collections.abc import Iterator
 from operator import itemgetter
 from pathlib import Path
-from typing import IO, Literal
 
 import numpy as np
 from mcap.records import Channel
-from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from rig import cdr, decode, schemas
 from rig.channels import ImuChannel, Recording, WrenchChannel
-from rig.container import Batch, Definitions, Scanner, batches, damage
+from rig.container import Batch, Definitions, Scanner, batches, damage, seal
 from rig.errors import RigError
 from rig.files import replacing
+from rig.writer import Compression, new_writer, register
 
 PathLike = str | os.PathLike[str]
-Compression = Literal["zstd", "lz4", "none"]
-COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
-LIBRARY = "inertia-uq"
+BLOCK = 4096  # rows that are Python numbers at a time while writing
 
 # The doubles of a message that a channel keeps.
 KEPT = {schemas.WRENCH: ("force", "torque"), schemas.IMU: ("angular_velocity", "linear_acceleration")}
@@ -235,28 +232,14 @@ def write(
     for channel in channels:
         _check_lengths(channel)
     with replacing(path, overwrite=overwrite) as stream:
-        writer = start(stream, compression=compression)
+        writer = new_writer(stream, compression=compression)
         for name, record in (metadata or {}).items():
-            writer.add_metadata(name, record)
+            writer.add_metadata(name, seal(name, record))
         ids = [register(writer, TYPES[type(channel)], channel.topic) for channel in channels]
         streams = [_messages(channel, number) for channel, number in zip(channels, ids, strict=True)]
         for log_time, number, data, stamp, sequence in heapq.merge(*streams, key=itemgetter(0)):
             writer.add_message(number, log_time, data, stamp, sequence)
         writer.finish()
-
-
-def start(stream: IO[bytes], *, compression: Compression = "zstd", chunk_size: int = 2**18) -> Writer:
-    """An MCAP writer of profile ros2 whose data section ends with a checksum."""
-    writer = Writer(stream, compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True)
-    writer.start(profile="ros2", library=LIBRARY)
-    return writer
-
-
-def register(writer: Writer, type_name: str, topic: str) -> int:
-    """Add a CDR channel of this ROS 2 type, with its full definition; returns its id."""
-    definition = schemas.DEFINITIONS[type_name]
-    schema_id = writer.register_schema(type_name, "ros2msg", definition.encode())
-    return writer.register_channel(topic, "cdr", schema_id)
 
 
 def _columns(channel: WrenchChannel | ImuChannel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -275,8 +258,11 @@ def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
 def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
     encode = (cdr.WrenchEncoder if isinstance(channel, WrenchChannel) else cdr.ImuEncoder)(channel.frame_id)
-    values = np.concatenate(_columns(channel), axis=1).tolist()
-    counter = range(len(values)) if channel.sequence is None else channel.sequence.tolist()
-    columns = channel.log_time.tolist(), channel.stamp.tolist(), counter, values
-    for log_time, stamp, sequence, row in zip(*columns, strict=True):
-        yield log_time, number, encode(stamp, *row), stamp, sequence
+    n = len(channel.log_time)
+    counter = np.arange(n) if channel.sequence is None else channel.sequence
+    for start in range(0, n, BLOCK):
+        block = slice(start, start + BLOCK)
+        values = np.concatenate([column[block] for column in _columns(channel)], axis=1)
+        columns = channel.log_time[block], channel.stamp[block], counter[block], values
+        for log_time, stamp, sequence, row in zip(*(column.tolist() for column in columns), strict=True):
+            yield log_time, number, encode(stamp, *row), stamp, sequence

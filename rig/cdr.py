@@ -46,12 +46,6 @@ def layout(type_name: str, endianness: str, frame_length: int) -> np.dtype:
     return np.dtype(header + [(name, endianness + "f8", (count,)) for name, count in BODIES[type_name]])
 
 
-def string(value: str) -> bytes:
-    """A CDR string: its length with the closing NUL as u32, its UTF-8 bytes, NUL."""
-    data = value.encode() + b"\0"
-    return struct.pack("<I", len(data)) + data
-
-
 class Encoder:
     """Packs messages of one stamped type in one frame: ``encoder(stamp_ns, *doubles) -> bytes``."""
 

@@ -25,7 +25,7 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT = 2**30  # no sane writer makes larger chunks; a damaged length must not take all the memory
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
-PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError, EOFError)
+PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
 
 
 class DamageError(RigError):
@@ -199,6 +199,34 @@ def _definition(batch: Batch, opcode: int, body: bytes) -> None:
         batch.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
 
 
+SEAL = "crc32"
+
+
+def seal(name: str, facts: dict[str, str]) -> dict[str, str]:
+    """Metadata with a checksum of its own: the container has none for it, so that a damaged file would lose all."""
+    return {**facts, SEAL: _seal(name, facts)}
+
+
+def _seal(name: str, facts: dict[str, str]) -> str:
+    text = "\0".join([name, *(part for item in facts.items() for part in item)])
+    return f"{zlib.crc32(text.encode()):08x}"
+
+
+def metadata(record: Record) -> tuple[str, dict[str, str]]:
+    """Name and facts of a metadata record, its seal verified and taken off. Raises ``ValueError`` when it is broken."""
+    found = Metadata.read(ReadDataStream(BytesIO(record.body)))
+    facts = dict(found.metadata)
+    expected = facts.pop(SEAL, None)
+    if expected not in (None, _seal(found.name, facts)):
+        raise ValueError("a metadata record's checksum is wrong")
+    return found.name, facts
+
+
+def is_sealed(record: Record) -> bool:
+    """Whether a metadata record carries its own checksum."""
+    return SEAL.encode() in record.body
+
+
 @dataclass
 class Definitions:
     """Schemas and channels of a file by id, and its metadata records by name."""
@@ -219,8 +247,8 @@ def batches(scanner: Scanner, definitions: Definitions) -> Iterator[Batch]:
             if record.opcode == Opcode.CHUNK:
                 yield _collect(walk(chunk_data(record)), definitions)
             elif record.opcode == Opcode.METADATA:
-                metadata = Metadata.read(ReadDataStream(BytesIO(record.body)))
-                definitions.metadata[metadata.name] = metadata.metadata
+                name, facts = metadata(record)
+                definitions.metadata[name] = facts
             elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 _collect(walk(_framed(record)), definitions)
             elif record.opcode == Opcode.MESSAGE:

@@ -19,6 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rig import bag, cdr, schemas
 from rig.errors import RigError
+from rig.writer import _PackedIndexes, new_writer, register
 
 METADATA = {"rig.run": {"note": "a test", "wrench": "on the body at Q"}}
 
@@ -155,9 +156,9 @@ def test_frames_of_changing_length_and_order_are_sorted_by_time(tmp_path):
     """Messages of different layouts in one chunk, out of order: the slow path gives every one its own row."""
     values, times = np.random.default_rng(3).normal(size=(50, 6)), np.random.default_rng(4).permutation(50)
     with open(tmp_path / "run.mcap", "wb") as stream:
-        writer = bag.start(stream)
-        number = bag.register(writer, schemas.WRENCH, "/wrench")
-        imu = bag.register(writer, schemas.IMU, "/imu")
+        writer = new_writer(stream)
+        number = register(writer, schemas.WRENCH, "/wrench")
+        imu = register(writer, schemas.IMU, "/imu")
         writer.add_message(imu, 0, cdr.ImuEncoder("x")(0, *[0.0] * 6), 0)
         little = cdr.WrenchEncoder("f")
         for row, time in enumerate(times.tolist()):
@@ -182,7 +183,7 @@ def test_files_without_index_or_chunks_are_read(tmp_path, chunked):
         )
         writer.start()
         for channel, kind in ((wrench, schemas.WRENCH), (imu, schemas.IMU)):
-            number = bag.register(writer, kind, channel.topic)
+            number = register(writer, kind, channel.topic)
             for time, _, data, stamp, sequence in bag._messages(channel, number):
                 writer.add_message(number, time, data, stamp, sequence)
         writer.finish()
@@ -196,12 +197,12 @@ def test_topics_are_chosen_by_name_or_by_type(tmp_path):
     other = wrench_channel(seed=6, topic="/other")
     imu = imu_channel()
     with open(tmp_path / "run.mcap", "wb") as stream:
-        writer = bag.start(stream)
+        writer = new_writer(stream)
         for channel, kind in ((first, schemas.WRENCH), (other, schemas.WRENCH), (imu, schemas.IMU)):
-            number = bag.register(writer, kind, channel.topic)
+            number = register(writer, kind, channel.topic)
             for time, _, data, stamp, sequence in bag._messages(channel, number):
                 writer.add_message(number, time, data, stamp, sequence)
-        bag.register(writer, schemas.WRENCH, "/empty")
+        register(writer, schemas.WRENCH, "/empty")
         writer.finish()
     path = tmp_path / "run.mcap"
     assert_same(bag.read(path, wrench="/other").wrench, other, WRENCH_COLUMNS)
@@ -225,7 +226,7 @@ def test_a_run_without_imu_names_what_it_has(tmp_path):
 
 def test_another_encoding_is_refused(tmp_path):
     with open(tmp_path / "run.mcap", "wb") as stream:
-        writer = bag.start(stream)
+        writer = new_writer(stream)
         schema = writer.register_schema(schemas.WRENCH, "jsonschema", b"{}")
         number = writer.register_channel("/wrench", "json", schema)
         writer.add_message(number, 0, b"{}", 0)
@@ -237,8 +238,8 @@ def test_another_encoding_is_refused(tmp_path):
 @pytest.mark.parametrize("data", [b"", b"\0\1\0\0", b"\0\7\0\0" + bytes(80), b"\0\1\0\0" + b"\xff" * 80])
 def test_a_message_that_is_no_wrench_is_refused(tmp_path, data):
     with open(tmp_path / "run.mcap", "wb") as stream:
-        writer = bag.start(stream)
-        writer.add_message(bag.register(writer, schemas.WRENCH, "/wrench"), 0, data, 0)
+        writer = new_writer(stream)
+        writer.add_message(register(writer, schemas.WRENCH, "/wrench"), 0, data, 0)
         writer.finish()
     with pytest.raises(RigError):
         bag.read(tmp_path / "run.mcap")
@@ -274,6 +275,25 @@ def test_no_flipped_bit_goes_unnoticed(tmp_path, compression):
         path.write_bytes(damaged)
         with pytest.raises(RigError):
             bag.read(path)
+
+
+def test_the_index_of_the_chunks_is_whole_and_small(tmp_path):
+    """The writer keeps it packed: a recording of hours must not fill the memory. Foreign readers seek by it."""
+    with open(tmp_path / "run.mcap", "wb") as stream:
+        writer = new_writer(stream)
+        number = register(writer, schemas.WRENCH, "/wrench")
+        encode = cdr.WrenchEncoder("body")
+        for time in range(500):
+            writer.add_message(number, time, encode(time, *[0.0] * 6), time)
+            writer.flush()
+        kept = writer._Writer__chunk_indices
+        assert isinstance(kept, _PackedIndexes)
+        assert len(kept._data) < 500 * 150
+        writer.finish()
+    with open(tmp_path / "run.mcap", "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert len(reader.get_summary().chunk_indexes) == 500
+        assert next(reader.iter_messages(starting_at=100))[2].log_time == 100
 
 
 def test_an_existing_file_is_kept(tmp_path):

@@ -9,6 +9,9 @@ from typing import NoReturn
 COMMANDS = {
     "paper": "reproduce the source's Table 2 and figures, beside its printed values",
     "montecarlo": "Monte Carlo of any body, platform, sensors and trajectory",
+    "record": "record sensors to an MCAP file",
+    "recover": "save every intact message of a cut or damaged MCAP file",
+    "inspect": "channels, rates, gaps, held samples, clocks, suspicious units and axes of a run",
     "simulate": "write a synthetic recorded run with the experiment's errors",
     "identify": "identify the inertia tensor from recorded runs",
 }

@@ -1,0 +1,109 @@
+"""Load on the recorder: two sensors at 1 kHz and one at 4 kHz. ``python -m benchmarks.rig_load [SECONDS]``.
+
+Prints samples lost and out of order, processor time of the recorder in percent of one core, its resident memory over
+time, and how long the command takes from its start to being ready.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from rig import bag
+from rig.channels import ImuChannel, WrenchChannel
+
+RIG = """
+[[device]]
+name = "cell"
+kind = "bota"
+port = "emulator:run.mcap?loop=1"
+wrench = "on_body"
+options = { rate = 1000 }
+
+[[device]]
+name = "imu"
+kind = "microstrain"
+port = "emulator:run.mcap?loop=1"
+baudrate = 921600
+options = { rate = 1000 }
+
+[[device]]
+name = "fast"
+kind = "microstrain"
+port = "emulator:run.mcap?loop=1&rate=4000"
+baudrate = 4000000
+topic = "/imu_fast"
+options = { rate = 4000 }
+"""
+
+
+def write_run(path: Path) -> None:
+    """A run of ten seconds to play over and over."""
+    t = np.arange(10_001) / 1000
+    rows = np.stack([np.sin(t), np.cos(3 * t), np.sin(2 * t)], axis=1)
+    time_ = np.round(t * 1e9).astype(np.int64)
+    wrench = WrenchChannel("/wrench", "body", time_, time_, 10 * rows, rows)
+    bag.write(path, wrench=wrench, imu=ImuChannel("/imu", "body", time_, time_, rows, 9.81 + rows))
+
+
+def usage(pid: int) -> tuple[float, float]:
+    """Processor time [s] and resident memory [MiB] of a process."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def record(folder: Path, seconds: float) -> dict:
+    """Record for so long; returns what the recorder reports and what it used."""
+    command = [sys.executable, "-m", "uq.cli", "record", str(folder / "rig.toml"), "-o", str(folder / "out.mcap")]
+    start = time.monotonic()
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    while b"ready" not in process.stderr.readline():
+        pass
+    ready = time.monotonic() - start
+    before, memory, marks = usage(process.pid)[0], [], time.monotonic()
+    for _ in range(10):
+        time.sleep(seconds / 10)
+        memory.append(round(usage(process.pid)[1], 1))
+    share = (usage(process.pid)[0] - before) / (time.monotonic() - marks)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate()
+    summary = json.loads(out)
+    return {"ready_s": round(ready, 3), "cpu_percent": round(100 * share, 1), "memory_mib": memory} | {
+        "status": process.returncode,
+        "summary": summary,
+        "messages": err.decode(),
+    }
+
+
+def main() -> None:
+    """Run and print."""
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "rig.toml").write_text(RIG)
+        write_run(folder / "run.mcap")
+        result = record(folder, seconds)
+        for device, facts in result.pop("summary")["devices"].items():
+            print(device, {k: facts[k] for k in ("samples", "missing", "failures", "overflow_bytes", "complete")})
+        print(result)
+        contents = bag.load(folder / "out.mcap")
+        for topic, pieces in contents.topics.items():
+            columns = pieces.arrays()
+            print(
+                topic,
+                len(columns["stamp"]),
+                "samples, steps of the counter",
+                set(np.diff(columns["sequence"]).tolist()),
+            )
+            print("   stamps out of order:", int((np.diff(columns["stamp"]) <= 0).sum()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""A device's clock against the host's: the fastest arrivals tell, the delayed ones do not bias the fit."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ClockFit(NamedTuple):
+    """``host = device + offset + skew * (device - origin)``, all in ns, skew as a pure number."""
+
+    offset: float
+    skew: float
+    origin: int
+
+    def host(self, device: int) -> int:
+        """The host time [ns] of a device time [ns]."""
+        return device + round(self.offset + self.skew * (device - self.origin))
+
+
+MINIMUM_SPAN = 2_000_000_000  # ns; over less the skew of a crystal is lost in the delays
+
+
+class ClockTracker:
+    """The lower convex hull of (arrival - device time) over device time, kept up point by point.
+
+    Every arrival is late by a delay of at least some minimum. The hull edge below the middle of the run is the line
+    that no arrival undercuts: offset (with the least delay in it) and skew, without the bias of the other delays.
+    """
+
+    def __init__(self) -> None:
+        self._hull: list[tuple[int, int]] = []
+        self._fit: ClockFit | None = None
+
+    def add(self, device: int, arrival: int) -> None:
+        """Take a sample's device time and arrival time [ns]; a device time that goes back is ignored."""
+        hull, point = self._hull, (device, arrival - device)
+        if hull and device <= hull[-1][0]:
+            return
+        while len(hull) > 1 and _not_below(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+        self._fit = None
+
+    @property
+    def fit(self) -> ClockFit:
+        """The line as of now. Before ``MINIMUM_SPAN`` the skew is zero."""
+        if self._fit is None:
+            self._fit = _edge(self._hull)
+        return self._fit
+
+    def stamp(self, device: int, arrival: int) -> int:
+        """Take a sample and return its time of measurement in host time [ns]."""
+        self.add(device, arrival)
+        return self.fit.host(device)
+
+
+def _not_below(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])
+
+
+def _edge(hull: list[tuple[int, int]]) -> ClockFit:
+    if not hull:
+        return ClockFit(0.0, 0.0, 0)
+    origin = hull[0][0]
+    if hull[-1][0] - origin < MINIMUM_SPAN:
+        return ClockFit(min(offset for _, offset in hull), 0.0, origin)
+    middle = (origin + hull[-1][0]) / 2
+    index = next(i for i, (device, _) in enumerate(hull) if device >= middle)
+    (x0, y0), (x1, y1) = hull[max(0, index - 1)], hull[max(1, index)]
+    skew = (y1 - y0) / (x1 - x0)
+    return ClockFit(y0 - skew * (x0 - origin), skew, origin)
+
+
+def fit(device: NDArray[np.int64], arrival: NDArray[np.int64]) -> ClockFit:
+    """The fit of a whole run: device times and arrival times [ns], shape (n,)."""
+    tracker = ClockTracker()
+    for pair in zip(device.tolist(), arrival.tolist(), strict=True):
+        tracker.add(*pair)
+    return tracker.fit

@@ -1,0 +1,90 @@
+"""A kind of device and its emulator: parser, conversation and options under one name. No I/O."""
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, Literal
+
+from rig.devices.conversation import Conversation, Identity
+from rig.devices.parser import Parser
+from rig.errors import RigError
+
+Measures = Literal["wrench", "imu", "values"]
+
+
+class Emulator(ABC):
+    """The device's side of the line: answers commands and makes frames. No I/O, no clock.
+
+    Attributes:
+        streaming: whether the device sends samples now.
+        rate: samples per second.
+    """
+
+    def __init__(self, *, rate: float) -> None:
+        self.rate = rate
+        self.streaming = False
+        self._heard = bytearray()
+
+    def boot(self) -> bytes:
+        """What the device says when its port is opened."""
+        return b""
+
+    @abstractmethod
+    def receive(self, data: bytes) -> bytes:
+        """What the device answers to these bytes; may switch ``streaming``."""
+
+    @abstractmethod
+    def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
+        """The bytes of sample number ``index`` at device time ``time`` [s], values as in ``Sample``."""
+
+
+class Device(ABC):
+    """One kind of device with its options. Options are keyword arguments, checked against ``OPTIONS``."""
+
+    KIND: ClassVar[str]
+    MEASURES: ClassVar[Measures]
+    BAUDRATE: ClassVar[int]
+    FRAME_BYTES: ClassVar[int]  # of one sample, for its time on the wire
+    OPTIONS: ClassVar[dict[str, object]] = {}
+    SETTLING: ClassVar[float] = 0.0  # seconds that the device may take to boot after its port was opened
+
+    def __init__(self, **options: object) -> None:
+        for name, value in options.items():
+            default = self.OPTIONS.get(name)
+            if name not in self.OPTIONS:
+                known = ", ".join(self.OPTIONS) or "none"
+                raise RigError(f"unknown option '{name}' of device kind '{self.KIND}': it takes {known}")
+            number = isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool)
+            if not number and type(value) is not type(default):
+                raise RigError(f"option '{name}' of device kind '{self.KIND}' is {value!r}: give a {_kind(default)}")
+        self.options = {**self.OPTIONS, **options}
+
+    @property
+    def measures(self) -> Measures:
+        """What the samples mean."""
+        return self.MEASURES
+
+    @property
+    def rate(self) -> float:
+        """Samples per second that the device is asked for [Hz]; 0 when unknown."""
+        rate = self.options.get("rate", 0.0)
+        return float(rate) if isinstance(rate, int | float) else 0.0
+
+    @abstractmethod
+    def parser(self) -> Parser:
+        """A fresh parser."""
+
+    def start(self) -> Conversation:
+        """The conversation that identifies and configures the device and starts its samples."""
+        return Identity()
+        yield  # a generator that asks nothing
+
+    def stop(self) -> bytes:
+        """What to send at the end."""
+        return b""
+
+    @abstractmethod
+    def emulator(self, *, rate: float) -> Emulator:
+        """The other end of the line."""
+
+
+def _kind(default: object) -> str:
+    return {bool: "true or false", float: "number", int: "whole number", str: "text", list: "list"}[type(default)]

@@ -1,0 +1,68 @@
+"""How a device is talked to at the start: a generator that asks for bytes to be sent and listened for. No I/O."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+from rig.errors import RigError
+
+
+class Send(NamedTuple):
+    """Ask the port to send these bytes."""
+
+    data: bytes
+
+
+class Listen(NamedTuple):
+    """Ask the port for what arrives within so many seconds; it answers ``(bytes, seconds it took)`` at the first."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who answered: model, serial number, firmware, and the settings it reported back.
+
+    ``extra`` are facts that the parser needs (see each device); ``warnings`` go to the user and into the file.
+    """
+
+    model: str = ""
+    serial: str = ""
+    firmware: str = ""
+    settings: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+class NoAnswerError(RigError):
+    """The device did not answer in time; ``heard`` says whether any bytes came."""
+
+    def __init__(self, message: str, heard: int) -> None:
+        super().__init__(message)
+        self.heard = heard
+
+
+Conversation = Generator[Send | Listen, tuple[bytes, float], Identity]
+T = TypeVar("T")
+Heard = tuple[bytes, float]
+
+
+def ask(
+    command: bytes, find: Callable[[bytes], T | None], *, seconds: float = 0.5, tries: int = 3
+) -> Generator[Send | Listen, Heard, T]:
+    """Send a command until ``find`` recognises the answer in the bytes heard since.
+
+    Raises:
+        NoAnswerError: no answer in any try.
+    """
+    heard = b""
+    for _ in range(tries):
+        yield Send(command)
+        left = seconds
+        while left > 0:
+            data, took = yield Listen(left)
+            heard += data
+            left -= took
+            answer = find(heard)
+            if answer is not None:
+                return answer
+    raise NoAnswerError(f"no answer to {command!r}", len(heard))

@@ -1,0 +1,185 @@
+"""Any device that prints numbers, a line a sample, described in the rig file; also what a platform sends over UDP.
+
+``columns = ["time us", "force_x N", "_", ...]`` names each column and its unit; ``_`` passes a column over. With the
+six names of a wrench or an IMU the device measures that; any other names are recorded as named values. ``time`` and
+``counter`` are the device's clock and counter.
+"""
+
+import math
+from typing import ClassVar
+
+from rig.devices.base import Device, Emulator, Measures
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
+from rig.errors import RigError
+
+WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+IMU = ("omega_x", "omega_y", "omega_z", "specific_force_x", "specific_force_y", "specific_force_z")
+UNITS = {
+    "1": 1.0,
+    "N": 1.0,
+    "kN": 1e3,
+    "N*m": 1.0,
+    "N*mm": 1e-3,
+    "rad/s": 1.0,
+    "deg/s": math.pi / 180,
+    "m/s^2": 1.0,
+    "g": 9.80665,
+    "mg": 9.80665e-3,
+    "rad": 1.0,
+    "deg": math.pi / 180,
+    "m": 1.0,
+    "mm": 1e-3,
+    "s": 1e9,
+    "ms": 1e6,
+    "us": 1e3,
+    "ns": 1.0,
+}
+TIME_UNITS = ("s", "ms", "us", "ns")
+LONGEST = 512
+
+
+class LineParser(Parser):
+    """Lines to samples. What comes before the first line end may be half a line and is passed over."""
+
+    MODULUS = 2**32
+
+    def __init__(self, device: "Line") -> None:
+        super().__init__()
+        self._device = device
+        self._at_start = bool(device.options["whole_lines"])
+
+    def frame_length(self, buffer: bytearray, start: int) -> int:
+        """The length of a line that holds the right number of numbers."""
+        end = buffer.find(b"\n", start)
+        if end < 0:
+            return WAIT
+        line = bytes(buffer[start:end])
+        good = len(line) <= LONGEST and self._device.numbers(line) is not None
+        return end + 1 - start if good else NO_FRAME
+
+    def _drain(self, *, final: bool) -> list[Sample]:
+        """A frame is a line here, good or bad: nothing is looked for inside a bad one."""
+        buffer, found, position = self._buffer, list[Sample](), 0
+        while (end := buffer.find(b"\n", position)) >= 0:
+            length = end + 1 - position
+            if not self._at_start:
+                self._skip(length)
+            elif self.frame_length(buffer, position) == length:
+                self._accept(bytes(buffer[position : end + 1]), found)
+            else:
+                self._reject(length)
+            self._at_start = True
+            position = end + 1
+        rest = len(buffer) - position
+        if rest > LONGEST or (final and rest):
+            self._reject(rest, cut=final)
+            self._at_start = False
+            position = len(buffer)
+        self._consume(position)
+        return found
+
+    def samples(self, frame: bytes) -> list[Sample]:
+        """The sample of a line."""
+        numbers = self._device.numbers(frame)
+        return [] if numbers is None else [self._device.sample(numbers)]
+
+
+class Line(Device):
+    """Options: ``columns``; ``separator`` (default any white space); ``rate`` [Hz], to notice silence.
+
+    ``whole_lines`` says that the first byte is the start of a line, as in a UDP datagram.
+    """
+
+    KIND = "line"
+    MEASURES = "values"
+    BAUDRATE = 115200
+    FRAME_BYTES = 64
+    OPTIONS: ClassVar[dict[str, object]] = {"columns": [], "separator": "", "rate": 0.0, "whole_lines": False}
+
+    def __init__(self, **options: object) -> None:
+        super().__init__(**options)
+        columns = self.options["columns"]
+        if not isinstance(columns, list) or not columns:
+            raise RigError("option 'columns' of a line device is missing: name each column and its unit")
+        self._columns = [_column(text) for text in columns]
+        self._separator = str(self.options["separator"]).encode() or None
+        used = [name for name, _ in self._columns if name != "_"]
+        if len(set(used)) < len(used):
+            raise RigError("option 'columns' of a line device names a column twice: give every column its own name")
+        self.names = self._order([name for name in used if name not in ("time", "counter")])
+        self._where = {name: i for i, (name, _) in enumerate(self._columns)}
+
+    @staticmethod
+    def _order(names: list[str]) -> tuple[str, ...]:
+        for kind in (WRENCH, IMU):
+            if set(names) == set(kind):
+                return kind
+        return tuple(names)
+
+    @property
+    def measures(self) -> Measures:
+        """What the columns amount to."""
+        if self.names == WRENCH:
+            return "wrench"
+        return "imu" if self.names == IMU else "values"
+
+    def numbers(self, line: bytes) -> list[float] | None:
+        """The numbers of a line, or None when it has not the right form."""
+        parts = line.split(self._separator)
+        if len(parts) != len(self._columns):
+            return None
+        try:
+            values = [0.0 if name == "_" else float(part) for part, (name, _) in zip(parts, self._columns, strict=True)]
+        except ValueError:
+            return None
+        return values if all(map(math.isfinite, values)) else None
+
+    def sample(self, numbers: list[float]) -> Sample:
+        """The sample of a line's numbers, in SI."""
+        scaled = [value * factor for value, (_, factor) in zip(numbers, self._columns, strict=True)]
+        time = round(scaled[self._where["time"]]) if "time" in self._where else None
+        counter = round(numbers[self._where["counter"]]) if "counter" in self._where else None
+        return Sample(tuple(scaled[self._where[name]] for name in self.names), time=time, counter=counter)
+
+    def parser(self) -> LineParser:
+        """A fresh parser."""
+        return LineParser(self)
+
+    def emulator(self, *, rate: float) -> "LineEmulator":
+        """The other end."""
+        return LineEmulator(self, rate=rate)
+
+    def text(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
+        """The line of one sample."""
+        known = {**dict(zip(self.names, values, strict=True)), "time": time * 1e9, "counter": float(index)}
+        parts = [repr(known.get(name, 0.0) / factor) for name, factor in self._columns]
+        return (str(self.options["separator"]) or " ").join(parts).encode() + b"\n"
+
+
+def _column(text: object) -> tuple[str, float]:
+    name, _, unit = str(text).partition(" ")
+    unit = unit.strip() or "1"
+    if unit not in UNITS or (name == "time" and unit not in TIME_UNITS):
+        raise RigError(f"column '{text}' of a line device has an unknown unit: choose one of {', '.join(UNITS)}")
+    return name, UNITS[unit]
+
+
+class LineEmulator(Emulator):
+    """Prints a line a sample from the moment it is opened."""
+
+    def __init__(self, device: Line, *, rate: float) -> None:
+        super().__init__(rate=rate)
+        self._device = device
+
+    def boot(self) -> bytes:
+        """Lines follow at once."""
+        self.streaming = True
+        return b""
+
+    def receive(self, data: bytes) -> bytes:
+        """It listens to nobody."""
+        return b""
+
+    def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
+        """One line."""
+        return self._device.text(index, time, values)

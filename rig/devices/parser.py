@@ -1,0 +1,201 @@
+"""From a stream of bytes to samples: what every parser does, whatever the device. No I/O."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+
+class Sample(NamedTuple):
+    """One measurement.
+
+    Attributes:
+        values: wrench: Fx Fy Fz [N] Mx My Mz [N·m]; IMU: angular velocity [rad/s], specific force [m/s²], three each;
+            otherwise the columns of a line in SI.
+        time: device time [ns], unwrapped, or None.
+        counter: the device's own counter, unwrapped, or None.
+        flagged: the device says that this sample is out of range or invalid.
+        end: number of bytes of the stream up to the end of the sample's frame.
+        number: the counter, or without one the number of the sample, missing ones counted.
+    """
+
+    values: tuple[float, ...]
+    time: int | None = None
+    counter: int | None = None
+    flagged: bool = False
+    end: int = 0
+    number: int = 0
+
+
+@dataclass
+class Counts:
+    """What a parser has met. ``bytes = framed + skipped + pending`` always holds.
+
+    Attributes:
+        bytes: all bytes fed.
+        framed: bytes of intact frames.
+        skipped: bytes that belong to no intact frame.
+        frames: intact frames, with or without a sample.
+        samples: samples.
+        failures: frames that stood where one was due and failed their checksum.
+        resynchronisations: how often the parser lost the frames and found them again.
+        missing: samples that the device's counter says it sent and that never came.
+        flagged: samples that the device marked out of range or invalid.
+    """
+
+    bytes: int = 0
+    framed: int = 0
+    skipped: int = 0
+    frames: int = 0
+    samples: int = 0
+    failures: int = 0
+    resynchronisations: int = 0
+    missing: int = 0
+    flagged: int = 0
+
+
+WAIT, NO_FRAME = -1, 0
+
+
+class Parser(ABC):
+    """Finds frames in a stream of bytes, however it is cut into pieces; never raises on any input.
+
+    A subclass gives ``START``, ``frame_length`` and ``samples``. Missing samples are counted by the device's counter,
+    or by its clock where ``period`` [ns] is known (0: unknown).
+    """
+
+    START: ClassVar[bytes] = b""
+    MODULUS: ClassVar[int] = 0  # the counter of the device wraps here; 0: it has none
+
+    def __init__(self, period: int = 0) -> None:
+        self.counts = Counts()
+        self._period = period
+        self._time: int | None = None
+        self._buffer = bytearray()
+        self._done = 0
+        self._synchronised = False
+        self._lost = False
+        self._counter: int | None = None
+
+    @abstractmethod
+    def frame_length(self, buffer: bytearray, start: int) -> int:
+        """The length of the intact frame at ``start``; NO_FRAME when there is none; WAIT when bytes are still due."""
+
+    @abstractmethod
+    def samples(self, frame: bytes) -> Iterable[Sample]:
+        """The samples of one intact frame."""
+
+    @property
+    def pending(self) -> int:
+        """The number of bytes that wait for the rest of their frame."""
+        return len(self._buffer)
+
+    def begin(self) -> None:
+        """Count anew from here; what was missing before does not count, device clocks go on."""
+        self.counts = Counts(bytes=len(self._buffer))
+        self._done, self._lost = 0, False
+        self._time = self._counter = None
+
+    def feed(self, data: bytes) -> list[Sample]:
+        """The samples that are complete with these bytes."""
+        self.counts.bytes += len(data)
+        self._buffer += data
+        return self._drain(final=False)
+
+    def finish(self) -> list[Sample]:
+        """The stream has ended: give up waiting for the rest of a frame."""
+        found = self._drain(final=True)
+        self._synchronised = False
+        return found
+
+    def _drain(self, *, final: bool) -> list[Sample]:
+        buffer, found = self._buffer, list[Sample]()
+        position, end = 0, len(self._buffer)
+        while position < end:
+            start = self._find(buffer, position)
+            self._skip(start - position)
+            position = start
+            if start == end:
+                break
+            length = self.frame_length(buffer, start)
+            if length == WAIT and not final:
+                break
+            if length > 0:
+                self._accept(bytes(buffer[start : start + length]), found)
+                position += length
+            else:
+                self._reject(cut=length == WAIT)
+                position += 1
+        self._consume(position)
+        return found
+
+    def _find(self, buffer: bytearray, position: int) -> int:
+        start = buffer.find(self.START, position)
+        return len(buffer) if start < 0 else start
+
+    def _skip(self, count: int) -> None:
+        self.counts.skipped += count
+        self._done += count
+        if count and self._synchronised:
+            self._synchronised, self._lost = False, True
+
+    def _reject(self, count: int = 1, *, cut: bool = False) -> None:
+        self.counts.failures += self._synchronised and not cut
+        self._skip(count)
+
+    def _accept(self, frame: bytes, found: list[Sample]) -> None:
+        counts = self.counts
+        self._done += len(frame)
+        counts.framed += len(frame)
+        counts.frames += 1
+        counts.resynchronisations += self._lost
+        self._synchronised, self._lost = True, False
+        for sample in self.samples(frame):
+            counts.samples += 1
+            counts.flagged += sample.flagged
+            if sample.counter is not None:
+                number = self._unwrap(sample.counter)
+                found.append(sample._replace(end=self._done, number=number, counter=number))
+                continue
+            if sample.time is not None and self._period:
+                self._count_missing(sample.time)
+            found.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1))
+
+    def _count_missing(self, time: int) -> None:
+        if self._time is not None:
+            self.counts.missing += max(0, round((time - self._time) / self._period) - 1)
+        self._time = time
+
+    def _unwrap(self, raw: int) -> int:
+        """The counter without its wraps; counts what is missing in between."""
+        if self._counter is None:
+            self._counter = raw
+            return raw
+        step = (raw - self._counter) % self.MODULUS
+        if step > self.MODULUS // 2:
+            step -= self.MODULUS
+        self.counts.missing += max(0, step - 1)
+        self._counter += step
+        return self._counter
+
+    def _consume(self, count: int) -> None:
+        del self._buffer[:count]
+
+
+class Unwrapper:
+    """A device clock of ``modulus`` ticks, continued beyond its wraps; small steps back stay steps back."""
+
+    def __init__(self, modulus: int) -> None:
+        self._modulus = modulus
+        self._last: int | None = None
+
+    def __call__(self, raw: int) -> int:
+        """The unwrapped value of a raw reading."""
+        if self._last is None:
+            self._last = raw
+            return raw
+        step = (raw - self._last) % self._modulus
+        if step > self._modulus // 2:
+            step -= self._modulus
+        self._last += step
+        return self._last

@@ -1,0 +1,224 @@
+"""Xsens MTi, MTData2: IMU, ``FA | FF | MID | LEN | payload | CS``; bytes from the bus id to CS sum to 0 modulo 256.
+
+The payload of MID 36 repeats {u16 id, u8 length, data}, big-endian. The low nibble of an id gives the number format:
+bits 0 and 1: 0 f32, 1 FP12.20, 2 FP16.32, 3 f64; bits 2 and 3: the frame.
+"""
+
+import struct
+from collections.abc import Iterator
+from typing import ClassVar
+
+from rig.devices.base import Device, Emulator
+from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
+
+MTDATA2, ERROR = 0x36, 0x42
+GOTO_CONFIG, GOTO_MEASUREMENT, SET_OUTPUT, REQUEST_ID, DEVICE_ID = 0x30, 0x10, 0xC0, 0x00, 0x01
+REQUEST_PRODUCT, PRODUCT, REQUEST_FIRMWARE, FIRMWARE = 0x1C, 0x1D, 0x12, 0x13
+KNOWN = frozenset([MTDATA2, ERROR, 0x31, 0x11, 0xC1, DEVICE_ID, PRODUCT, FIRMWARE, 0x3E])
+COUNTER, TIME_FINE, ACCELERATION, RATE, STATUS = 0x1020, 0x1060, 0x4020, 0x8020, 0xE020
+CLIPPING = 0x0FF << 8  # clip flags of the status word: bits 8 to 16
+LONGEST = 2048
+
+
+def message(mid: int, payload: bytes = b"") -> bytes:
+    """A message with its length and checksum."""
+    length = bytes([len(payload)]) if len(payload) < 255 else b"\xff" + struct.pack(">H", len(payload))
+    body = bytes([0xFF, mid]) + length + payload
+    return b"\xfa" + body + bytes([-sum(body) & 0xFF])
+
+
+def items(payload: bytes) -> list[tuple[int, bytes]] | None:
+    """The (id, data) pairs of an MTData2 payload, or None when they do not fill it exactly."""
+    found, position, end = [], 0, len(payload)
+    while position + 3 <= end:
+        identifier, length = payload[position] << 8 | payload[position + 1], payload[position + 2]
+        found.append((identifier, payload[position + 3 : position + 3 + length]))
+        position += 3 + length
+    return found if position == end else None
+
+
+def numbers(identifier: int, data: bytes) -> tuple[float, ...]:
+    """The numbers of an item in the format that its id names."""
+    form = identifier & 3
+    if form == 0:
+        return struct.unpack(f">{len(data) // 4}f", data)
+    if form == 1:
+        return tuple(v / 2**20 for v in struct.unpack(f">{len(data) // 4}i", data))
+    if form == 2:
+        return tuple(whole + part / 2**32 for part, whole in struct.iter_unpack(">Ih", data))
+    return struct.unpack(f">{len(data) // 8}d", data)
+
+
+_SIZES = (12, 12, 18, 24)
+
+
+def _vector(found: dict[int, bytes], identifier: int) -> tuple[float, ...] | None:
+    for key, data in found.items():
+        if key & 0xFFF0 == identifier and len(data) == _SIZES[key & 3]:
+            return numbers(key, data)
+    return None
+
+
+def encode(counter: int, time_fine: int, rate: tuple[float, ...], acceleration: tuple[float, ...]) -> bytes:
+    """An MTData2 message with counter, time [1e-4 s], rate [rad/s] and acceleration [m/s²] as f32."""
+    return message(
+        MTDATA2,
+        struct.pack(">HBH", COUNTER, 2, counter % 2**16)
+        + struct.pack(">HBI", TIME_FINE, 4, time_fine % 2**32)
+        + struct.pack(">HB3f", ACCELERATION, 12, *acceleration)
+        + struct.pack(">HB3f", RATE, 12, *rate)
+        + struct.pack(">HBI", STATUS, 4, 0),
+    )
+
+
+class XsensParser(Parser):
+    """Messages to samples; a sample needs acceleration and rate of turn in one message."""
+
+    START = b"\xfa"
+    MODULUS = 2**16
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._clock = Unwrapper(2**32)
+
+    def frame_length(self, buffer: bytearray, start: int) -> int:
+        """The length where bus id, message id, sum and the payload's own structure agree."""
+        head = buffer[start : start + 6]
+        if (len(head) > 1 and head[1] != 0xFF) or (len(head) > 2 and head[2] not in KNOWN):
+            return NO_FRAME
+        if len(head) < 4 or (head[3] == 0xFF and len(head) < 6):
+            return WAIT
+        extended = head[3] == 0xFF
+        size = head[4] << 8 | head[5] if extended else head[3]
+        offset = 6 if extended else 4
+        if size > LONGEST or (extended and size < 255):
+            return NO_FRAME
+        end = start + offset + size + 1
+        if len(buffer) < end:
+            return WAIT
+        if sum(buffer[start + 1 : end]) & 0xFF:
+            return NO_FRAME
+        if head[2] == MTDATA2 and items(bytes(buffer[start + offset : end - 1])) is None:
+            return NO_FRAME
+        return end - start
+
+    def samples(self, frame: bytes) -> Iterator[Sample]:
+        """The sample of an MTData2 message that carries both rate and acceleration."""
+        found = payload(frame)
+        rate, acceleration = _vector(found, RATE), _vector(found, ACCELERATION)
+        if frame[2] != MTDATA2 or rate is None or acceleration is None:
+            return
+        time, counter, status = found.get(TIME_FINE), found.get(COUNTER), found.get(STATUS)
+        yield Sample(
+            rate + acceleration,
+            time=self._clock(int.from_bytes(time, "big")) * 100_000 if time and len(time) == 4 else None,
+            counter=int.from_bytes(counter, "big") if counter and len(counter) == 2 else None,
+            flagged=bool(status and int.from_bytes(status, "big") & CLIPPING),
+        )
+
+
+def payload(frame: bytes) -> dict[int, bytes]:
+    """The items of an intact MTData2 message by id."""
+    return dict(items(frame[6:-1] if frame[3] == 0xFF else frame[4:-1]) or []) if frame[2] == MTDATA2 else {}
+
+
+def find_message(data: bytes, mid: int) -> bytes | None:
+    """The payload of the first intact message with this id."""
+    start = data.find(bytes([0xFA, 0xFF, mid]))
+    while start >= 0:
+        length = data[start + 3] if len(data) > start + 3 else 255
+        frame = data[start : start + 5 + length]
+        if len(frame) == 5 + length and not sum(frame[1:]) & 0xFF:
+            return frame[4:-1]
+        start = data.find(bytes([0xFA, 0xFF, mid]), start + 1)
+    return None
+
+
+class Xsens(Device):
+    """Options: ``rate`` [Hz] of acceleration and rate of turn; ``configure``."""
+
+    KIND = "xsens"
+    MEASURES = "imu"
+    BAUDRATE = 115200
+    FRAME_BYTES = 53
+    OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "configure": True}
+
+    def parser(self) -> XsensParser:
+        """A fresh parser."""
+        return XsensParser()
+
+    def start(self) -> Conversation:
+        """Configuration state, who are you, output configuration and what it became, measurement state."""
+        if not self.options["configure"]:
+            return Identity(settings={"configured": "no"})
+        yield from ask(message(GOTO_CONFIG), lambda d: find_message(d, 0x31), tries=6)
+        serial = yield from ask(message(REQUEST_ID), lambda d: find_message(d, DEVICE_ID))
+        product = yield from ask(message(REQUEST_PRODUCT), lambda d: find_message(d, PRODUCT))
+        firmware = yield from ask(message(REQUEST_FIRMWARE), lambda d: find_message(d, FIRMWARE))
+        answer = yield from ask(message(SET_OUTPUT, self._outputs()), lambda d: find_message(d, 0xC1))
+        yield from ask(message(GOTO_MEASUREMENT), lambda d: find_message(d, 0x11))
+        settings = {f"{i:04X}_hz": str(rate) for i, rate in struct.iter_unpack(">HH", answer[: len(answer) // 4 * 4])}
+        wanted = round(self.rate)
+        warnings = tuple(
+            f"{i:04X} is sent at {settings.get(f'{i:04X}_hz', 'no')} Hz, {wanted} Hz was asked for"
+            for i in (ACCELERATION, RATE)
+            if settings.get(f"{i:04X}_hz") != str(wanted)
+        )
+        return Identity(
+            model=product.decode("ascii", "replace").strip("\0 "),
+            serial=serial.hex().upper(),
+            firmware=".".join(str(b) for b in firmware[:3]),
+            settings=settings,
+            warnings=warnings,
+        )
+
+    def _outputs(self) -> bytes:
+        rate = round(self.rate)
+        pairs = [(COUNTER, 0xFFFF), (TIME_FINE, 0xFFFF), (ACCELERATION, rate), (RATE, rate), (STATUS, 0xFFFF)]
+        return b"".join(struct.pack(">HH", *pair) for pair in pairs)
+
+    def stop(self) -> bytes:
+        """Back to the configuration state: no more data."""
+        return message(GOTO_CONFIG) if self.options["configure"] else b""
+
+    def emulator(self, *, rate: float) -> "XsensEmulator":
+        """The sensor."""
+        return XsensEmulator(rate=rate)
+
+
+class XsensEmulator(Emulator):
+    """An MTi that takes the conversation above; it streams after a wake-up as the real one does."""
+
+    def boot(self) -> bytes:
+        """A wake-up message, then data."""
+        self.streaming = True
+        return message(0x3E)
+
+    def receive(self, data: bytes) -> bytes:
+        """Acknowledge every intact message."""
+        self._heard += data
+        answer = b""
+        while (start := self._heard.find(b"\xfa\xff")) >= 0 and len(self._heard) - start >= 5:
+            length = self._heard[start + 3] + 5
+            if len(self._heard) - start < length:
+                break
+            frame = bytes(self._heard[start : start + length])
+            intact = not sum(frame[1:]) & 0xFF
+            del self._heard[: start + (length if intact else 1)]
+            answer += self._answer(frame[2], frame[4:-1]) if intact else b""
+        return answer
+
+    def _answer(self, mid: int, data: bytes) -> bytes:
+        if mid in (GOTO_CONFIG, GOTO_MEASUREMENT):
+            self.streaming = mid == GOTO_MEASUREMENT
+        if mid == SET_OUTPUT:
+            rates = dict(struct.iter_unpack(">HH", data))
+            self.rate = float(rates.get(ACCELERATION, self.rate))
+            return message(0xC1, data)
+        facts = {REQUEST_ID: b"\0\0\0\x01", REQUEST_PRODUCT: b"MTi-emulated", REQUEST_FIRMWARE: b"\0\0\0"}
+        return message(mid + 1, facts.get(mid, b""))
+
+    def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
+        """One MTData2 message."""
+        return encode(index, round(time * 1e4), values[:3], values[3:])

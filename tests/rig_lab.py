@@ -1,0 +1,104 @@
+"""A bench of emulated sensors in a process of their own, and the recorder in another, for the tests."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from rig import bag
+from rig.channels import ImuChannel, WrenchChannel
+
+RIG = """
+[[device]]
+name = "cell"
+kind = "bota"
+port = "{cell}"
+wrench = "on_body"
+options = {{ rate = 800 }}
+
+[[device]]
+name = "imu"
+kind = "xsens"
+port = "{imu}"
+baudrate = 921600
+options = {{ rate = 400 }}
+"""
+
+
+def ramp_run(path, seconds=60.0, rate=800.0):
+    """Every value grows with time, so that each sample tells when it is from: force_x = omega_x = t and so on."""
+    t = np.arange(round(rate * seconds) + 1) / rate
+    rows = np.stack([t, -t, 2 * t], axis=1)
+    time_ = 10**9 + np.round(t * 1e9).astype(np.int64)
+    wrench = WrenchChannel("/wrench", "body", time_, time_, rows, rows[:, ::-1].copy())
+    imu = ImuChannel("/imu", "body", time_, time_, rows, rows[:, ::-1].copy())
+    bag.write(path, wrench=wrench, imu=imu)
+
+
+class Bench:
+    """Emulated Bota and Xsens, playing a ramp from the start; ``tell`` sends a command, such as ``unplug imu``."""
+
+    def __init__(self, folder, *, seconds=60.0, loop=False):
+        ramp_run(folder / "ramp.mcap", seconds)
+        eye = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]
+        common = {"run": str(folder / "ramp.mcap"), "matrix": eye, "loop": loop}
+        specs = [
+            {"name": "cell", "kind": "bota", "options": {"rate": 800.0}, "baudrate": 460800, **common},
+            {"name": "imu", "kind": "xsens", "options": {"rate": 400.0}, "baudrate": 921600, **common},
+        ]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rig.emulator"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self.tell(json.dumps(specs))
+        self.ports = json.loads(self.process.stdout.readline())["ports"]
+        self.tell("go")
+        assert "start" in json.loads(self.process.stdout.readline())
+        self.rig = Path(folder) / "rig.toml"
+        self.rig.write_text(RIG.format(**self.ports))
+
+    def tell(self, command):
+        self.process.stdin.write(command.encode() + b"\n")
+        self.process.stdin.flush()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.stdin.close()
+        self.process.stdout.close()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+class Recording:
+    """``inertia record`` as a process; ready when the constructor returns, unless ``wait`` is False."""
+
+    def __init__(self, *arguments, wait=True, stdin=subprocess.PIPE, **options):
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        command = [sys.executable, "-m", "uq.cli", "record", *map(str, arguments)]
+        self.process = subprocess.Popen(
+            command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment, **options
+        )
+        self.messages = ""
+        while wait and "ready" not in self.messages:
+            line = self.process.stderr.readline().decode()
+            assert line, self.messages
+            self.messages += line
+
+    def stop(self, number=signal.SIGINT):
+        """Send a signal and wait for the end; returns (exit status, summary or None, messages)."""
+        self.process.send_signal(number)
+        return self.end()
+
+    def end(self):
+        """Wait for the end."""
+        out, err = self.process.communicate(timeout=30)
+        self.messages += err.decode()
+        return self.process.returncode, json.loads(out) if out else None, self.messages
