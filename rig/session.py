@@ -128,7 +128,7 @@ class Session:
         self.sources = [Source(reader.entry, reader, now=now) for reader in self._readers]
         self._check_samples()
 
-    def _wait(self, done, seconds: float, complaint: str) -> None:  # type: ignore[no-untyped-def]
+    def _wait(self, done, seconds: float, complaint: str) -> None:
         deadline = time.monotonic() + seconds
         while not all(done(reader) for reader in self._readers):
             self._raise_if_ended()
