@@ -232,12 +232,8 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_was_there(tmp_path, repea
         folder.mkdir()
         limit = int(draw.integers(30_000, 120_000))
         with Bench(folder) as bench:
-            recording = Recording(
-                bench.rig,
-                "-o",
-                folder / "run.mcap",
-                preexec_fn=lambda limit=limit: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-            )
+            recording = Recording(bench.rig, "-o", folder / "run.mcap", wait=False)
+            resource.prlimit(recording.process.pid, resource.RLIMIT_FSIZE, (limit, limit))
             status, _, messages = recording.end()
         assert status == 2
         assert messages.splitlines()[-1].startswith("error: cannot write")

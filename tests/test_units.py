@@ -16,6 +16,8 @@ from uq.units import UnitError, quantity
         ("381.3 g*m^2", "kg*m^2", 0.3813),
         ("3 deg", "rad", math.radians(3)),
         ("90 deg/s", "rad/s", math.pi / 2),
+        ("2 mrad", "rad", 0.002),
+        ("1 turn/s", "rad/s", 2 * math.pi),
         ("30 rpm", "rad/s", math.pi),
         ("0.4 kHz", "Hz", 400),
         ("3 min", "s", 180),
@@ -33,6 +35,8 @@ def test_a_value_is_converted_once(text, unit, value):
         ("5 Hz", "rad/s"),  # pint alone makes 5 rad/s of it
         ("5 1/s", "rad/s"),
         ("5 rad/s", "Hz"),
+        ("5 N*m/rad", "N*m"),
+        ("30 rpm", "Hz"),
         ("5", "rad"),  # an angle wants its unit
         ("5 N", "N*m"),
         ("5", "m"),

@@ -7,6 +7,7 @@ import math
 import re
 import tokenize
 from functools import cache
+from typing import Any
 
 import pint
 
@@ -20,10 +21,7 @@ class UnitError(ValueError):
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    registry: pint.UnitRegistry = pint.UnitRegistry(on_redefinition="ignore", cache_folder=None)
-    registry.define("radian = [angle] = rad")
-    registry.define("revolutions_per_minute = 2 * π * radian / minute = rpm")
-    return registry
+    return pint.UnitRegistry(cache_folder=None)
 
 
 def quantity(text: object, unit: str) -> float:
@@ -56,5 +54,13 @@ def _factor(name: str, unit: str) -> float:
     if not UNIT.fullmatch(name):
         raise ValueError(f"{name!r} is not a unit")
     registry = _registry()
-    one = registry.Quantity(1, registry.parse_units(name))
-    return float(one.to(unit).magnitude)
+    given, asked = registry.parse_units(name), registry.parse_units(unit)
+    if _angle(given) != _angle(asked):
+        raise pint.DimensionalityError(given, asked)
+    return float(registry.Quantity(1, given).to(asked).magnitude)
+
+
+def _angle(unit: pint.Unit) -> float:
+    """The power of radian in a unit: 1 in rpm and deg/s, 0 in Hz."""
+    powers: dict[str, Any] = dict(_registry().get_root_units(unit)[1]._units)
+    return float(powers.get("radian", 0))
