@@ -85,8 +85,3 @@ def derivative(signal: Float[Array, "3 n"], taps: Float[Array, " h"]) -> Float[A
         (taps[j - 1] * (signal[:, h + j : h + j + n] - signal[:, h - j : h - j + n]) for j in range(2, h + 1)),
         start=taps[0] * (signal[:, h + 1 : h + 1 + n] - signal[:, h - 1 : h - 1 + n]),
     )
-
-
-def noise_gain(taps: np.ndarray) -> float:
-    """Return the standard deviation of alpha per standard deviation of white noise in omega [1/s]."""
-    return float(np.sqrt(2 * np.sum(np.square(taps))))

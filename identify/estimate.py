@@ -11,14 +11,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.signal import welch
 
-from identify.differentiate import derivative
+from identify.differentiate import derivative, gain
 from identify.estimator import EstimatorSpec
-from identify.filters import apply, noise_level
-from identify.gram import Sums, normal_equations
+from identify.filters import apply, motion_band, noise_level
+from identify.gram import Sums, normal_equations, sums_of
 from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, features
 from identify.run import Run, RunError
 from identify.solve import Excitation, excitation
+
+SPLINE_REACH = 3
+"""Samples beside a gap that the interpolation across it touches."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +47,17 @@ class Information:
     """Standard deviation of the residuals on each axis [N·m]."""
     correlation_time: float
     """Integrated correlation time of the residuals [samples]."""
+    rows: int
+    """Samples that gave rows."""
+    gain_error: float
+    """Relative error of the tensor from the differentiator's gain over the motion's spectrum."""
 
     @property
     def weight(self) -> float:
         """Inverse of the rows' effective noise variance, which weighs this run among others [(N·m)⁻²]."""
         usable = self.excitation.identifiable
+        if not usable.any():
+            return 1.0
         strength, directions = self.excitation.strength[usable], self.excitation.directions[usable]
         spread = np.einsum("ki,ij,kj->k", directions, self.scores, directions) / strength
         return float(1 / max(np.mean(spread), 1e-300))
@@ -61,11 +71,7 @@ class Information:
     @property
     def degrees_of_freedom(self) -> float:
         """Effective number of independent residuals less the parameters, at least 1."""
-        rows = 3 * float(self.sums.gram[0, 0]) if self.offsets is None else 3.0 * self.rows - 3
-        return max(rows / self.correlation_time - 6, 1.0)
-
-    rows: int = 0
-    """Samples that gave rows."""
+        return max(3 * self.rows / self.correlation_time - 6 - (0 if self.offsets is None else 3), 1.0)
 
 
 def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_offsets: bool) -> Information:
@@ -95,11 +101,15 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
         )
     signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
     phi, force, moment = _rows(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
-    count = phi.shape[1]
+    keep = _kept(run, phi.shape[1])
+    phi, force, moment = phi[:, keep], force[:, keep], moment[:, keep]
+    count = len(keep)
+    if count < 3:
+        raise RunError(f"{run.name} has fewer than three samples outside its gaps: record without gaps")
     means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
     if remove_offsets:
         phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
-    sums = Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
+    sums = sums_of(phi, force, moment)
     normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
     rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, np.asarray(phi))
@@ -127,7 +137,27 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
         residuals.std(axis=0),
         correlation_time,
         count,
+        _gain_error(run, estimator),
     )
+
+
+def _kept(run: Run, rows: int) -> np.ndarray:
+    """Positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
+    if run.missing is None:
+        return np.arange(rows)
+    half = (len(run.t) - rows) // 2
+    reach = half + SPLINE_REACH
+    touched = np.convolve(run.missing.astype(float), np.ones(2 * reach + 1), "same") > 0.5
+    return np.flatnonzero(~touched[half : half + rows])
+
+
+def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
+    """What the differentiator's gain makes of the tensor, relative: it lacks 1 - gain, weighed by alpha's spectrum."""
+    frequency, power = welch(run.omega, fs=run.rate, nperseg=max(len(run.t) // 4, 8), axis=0, window="blackmanharris")
+    inside = frequency <= motion_band(run.omega, run.rate)
+    weight = (power.sum(axis=1) * frequency**2)[inside]
+    error = 1 / gain(estimator.taps(run.rate), run.rate, frequency[inside]) - 1
+    return float(weight @ error / max(weight.sum(), 1e-300))
 
 
 @jax.jit

@@ -22,6 +22,17 @@ class EstimatorSpec:
     lowpass: float | None = None
     """Cut-off [Hz] of the Gaussian filter that both sides of the regression pass through alike; None: no filter."""
 
+    def __post_init__(self) -> None:
+        """Refuse what cannot be, with a ValueError."""
+        if self.differentiator not in ("central", "savitzky-golay"):
+            raise ValueError(
+                f"Argument `differentiator` must be central or savitzky-golay, but is {self.differentiator}."
+            )
+        for name in ("band", "window", "lowpass"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < 1e9:
+                raise ValueError(f"Argument `{name}` must be above zero, but is {value}.")
+
     def taps(self, rate: float) -> np.ndarray:
         """Return the differentiator's taps [1/s] at a sample rate [Hz].
 

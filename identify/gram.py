@@ -24,11 +24,11 @@ CONDITION_LIMIT = 1e12
 class Sums(NamedTuple):
     """Sums over samples of products of the features. Add two of them to join their samples."""
 
-    gram: Float[Array, "13 13"]
+    gram: Float[Array, "k k"]
     """Of the features with themselves; entry [0, 0] is the number of samples."""
-    force: Float[Array, "13 3"]
+    force: Float[Array, "k 3"]
     """Of the features with the force [N]."""
-    moment: Float[Array, "13 3"]
+    moment: Float[Array, "k 3"]
     """Of the features with the moment about Q [N·m]."""
 
 
@@ -47,7 +47,11 @@ def accumulate(
     omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]
 ) -> Sums:
     """Return the sums of one block of samples, component first."""
-    phi = features(omega, alpha)
+    return sums_of(features(omega, alpha), force, moment)
+
+
+def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]) -> Sums:
+    """Return the sums of features (the thirteen, or those of several estimators) with themselves and the wrench."""
     return Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
 
 

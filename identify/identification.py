@@ -8,18 +8,20 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import norm
 from scipy.stats import t as student
 
 from identify.estimate import Information, information
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
 from identify.gram import normal_equations
-from identify.inertia import COMPONENTS, is_admissible, principal
+from identify.inertia import COMPONENTS, principal
 from identify.precision import check_precision
 from identify.run import Run, RunError
 from identify.solve import excitation
 from identify.tables import html_table, text_table
+
+SHORTEST = 64
+"""Samples from which the motion's band can be found."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Identification:
     inertia: np.ndarray
     """Packed tensor [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual variance."""
     bias: np.ndarray
-    """Expected mean error of ``inertia`` from the gyro's noise in the regressor; not subtracted [kg·m²]."""
+    """Expected mean error from white gyro noise and the differentiator's gain; not subtracted [kg·m²]."""
     covariance: np.ndarray
     """Of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
     interval95: np.ndarray
@@ -94,9 +96,7 @@ class Identification:
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
             "delay": {"value": 0.0, "estimated": False},
             "rotation": {"value": np.eye(3).tolist(), "estimated": False},
-            "offsets": {
-                run.file: None if run.offsets is None else {"moment": run.offsets.tolist()} for run in self.runs
-            },
+            "offsets": {"moment": [None if run.offsets is None else run.offsets.tolist() for run in self.runs]},
             "runs": [
                 {
                     "file": run.file,
@@ -168,8 +168,12 @@ def identify(
         raise RunError("no runs: give one or more")
     warned = check_precision("float64")
     centre, sigma = np.asarray(r_cg, float), np.asarray(sigma_r_cg, float)
+    if centre.shape != (3,) or not np.isfinite(centre).all():
+        raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")
+    if sigma.shape != (3,) or not (np.isfinite(sigma) & (sigma >= 0)).all():
+        raise RunError(f"sigma_r_cg is {sigma_r_cg!r}: give three standard uncertainties [m], zero or more")
     if estimator is None:
-        band = max(motion_band(run.omega, run.rate) for run in runs)
+        band = _common_band(runs)
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
     parts = [information(run, estimator, centre, remove_offsets=remove_offsets) for run in runs]
     weights = np.array([part.weight for part in parts])
@@ -177,7 +181,7 @@ def identify(
     noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
     verdict = excitation(normal, noise)
     if verdict.unidentifiable or not verdict.identifiable.all():
-        names = ", ".join(verdict.unidentifiable) or "some products"
+        names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
         raise RunError(f"the motion in {_named(runs)} does not identify {names}: rotate about more axes, or faster")
 
     def pooled(centre):
@@ -190,7 +194,9 @@ def identify(
     residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
     scatter, factor = _scatter(parts, inertia)
     covariance = residual * np.outer(scatter, scatter) + by_centre * sigma**2 @ by_centre.T
-    bias = inertia - np.linalg.solve(normal - noise, normal @ inertia)
+    share = weights * [part.rows for part in parts]
+    gain_error = share @ [part.gain_error for part in parts] / share.sum()
+    bias = inertia - np.linalg.solve(normal - noise, normal @ inertia) + gain_error * inertia
     half = factor * np.sqrt(np.diag(covariance))
     warnings = [*warned, *_warnings(parts, inertia, bias, covariance, scatter)]
     diagnostics = {
@@ -209,10 +215,21 @@ def identify(
     )  # fmt: skip
 
 
+def _common_band(runs: Sequence[Run]) -> float:
+    """The band of the fastest motion [Hz]."""
+    for run in runs:
+        if len(run.t) < SHORTEST:
+            raise RunError(
+                f"{run.name} has {len(run.t)} samples, fewer than the {SHORTEST} from which a motion's band is found: "
+                "record for longer, or name an estimator"
+            )
+    return max(motion_band(run.omega, run.rate) for run in runs)
+
+
 def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """By component: how much more runs scatter than their residuals say, at least 1; the coverage factor of 95 %."""
     alone = [part for part in parts if part.excitation.identifiable.all()]
-    own = norm.ppf(0.975) if len(parts) > 1 else student.ppf(0.975, parts[0].degrees_of_freedom)
+    own = student.ppf(0.975, sum(part.degrees_of_freedom for part in parts))
     if len(alone) < 2:
         return np.ones(6), np.full(6, own)
     squares = [(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone]
@@ -228,19 +245,26 @@ def _warnings(
     for name, one, three in zip(COMPONENTS, bias, 3 * sigma, strict=True):
         if abs(one) > 0.1 * three:
             found.append(
-                f"the gyro's noise biases {name} by about {1e3 * one:.3g} g·m²: use a smoothing differentiator"
+                f"gyro noise and differentiator bias {name} by about {1e3 * one:.3g} g·m²: match a smoother to the band"
             )
     for name, ratio in zip(COMPONENTS, scatter, strict=True):
         if ratio > 2:
             found.append(f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes")
-    if not bool(is_admissible(jnp.asarray(inertia))):
+    moments, _ = principal(jnp.asarray(inertia))
+    margin = float(jnp.minimum(moments[0], moments[0] + moments[1] - moments[2]))
+    if margin < -2 * float(np.sqrt(np.trace(covariance))):
         found.append("no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG")
     return found
 
 
 def _assumptions(remove_offsets: bool) -> tuple[str, ...]:
     zero = () if remove_offsets else ("force and moment are free of constant offsets",)
-    return (*zero, "load cell and IMU are aligned in time and in frame", "the platform is rigid")
+    return (
+        *zero,
+        "load cell and IMU are aligned in time and in frame",
+        "the gyro's noise is white",
+        "the platform is rigid",
+    )
 
 
 def _run_estimate(part: Information) -> RunEstimate:
@@ -249,10 +273,6 @@ def _run_estimate(part: Information) -> RunEstimate:
         run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
         part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()),
     )  # fmt: skip
-
-
-def _offsets(run: RunEstimate) -> dict[str, list[float]] | None:
-    return None if run.offsets is None else {"moment": run.offsets.tolist()}
 
 
 def _by_component(values: np.ndarray) -> dict[str, float]:

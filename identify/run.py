@@ -3,12 +3,14 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 JITTER_TOLERANCE = 1e-3
 """Departure from uniform sampling, as a part of the sample interval, below which samples are taken as they are."""
+JITTER_WARNING = 0.05
+"""Standard deviation of the intervals, as a part of their mean, that is worth a warning."""
 GAP = 5.0
 """Sample intervals without a sample that count as a gap."""
 
@@ -33,6 +35,8 @@ class Run:
     """What messages and results call it: a file name, if it has one."""
     sha256: str | None = None
     """Hash of the file it was read from."""
+    missing: Bool[np.ndarray, " n"] | None = None
+    """Instants inside a gap of a sensor, where values are interpolated and must not be used; None: no gap."""
     warnings: tuple[str, ...] = field(default=())
     """What a reader of the result should know of the data."""
 
@@ -98,13 +102,26 @@ class Run:
                 f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
                 f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
-        interval = max(float(np.median(np.diff(t))) for t in (at, at_imu))
+        interval = max(_interval(t) for t in (at, at_imu))
         t = start + interval * np.arange(int((stop - start) / interval * (1 + 1e-9)) + 1)
         if len(t) < 2:
             raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
-        warnings = (*_gaps("wrench", at), *_gaps("angular velocity", at_imu))
+        sensors = {"wrench": at, "angular velocity": at_imu}
+        warnings = [
+            text for sensor, times in sensors.items() for text in (*_gaps(sensor, times), *_jitter(sensor, times))
+        ]
+        missing = _in_gap(at, t) | _in_gap(at_imu, t)
         wrench = _interpolate(at, np.hstack([of_force, of_moment]), t)
-        return cls(t, wrench[:, :3], wrench[:, 3:], _interpolate(at_imu, of_omega, t), name, sha256, warnings)
+        return cls(
+            t,
+            wrench[:, :3],
+            wrench[:, 3:],
+            _interpolate(at_imu, of_omega, t),
+            name,
+            sha256,
+            missing if missing.any() else None,
+            tuple(warnings),
+        )
 
     def between(self, start: float, stop: float) -> "Run":
         """Return the part of the run from ``start`` to ``stop`` [s].
@@ -117,7 +134,9 @@ class Run:
             raise RunError(
                 f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
             )
-        return replace(self, t=self.t[keep], force=self.force[keep], moment=self.moment[keep], omega=self.omega[keep])
+        missing = None if self.missing is None else self.missing[keep]
+        signals = {name: getattr(self, name)[keep] for name in ("t", "force", "moment", "omega")}
+        return replace(self, **signals, missing=missing)
 
     def __repr__(self) -> str:
         return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
@@ -159,6 +178,28 @@ def _is_uniform(t: np.ndarray) -> bool:
     return bool(np.max(np.abs(t - t[0] - step * np.arange(len(t)))) < JITTER_TOLERANCE * step)
 
 
+def _interval(t: np.ndarray) -> float:
+    """The mean interval between samples, gaps left out [s]."""
+    steps = np.diff(t)
+    return float(steps[steps <= GAP * np.median(steps)].mean())
+
+
+def _in_gap(t: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Which instants ``at`` lie inside a gap between the samples ``t``."""
+    steps = np.diff(t)
+    after = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(steps) - 1)
+    return steps[after] > GAP * np.median(steps)
+
+
+def _jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:
+    steps = np.diff(t)
+    steps = steps[steps <= GAP * np.median(steps)]
+    spread, mean = float(steps.std()), float(steps.mean())
+    if spread < JITTER_WARNING * mean:
+        return ()
+    return (f"the stamps of the {channel} jitter by {1e3 * spread:.3g} ms at an interval of {1e3 * mean:.3g} ms",)
+
+
 def _gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
     steps = np.diff(t)
     wide = steps > GAP * np.median(steps)
@@ -166,7 +207,7 @@ def _gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
         return ()
     return (
         f"{int(wide.sum())} gaps in the {channel}, the longest {steps.max():.3g} s at {t[np.argmax(steps)]:.6g} s, "
-        "bridged by interpolation",
+        "left out",
     )
 
 

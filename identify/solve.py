@@ -88,6 +88,12 @@ class Excitation(NamedTuple):
         blind = self.directions[~self.identifiable]
         return tuple(name for name, part in zip(COMPONENTS, (blind**2).sum(axis=0), strict=True) if part > 0.4)
 
+    @property
+    def blind_direction(self) -> str:
+        """The least excited direction in words, such as ``0.58 I11 +0.58 I22 +0.58 I33``."""
+        shares = zip(COMPONENTS, self.directions[0], strict=True)
+        return " ".join(f"{part:+.2g} {name}" for name, part in shares if abs(part) > 0.1).removeprefix("+")
+
 
 def excitation(normal: Matrix, noise: Matrix) -> Excitation:
     """Judge which directions of the tensor a motion excites.

@@ -291,7 +291,8 @@ class Recorder:
             "rig_file": self._rig.path.read_text(encoding="utf-8"),
             "host": platform.platform(),
             "epoch_minus_monotonic_ns": str(self._epoch),
-            "wrench": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
+            "wrench": "on_body",
+            "wrench_meaning": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
             "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
             "log_time": "arrival at the host; header.stamp: device time in host time, or arrival less transmission",
         }

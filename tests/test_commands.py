@@ -118,7 +118,7 @@ def test_a_run_that_cannot_be_used(tmp_path, experiment, capsys, what, words):
     line = refused(capsys, "identify", path, "--experiment", experiment, "--out", out)
     assert words in line
     assert path.read_bytes() == before
-    assert list(out.iterdir()) == []
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -160,6 +160,7 @@ def test_an_experiment_that_cannot_be_used(tmp_path, run, experiment, capsys, ol
         (("montecarlo", "{e}", "--trials", "-5"), "-5 trials: ask for one or more"),
         (("montecarlo", "{e}", "--trials", "1.5"), "'1.5' is not a whole number"),
         (("montecarlo", "{e}", "--seed", "x"), "'x' is not a whole number"),
+        (("montecarlo", "{e}", "--seed", "9" * 30), "out of range"),
         (("montecarlo", "{e}", "--trajectory", "T9"), "unknown trajectory 'T9': choose one of T1, T2, T3, T4"),
         (("montecarlo", "{e}", "--estimator", "T9"), "unknown estimator 'T9'"),
         (("montecarlo", "{e}", "--dtype", "float16"), "float16"),
@@ -196,9 +197,36 @@ def test_simulate_then_identify(tmp_path, experiment, run, capsys):
     assert {"result.json", "report.html"} <= {path.name for path in out.iterdir()}
     assert content["inertia"]["I11"] == pytest.approx(0.3813, rel=0.05)
     assert f"{1e3 * content['inertia']['I11']:.0f}" in said
-    assert content["runs"][0]["sha256"] == content["provenance"]["inputs"]["run.mcap"]
+    assert content["provenance"]["inputs"] == [{"file": str(run), "sha256": content["runs"][0]["sha256"]}]
     assert "on the body" in " ".join(content["assumptions"])
     assert content["provenance"]["experiment"]["body"]["mass"] == "19.7 kg"
+
+
+def test_what_a_run_says_of_its_wrench_is_not_overruled(tmp_path, experiment, run, capsys):
+    experiment.write_text(SHORT.replace("[recording]", '[recording]\nwrench = "on_sensor"'))
+    line = refused(capsys, "identify", run, "--experiment", experiment)
+    assert "says that its wrench is on_body" in line
+    assert "recording.wrench in the experiment says on_sensor" in line
+
+
+def test_clocks_are_not_mixed(tmp_path, experiment, capsys):
+    """Without stamps on one sensor, the log's times serve both: an IMU logged 80 ms late is not 80 ms late."""
+    wrench, imu = channels()
+    bare = dataclasses.replace(imu, stamp=0 * imu.stamp)
+    tensors = []
+    for k, (w, i) in enumerate([(wrench, imu), (wrench, bare)]):
+        bag.write(tmp_path / f"{k}.mcap", wrench=dataclasses.replace(w, stamp=w.stamp + 10**9), imu=i, metadata={})
+        main(
+            ["identify", str(tmp_path / f"{k}.mcap"), "--experiment", str(experiment), "--out", str(tmp_path / f"o{k}")]
+        )
+        if (tmp_path / f"o{k}").exists():
+            tensors.append(json.loads((tmp_path / f"o{k}" / "result.json").read_text()))
+    assert "no stamps in the headers of /imu" in " ".join(tensors[-1]["warnings"])
+
+
+def test_a_failed_command_leaves_no_folder(tmp_path, experiment, capsys):
+    refused(capsys, "montecarlo", experiment, "--trials", 0, "--out", tmp_path / "deep" / "out")
+    assert not (tmp_path / "deep").exists()
 
 
 def test_montecarlo_writes_its_result(tmp_path, experiment, capsys):

@@ -88,6 +88,10 @@ def put(document, path, value):
         (("source", 5, "sigma"), ["1 Hz", "1 Hz", "1 Hz"], r"source\[omega_precision\].sigma\[0\] is '1 Hz'"),
         (("source", 4, "kind"), "precision", "r_cg is one draw an experiment"),
         (("source", 0, "distribution"), "cauchy", r"source\[F_precision\].distribution is 'cauchy': choose one of normal"),
+        (("source", 0, "group"), "total", r"source\[F_precision\].group is 'total', which means all sources"),
+        (("source", 0, "group"), "r_cg", "'r_cg' names a source and a group: rename one"),
+        (("trajectory", "T1", "duration"), "1e12 s", "trajectory.T1 has more than 100,000,000 samples"),
+        (("trajectory", "T1", "precessions"), 10**400, "trajectory.T1.precessions is out of range"),
         (("source", 0, "name"), None, r"missing key source\[0\].name"),
         (("recording", "wrench"), "up", "recording.wrench is 'up': choose one of on_body, on_sensor"),
         (("recording", "remove_offsets"), "yes", "recording.remove_offsets is 'yes': write true or false"),
@@ -99,6 +103,12 @@ def test_a_mistake_is_one_line_that_names_its_key(document, path, value, message
     with pytest.raises(ExperimentError, match=message) as caught:
         Experiment.from_dict(document)
     assert "\n" not in str(caught.value)
+
+
+def test_two_names_of_one_random_stream_are_refused(document):
+    document["source"][0]["name"], document["source"][1]["name"] = "plumless", "buckeroo"  # one CRC-32
+    with pytest.raises(ExperimentError, match="have one random stream: rename one"):
+        Experiment.from_dict(document)
 
 
 def test_a_file_that_is_no_toml(tmp_path):

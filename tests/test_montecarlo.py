@@ -11,6 +11,7 @@ import pytest
 from identify.differentiate import gain
 from identify.gram import accumulate, solve
 from identify.identification import identify
+from identify.precision import PrecisionWarning
 from identify.regressor import omega_r
 from uq import campaign as module
 from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion
@@ -235,6 +236,45 @@ def test_the_standard_error_of_three_sigma_holds_for_other_distributions(generat
     np.testing.assert_allclose(scatter, np.mean([r.three_sigma_standard_error for r in repeats]), rtol=0.1)
 
 
+@pytest.mark.parametrize("sampling", ["conditioned", "samples"])
+def test_without_float64_it_warns_and_still_answers(short, sampling):
+    with jax.enable_x64(False):
+        with pytest.warns(PrecisionWarning, match="JAX's float64 is off"):
+            result = montecarlo(short, trials=2, trajectories="T1", sampling=sampling)
+        asked = montecarlo(short, trials=20, trajectories="T1", sampling=sampling, dtype="float32")
+    assert "computed in float32" in result.findings()[0]
+    assert asked.warnings == ()
+    for estimator in ("central", "smoothed"):
+        assert asked["T1", estimator].failed == 0
+        assert np.abs(asked["T1", estimator].total.mean_error).max() < 0.05
+    reference = montecarlo(short, trials=20, trajectories="T1", sampling=sampling)
+    ratio = asked["T1", "smoothed"].total.three_sigma / reference["T1", "smoothed"].total.three_sigma
+    assert (np.abs(np.log(ratio)) < np.log(2)).all()  # 20 trials each: standard error 0.23 of the logarithm
+
+
+@pytest.mark.parametrize("seconds", [3.0, 10.0, 10.0025])
+def test_any_number_of_samples(short, seconds):
+    """Fewer than a block, one block, one sample more; on two devices, an odd number of trials."""
+    spec = short.trajectories["T1"]
+    old = spec.trajectory
+    brief = dataclasses.replace(old, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
+    one = dataclasses.replace(short, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=brief)})
+    results = [errors(one, 3, name="T", estimators=("central",), sampling="samples") for _ in range(2)]
+    np.testing.assert_array_equal(*results)
+    estimator = one.estimator("central")
+    silent_r = dataclasses.replace(one, sources=tuple(s for s in one.sources if s.target != "r_cg"))
+    found = identify(simulate(silent_r, "T", trial=1).run, r_cg=short.r_cg_from_q, estimator=estimator)
+    expected = errors(silent_r, 3, name="T", estimators=("central",), sampling="samples")[1, 0, 0]
+    np.testing.assert_allclose(found.inertia - short.inertia, expected, atol=1e-12)
+
+
+def test_a_colon_in_a_name_is_part_of_the_name(short):
+    source = only(short, "M_bias").sources[0]
+    named = dataclasses.replace(short, sources=(dataclasses.replace(source, name="a:b", group="c:d"),))
+    breakdown = montecarlo(named, trials=2, trajectories=["T1"], estimators=["central"])["T1", "central"]
+    assert (list(breakdown.groups), list(breakdown.sources)) == (["total", "c:d"], ["a:b"])
+
+
 def test_failed_trials_are_counted_and_left_out():
     errors = np.ones((5, 6))
     errors[2] = np.nan
@@ -260,6 +300,7 @@ def test_a_motion_about_one_axis_fails_every_trial_and_says_so(short):
     )
     result = montecarlo(blind, trials=3, estimators=["central"])
     assert result["one", "central"].failed == 3
+    assert "one, central: 3 of 3 trials failed" in repr(result)
     assert result.to_dict()["trajectories"]["one"]["central"]["groups"]["total"]["three_sigma"]["I22"] is None
 
 

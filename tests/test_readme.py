@@ -25,3 +25,9 @@ def test_its_commands_exist():
     assert used <= set(COMMANDS)
     for target in set(re.findall(r"make (\w+)", text)):
         assert re.search(rf"^{target}:", (README.parent / "Makefile").read_text(), flags=re.M), target
+
+
+def test_every_relative_link_leads_somewhere():
+    for page in [README, *README.parent.glob("docs/**/*.md")]:
+        for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text("utf-8")):
+            assert (page.parent / target).exists(), (page.name, target)

@@ -134,7 +134,7 @@ def test_page_warns_of_mean_errors_beyond_the_dispersion(html):
 def test_hostile_names_are_text():
     changed = document()
     changed["trajectory"] = {f"../{HOSTILE}": changed["trajectory"]["T1"]}
-    changed["source"][0] |= {"name": HOSTILE, "group": HOSTILE, "reference": HOSTILE}
+    changed["source"][0] |= {"name": HOSTILE, "group": f"{HOSTILE}2", "reference": HOSTILE}
     changed["recording"] = {}
     changed["estimator"] = [changed["estimator"][0] | {"name": f"a/{HOSTILE}$x$"}]
     result = montecarlo(Experiment.from_dict(changed), trials=4)

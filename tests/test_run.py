@@ -34,6 +34,17 @@ def test_a_gap_is_named():
     keep = np.r_[0:400, 460:1000]
     run = Run.from_channels(t, force, moment, t[keep], omega[keep])
     assert "1 gaps in the angular velocity, the longest 0.61 s" in run.warnings[0]
+    inside = (run.t > t[399] + 1e-9) & (run.t < t[460] - 1e-9)
+    assert run.missing[inside].all()
+    assert not run.missing[~inside][run.t[~inside] != t[399]].any()
+
+
+def test_jitter_is_named(generator):
+    t, force, moment, omega = arrays(1000)
+    run = Run.from_arrays(t + generator.uniform(-2e-3, 2e-3, 1000), force, moment, omega)
+    assert "the stamps of the wrench jitter by 1." in run.warnings[0]
+    assert run.rate == pytest.approx(100, rel=1e-3)
+    assert Run.from_arrays(t, force, moment, omega).warnings == ()
 
 
 def test_between_cuts_and_refuses_an_empty_part():

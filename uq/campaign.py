@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from html import escape
+from typing import Any, get_args
 
 import equinox as eqx
 import jax
@@ -13,10 +14,11 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 from identify.estimator import EstimatorSpec
 from identify.inertia import COMPONENTS
 from identify.precision import check_precision
-from identify.tables import html_table, text_table
+from identify.tables import html_table, text_table, with_error
 from identify.trajectory import Motion, sample
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.provenance import provenance
+from uq.sources import BLOCK
 from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates, prepare, trial
 
 GRAM_METRE = 1e3
@@ -128,25 +130,61 @@ class MonteCarloResult:
         }
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the summary: mean error ± and 3σ of each component, in g·m²."""
-        head = ["trajectory", "estimator", "g·m²", *COMPONENTS]
+        """Return head and rows of the summary: mean error and 3σ of each component with standard errors, in g·m²."""
         rows = []
-        for trajectory, of_trajectory in self.breakdowns.items():
-            for estimator, breakdown in of_trajectory.items():
-                total = breakdown.total
-                mean = [f"{GRAM_METRE * value:.3f}" for value in total.mean_error]
-                sigma = [f"{GRAM_METRE * value:.3f}" for value in total.three_sigma]
-                rows += [[trajectory, estimator, "mean error", *mean], ["", "", "3σ", *sigma]]
-        return head, rows
+        for trajectory, estimator in self.pairs():
+            s = self[trajectory, estimator].total
+            mean = map(with_error, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
+            sigma = map(with_error, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
+            rows += [[trajectory, estimator, "mean error", *mean], ["", "", "3σ", *sigma]]
+        return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
+
+    def share_rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the breakdown: each group's and source's 3σ alone over the total's, per cent."""
+        first = self[self.pairs()[0]]
+        names = [name for name in (*first.groups, *first.sources) if name != "total"]
+        rows = []
+        for trajectory, estimator in self.pairs():
+            with np.errstate(invalid="ignore", divide="ignore"):
+                shares = [100 * self[trajectory, estimator].share(name) for name in names]
+            rows.append([trajectory, estimator, *(f"{x:.3g}" if np.isfinite(x) else "–" for x in shares)])
+        return ["3σ alone, % of total", "", *(name.replace("_", " ") for name in names)], rows
+
+    def pairs(self) -> list[tuple[str, str]]:
+        """Return every trajectory with every estimator."""
+        return [(trajectory, estimator) for trajectory, of in self.breakdowns.items() for estimator in of]
+
+    def findings(self) -> list[str]:
+        """Return what a reader must not miss: warnings, failed trials, mean errors larger than their 3σ."""
+        found = list(self.warnings)
+        for trajectory, estimator in self.pairs():
+            breakdown = self[trajectory, estimator]
+            if breakdown.failed:
+                found.append(
+                    f"{trajectory}, {estimator}: {breakdown.failed} of {self.trials} trials failed and are left out."
+                )
+            mean, sigma = np.abs(breakdown.total.mean_error), breakdown.total.three_sigma
+            excess = [
+                f"{COMPONENTS[k]} {GRAM_METRE * breakdown.total.mean_error[k]:.3g} g·m² "
+                f"({mean[k] / sigma[k]:.3g} × 3σ)".replace("-", "−")
+                for k in np.flatnonzero(mean > sigma)
+            ]
+            if excess:
+                found.append(f"{trajectory}, {estimator}: the mean error exceeds 3σ: {', '.join(excess)}.")
+        return found
 
     def _title(self) -> str:
         return f"Monte Carlo, {self.trials:,} trials, seed {self.seed}"
 
     def __repr__(self) -> str:
-        return f"{self._title()}\n{text_table(*self.rows())}"
+        found = [f"attention: {text}" for text in self.findings()]
+        tables = [text_table(*self.rows()), "", text_table(*self.share_rows())]
+        return "\n".join([self._title(), *tables, *([""] if found else []), *found])
 
     def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption=self._title())
+        listed = "".join(f"<li>{escape(text)}</li>" for text in self.findings())
+        tables = html_table(*self.rows(), caption=self._title()) + html_table(*self.share_rows())
+        return tables + (f"<ul>{listed}</ul>" if listed else "")
 
 
 def montecarlo(
@@ -154,8 +192,8 @@ def montecarlo(
     *,
     trials: int = 10_000,
     seed: int = 0,
-    trajectories: Sequence[str] | None = None,
-    estimators: Sequence[str] | None = None,
+    trajectories: str | Sequence[str] | None = None,
+    estimators: str | Sequence[str] | None = None,
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
     batch: int | None = None,
@@ -172,8 +210,8 @@ def montecarlo(
         experiment: body, platform, trajectories, sources, estimators.
         trials: number of trials, at least 1.
         seed: seed of every draw.
-        trajectories: names of the trajectories; None for all.
-        estimators: names of the estimators; None for all.
+        trajectories: name or names of the trajectories; None for all.
+        estimators: name or names of the estimators; None for all. Those that run together use the same samples.
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         sampling: ``"conditioned"`` draws the load cell's white noise as the sums that it leaves, given the gyro's
             draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`).
@@ -186,13 +224,18 @@ def montecarlo(
     """
     if trials < 1:
         raise ExperimentError(f"{trials} trials: ask for one or more")
+    if sampling not in get_args(Sampling):
+        raise ExperimentError(f"unknown sampling '{sampling}': choose one of {', '.join(get_args(Sampling))}")
+    if batch is not None and batch < 1:
+        raise ExperimentError(f"batch of {batch}: ask for one or more")
     warned = check_precision(dtype)
+    dtype = "float32" if warned else dtype
     devices = list(devices or jax.devices())
     batch = batch or (1 if devices[0].platform == "cpu" else 64)
-    chosen = [experiment.estimator(name) for name in estimators] if estimators else list(experiment.estimators)
+    chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
-    names = list(trajectories or experiment.trajectories) or [experiment.select()[0]]
+    names = _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
     breakdowns, errors = {}, {}
     for name in names:
         name, spec = experiment.select(name)
@@ -206,6 +249,11 @@ def montecarlo(
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, sampling=sampling, batch=batch)
     nominal = np.asarray(experiment.body.inertia)
     return MonteCarloResult(trials, seed, nominal, breakdowns, tuple(warned), record, errors)
+
+
+def _names(given: str | Sequence[str] | None) -> list[str]:
+    """Names without repeats."""
+    return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 
 def prepare_setup(
@@ -227,6 +275,8 @@ def prepare_setup(
     fitted = [_fitted(e, spec.rate) for e in estimators]
     for estimator in fitted:
         needed = 2 * len(estimator.taps) + 2
+        if len(estimator.taps) > BLOCK:
+            raise ExperimentError(f"estimator '{estimator.name}' has more than {2 * BLOCK} points: give a higher band")
         if len(t) < needed:
             raise ExperimentError(
                 f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {len(t)}: "
@@ -301,8 +351,8 @@ def _breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Bre
     groups: dict[str, Statistics] = {}
     sources: dict[str, Statistics] = {}
     for k, case in enumerate(cases):
-        kind, _, name = case.name.rpartition(":")
-        (sources if kind == "source" else groups)[name] = Statistics.of(errors[:, k])
+        kind, _, name = case.name.partition(":")
+        (sources if kind == "source" else groups)[name or kind] = Statistics.of(errors[:, k])
     return Breakdown(groups, sources, int(np.sum(~ok.all(axis=1))))
 
 

@@ -28,6 +28,9 @@ class Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 done but something is missing, 2 bad input."""
     argv = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal without σ shows a question mark, not a traceback
     if not argv or argv[0] in ("-h", "--help"):
         print(_overview())
         return 0 if argv else 2

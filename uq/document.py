@@ -15,6 +15,8 @@ class ExperimentError(ValueError):
 
 
 REQUIRED: Any = object()
+LARGEST = 1_000_000
+"""Largest whole number that a file may hold."""
 
 
 class Table:
@@ -63,6 +65,8 @@ class Table:
     def typed(self, key: str, kind: type, default: Any = REQUIRED) -> Any:
         """Return a string, a whole number or a truth value."""
         value = self.raw(key, default)
+        if kind is int and isinstance(value, int) and abs(value) > LARGEST:
+            raise ExperimentError(f"{self.path(key)} is out of range: write a smaller number")
         if key in self.content and (not isinstance(value, kind) or (kind is not bool and isinstance(value, bool))):
             name = {str: "a string", int: "a whole number", bool: "true or false"}[kind]
             raise ExperimentError(f"{self.path(key)} is {value!r}: write {name}")

@@ -20,9 +20,10 @@ from identify.estimator import EstimatorSpec
 from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.document import ExperimentError, Table
-from uq.sources import TARGET_UNITS, Source
+from uq.sources import TARGET_UNITS, Source, stream_number
 
 PRESETS = ("barreto2016",)
+MOST_SAMPLES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Recording:
     """Topic of force and moment; None: the only one of its type."""
     imu_topic: str | None = None
     """Topic of the angular velocity; None: the only one of its type."""
-    wrench: Literal["on_body", "on_sensor"] = "on_body"
-    """Whether the wrench is that on the body, as (4) has it, or the reaction on the sensor."""
+    wrench: Literal["on_body", "on_sensor"] | None = None
+    """Whether the wrench is that on the body, as (4) has it, or the reaction on the sensor; None: as the run says."""
     remove_offsets: bool = False
     """Whether constant offsets of force and moment are estimated along with the tensor and removed."""
     estimator: str | None = None
@@ -116,6 +117,7 @@ class Experiment:
             if len(set(names)) < len(names):
                 twice = next(name for name in names if names.count(name) > 1)
                 raise ExperimentError(f"two entries named '{twice}' in [[{kind}]]: give each its own name")
+        _check_names(sources)
         if recording.estimator is not None and recording.estimator not in [e.name for e in estimators]:
             raise ExperimentError(
                 f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]"
@@ -227,6 +229,8 @@ def _trajectory(table: Table) -> TrajectorySpec:
         raise ExperimentError(
             f"{table.path('ramp')} is {common['ramp']:g} s: at most half of the {segment:g} s that a motion lasts"
         )
+    if duration * rate > MOST_SAMPLES:
+        raise ExperimentError(f"{table.where} has more than {MOST_SAMPLES:,} samples: lower duration or rate")
     if round(duration * rate) < 2:
         raise ExperimentError(f"{table.where} has fewer than two samples: raise duration or rate")
     values = {name: np.array(value) for name, value in common.items()}
@@ -268,16 +272,28 @@ def _source(table: Table) -> Source:
     if (sigma < 0).any():
         axis = int(np.argmax(sigma < 0))
         raise ExperimentError(f"{table.path('sigma')}[{axis}] is {table.content['sigma'][axis]!r}: write zero or more")
+    if group == "total":
+        raise ExperimentError(f"{table.path('group')} is 'total', which means all sources: write another name")
     if target == "r_cg" and kind == "precision":
         raise ExperimentError(f"{table.path('kind')} is 'precision': r_cg is one draw an experiment, write \"bias\"")
     return Source(name, target, kind, group, sigma, reference)
+
+
+def _check_names(sources: tuple[Source, ...]) -> None:
+    """Refuse names that would be mistaken for one another: a source's for a group's, or two of one random stream."""
+    groups, streams = {source.group for source in sources}, {stream_number(s.name): s.name for s in sources}
+    for source in sources:
+        if source.name in groups:
+            raise ExperimentError(f"'{source.name}' names a source and a group: rename one")
+        if (other := streams[stream_number(source.name)]) != source.name:
+            raise ExperimentError(f"sources '{source.name}' and '{other}' have one random stream: rename one")
 
 
 def _recording(table: Table) -> Recording:
     recording = Recording(
         table.typed("wrench_topic", str, None),
         table.typed("imu_topic", str, None),
-        table.choice("wrench", ("on_body", "on_sensor"), "on_body"),
+        table.choice("wrench", ("on_body", "on_sensor")) if "wrench" in table.content else None,
         table.typed("remove_offsets", bool, False),
         table.typed("estimator", str, None),
     )

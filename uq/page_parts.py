@@ -50,31 +50,10 @@ class Drawing:
         return bool(self.figure.get_figwidth() > plots.COLUMN)
 
 
-def findings(result: MonteCarloResult) -> list[str]:
-    """Return what a reader must not miss: warnings, failed trials, mean errors larger than their 3σ."""
-    found = list(result.warnings)
-    for trajectory, estimator in pairs(result):
-        breakdown = result[trajectory, estimator]
-        if breakdown.failed:
-            found.append(
-                f"{trajectory}, {estimator}: {breakdown.failed} of {result.trials} trials failed and are left out."
-            )
-        excess = [
-            f"{COMPONENTS[k]} {_typeset(f'{GRAM_METRE * breakdown.total.mean_error[k]:.3g}')} g·m² "
-            f"({abs(breakdown.total.mean_error[k]) / breakdown.total.three_sigma[k]:.3g} × 3σ)"
-            for k in np.flatnonzero(np.abs(breakdown.total.mean_error) > breakdown.total.three_sigma)
-        ]
-        if excess:
-            found.append(f"{trajectory}, {estimator}: the mean error exceeds 3σ: {', '.join(excess)}.")
-    return found
-
-
 def summary(result: MonteCarloResult) -> Table:
     """Return the table of totals: mean error and 3σ of each component with standard errors."""
-    rows = []
-    for trajectory, estimator in pairs(result):
-        rows += _two_rows((trajectory, estimator), result[trajectory, estimator].total)
-    return Table("All sources together, g·m²", ["trajectory", "estimator", "", *COMPONENTS], rows)
+    head, rows = result.rows()
+    return Table("All sources together, g·m²", [*head[:2], "", *head[3:]], rows)
 
 
 def nominal(result: MonteCarloResult) -> Table:
@@ -206,11 +185,6 @@ def paper_figures(result: PaperResult) -> list[Drawing]:
             for name in result.estimators
         ),
     ]
-
-
-def pairs(result: MonteCarloResult) -> list[tuple[str, str]]:
-    """Return every trajectory with every estimator."""
-    return [(trajectory, estimator) for trajectory, of in result.breakdowns.items() for estimator in of]
 
 
 def _typeset(number: str) -> str:

@@ -17,9 +17,7 @@ from uq.page_parts import (
     Table,
     breakdown_figures,
     breakdown_table,
-    findings,
     nominal,
-    pairs,
     paper_figures,
     run_table,
     source_tables,
@@ -59,10 +57,10 @@ def _campaign(result: MonteCarloResult) -> Page:
     return Page(
         "Monte Carlo of an inertia tensor",
         [_computed(result), INDEX],
-        findings(result),
+        result.findings(),
         [summary(result), nominal(result)],
-        [drawing for pair in pairs(result) for drawing in breakdown_figures(result, *pair)],
-        [*(breakdown_table(result, *pair) for pair in pairs(result)), *source_tables(result.provenance)],
+        [drawing for pair in result.pairs() for drawing in breakdown_figures(result, *pair)],
+        [*(breakdown_table(result, *pair) for pair in result.pairs()), *source_tables(result.provenance)],
         ASSUMPTIONS,
         result.provenance,
     )
@@ -82,10 +80,10 @@ def _paper(result: PaperResult) -> Page:
     return Page(
         "Low uncertainty method for inertia tensor identification: the simulated experiment, reproduced",
         [SOURCE, _computed(campaign), INDEX],
-        findings(campaign),
+        campaign.findings(),
         [*comparisons, *effects, summary(campaign), nominal(campaign)],
         paper_figures(result),
-        [*(breakdown_table(campaign, *pair) for pair in pairs(campaign)), *source_tables(campaign.provenance)],
+        [*(breakdown_table(campaign, *pair) for pair in campaign.pairs()), *source_tables(campaign.provenance)],
         [*ASSUMPTIONS, *PAPER_ASSUMPTIONS],
         campaign.provenance,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from identify.identification import Identification, identify
 from identify.run import Run, RunError
 from rig.bag import read
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import Recording as BagRecording
 from uq.experiment import Experiment, Recording
 from uq.provenance import provenance
 
@@ -27,9 +27,9 @@ def load_run(path: str | Path, recording: Recording | None = None) -> Run:
     """
     recording = recording or Recording()
     bag = read(path, wrench=recording.wrench_topic, imu=recording.imu_topic)
-    sign = {"on_body": 1.0, "on_sensor": -1.0}[recording.wrench]
+    sign = {"on_body": 1.0, "on_sensor": -1.0}[wrench_meaning(bag, recording)]
     warnings: list[str] = []
-    wrench_time, imu_time = (_instants(bag.path.name, channel, warnings) for channel in (bag.wrench, bag.imu))
+    wrench_time, imu_time = _instants(bag, warnings)
     start = min(int(wrench_time[0]), int(imu_time[0]))
     run = Run.from_channels(
         (wrench_time - start) * 1e-9,
@@ -43,12 +43,29 @@ def load_run(path: str | Path, recording: Recording | None = None) -> Run:
     return replace(run, warnings=(*run.warnings, *warnings))
 
 
-def _instants(name: str, channel: WrenchChannel | ImuChannel, warnings: list[str]) -> np.ndarray:
-    """The header's stamps [ns] where they are set, else the log's."""
-    if np.any(channel.stamp != 0):
-        return channel.stamp
-    warnings.append(f"{channel.topic} has no stamps in its headers: took the log's times")
-    return channel.log_time
+def wrench_meaning(bag: BagRecording, recording: Recording) -> str:
+    """Return ``on_body`` or ``on_sensor``: what the experiment declares, else the run's metadata, else ``on_body``.
+
+    Raises:
+        RunError: the two contradict each other.
+    """
+    said = bag.metadata.get("rig.run", {}).get("wrench")
+    said = said if said in ("on_body", "on_sensor") else None
+    if recording.wrench and said and recording.wrench != said:
+        raise RunError(
+            f"{bag.path.name} says that its wrench is {said}, recording.wrench in the experiment says "
+            f"{recording.wrench}: correct the experiment"
+        )
+    return recording.wrench or said or "on_body"
+
+
+def _instants(bag: BagRecording, warnings: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """The stamps [ns] of wrench and IMU; the log's times of both where either has none, since clocks must not mix."""
+    bare = [channel.topic for channel in (bag.wrench, bag.imu) if not np.any(channel.stamp != 0)]
+    if not bare:
+        return bag.wrench.stamp, bag.imu.stamp
+    warnings.append(f"no stamps in the headers of {' and '.join(bare)}: took the log's times for both sensors")
+    return bag.wrench.log_time, bag.imu.log_time
 
 
 def identify_files(
@@ -86,8 +103,9 @@ def identify_files(
         if "wrench" in experiment.document.get("recording", {})
         else ("the wrench is that on the body, in the body frame, at Q",)
     )
+    inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
         assumptions=(*sign, *result.assumptions),
-        provenance=provenance(**experiment.inputs(), inputs={run.name: run.sha256 for run in runs}),
+        provenance=provenance(**experiment.inputs(), inputs=inputs),
     )

@@ -1,7 +1,7 @@
 """A synthetic recorded run: one trial's signals, as the load cell and the IMU would give them."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import equinox as eqx
@@ -30,9 +30,9 @@ class SimulatedRun:
 
     run: Run
     """Measured force, moment and angular velocity."""
-    specific_force: np.ndarray
+    specific_force: np.ndarray = field(repr=False)
     """True specific force at Q in B [m/s²], (n, 3): an accelerometer without errors."""
-    rotation: np.ndarray
+    rotation: np.ndarray = field(repr=False)
     """True attitude R_AB, (n, 3, 3)."""
     trajectory: str
     seed: int
@@ -62,7 +62,9 @@ class SimulatedRun:
 
 
 def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int = 0, trial: int = 0) -> SimulatedRun:
-    """Simulate one run with all the experiment's errors: the draws of the Monte Carlo's trial of that number.
+    """Simulate one run with all the experiment's errors, but that of r_CG, which no sensor sees.
+
+    The draws are those of the Monte Carlo's trial of that number with ``sampling="samples"``.
 
     Args:
         experiment: body, platform, trajectories, sources.

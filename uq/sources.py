@@ -39,9 +39,14 @@ class Source(eqx.Module):
     """Where the figure comes from."""
 
 
+def stream_number(name: str) -> int:
+    """Return the number of a source's random stream: a hash of its name that never changes (CRC-32)."""
+    return zlib.crc32(name.encode())
+
+
 def stream(source: Source, key: Key[Array, ""]) -> Key[Array, ""]:
     """Return the source's own key of a campaign: the seed's key folded with a stable hash of the name."""
-    return jax.random.fold_in(key, zlib.crc32(source.name.encode()))
+    return jax.random.fold_in(key, stream_number(source.name))
 
 
 def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: jnp.dtype) -> Float[Array, "3"]:

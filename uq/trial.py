@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int, Key
 
 from identify.differentiate import derivative
 from identify.dynamics import wrench
-from identify.gram import Sums, solve, with_offsets
+from identify.gram import Sums, solve, sums_of, with_offsets
 from identify.inertia import Body
 from identify.regressor import ALPHA, features
 from identify.trajectory import Motion
@@ -113,7 +113,7 @@ def prepare(
     alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
     phi = jnp.concatenate([features(motion.omega, motion.alpha)[:SHARED], *alphas]) * valid[None]
     both = jnp.concatenate(true)
-    sums = Sums(phi @ phi.T, phi @ both[:3].T, phi @ both[3:].T)
+    sums = sums_of(phi, both[:3], both[3:])
     count = -(-n // BLOCK)
     signals = Signals(
         jnp.arange(count),
@@ -252,7 +252,8 @@ def _conditioned(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> Float[
     gram = jnp.block([[setup.sums.gram, drawn.with_true.T], [drawn.with_true, drawn.with_changes]])
     scale = jnp.sqrt(jnp.diag(gram))
     inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
-    correlation = gram * jnp.outer(inverse, inverse) + 1e-12 * jnp.eye(len(gram))
+    nearly_singular = max(1e-12, 64 * len(gram) * float(jnp.finfo(gram.dtype).eps))  # alphas of alike differentiators
+    correlation = gram * jnp.outer(inverse, inverse) + nearly_singular * jnp.eye(len(gram))
     root = scale[:, None] * jnp.linalg.cholesky(correlation)
     columns = [root @ draw_sums(source, key, index, len(gram)) for source in plan.cell]
     return jnp.concatenate([jnp.zeros((len(gram), 0)), *columns], axis=1)

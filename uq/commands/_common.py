@@ -4,8 +4,10 @@ import argparse
 import contextlib
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import jax
 from tqdm import tqdm
@@ -24,27 +26,49 @@ def start_jax() -> None:
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 
 
-def output_folder(text: str | None) -> Path | None:
-    """Make the output folder and see that it can be written, before any work is done.
+@contextlib.contextmanager
+def output_folder(text: str | None) -> Iterator[Path | None]:
+    """Make the output folder and see that it can be written, before any work is done; gone again if the work fails.
 
     Raises:
-        OSError: it cannot.
+        OSError: it cannot be made or written.
     """
     if text is None:
-        return None
+        yield None
+        return
     folder = Path(text)
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     if not os.access(folder, os.W_OK):
         raise PermissionError(13, "cannot write to", str(folder))
-    return folder
+    try:
+        yield folder
+    except BaseException:
+        with contextlib.suppress(OSError):
+            for empty in made:
+                empty.rmdir()
+        raise
+
+
+def finish(result: Any, out: Path | None) -> None:
+    """Print a result and write its files, if there is a folder for them."""
+    print(result)
+    if out is not None:
+        from uq.report import write
+
+        write(result, out)
+        print(f"\nresult.json, report.html and figures are in {out}")
 
 
 def whole_number(text: str) -> int:
     """Parse a whole number, for argparse."""
     try:
-        return int(text)
+        number = int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if abs(number) >= 2**32:
+        raise argparse.ArgumentTypeError(f"{text} is out of range")
+    return number
 
 
 class ProgressBar:

@@ -2,7 +2,7 @@
 
 import argparse
 
-from uq.commands._common import ERRORS, output_folder, start_jax
+from uq.commands._common import ERRORS, finish, output_folder, start_jax
 from uq.experiment import Experiment
 from uq.recorded import identify_files
 
@@ -28,14 +28,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
     experiment = Experiment.load(arguments.experiment)
-    out = output_folder(arguments.out)
-    result = identify_files(
-        arguments.runs, experiment, estimator=arguments.estimator, remove_offsets=arguments.remove_offsets
-    )
-    print(result)
-    if out is not None:
-        from uq.report import write
-
-        write(result, out)
-        print(f"\nresult.json, report.html and figures are in {out}")
+    with output_folder(arguments.out) as out:
+        result = identify_files(
+            arguments.runs, experiment, estimator=arguments.estimator, remove_offsets=arguments.remove_offsets
+        )
+        finish(result, out)
     return 0

@@ -3,7 +3,7 @@
 import argparse
 
 from uq.campaign import montecarlo
-from uq.commands._common import ERRORS, ProgressBar, output_folder, start_jax, whole_number
+from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.experiment import Experiment
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -26,21 +26,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
     experiment = Experiment.load(arguments.experiment)
-    out = output_folder(arguments.out)
-    with ProgressBar() as progress:
-        result = montecarlo(
-            experiment,
-            trials=arguments.trials,
-            seed=arguments.seed,
-            trajectories=arguments.trajectory,
-            estimators=arguments.estimator,
-            dtype=arguments.dtype,
-            progress=progress,
-        )
-    print(result)
-    if out is not None:
-        from uq.report import write
-
-        write(result, out)
-        print(f"\nresult.json, report.html and figures are in {out}")
+    with output_folder(arguments.out) as out:
+        with ProgressBar() as progress:
+            result = montecarlo(
+                experiment,
+                trials=arguments.trials,
+                seed=arguments.seed,
+                trajectories=arguments.trajectory,
+                estimators=arguments.estimator,
+                dtype=arguments.dtype,
+                progress=progress,
+            )
+        finish(result, out)
     return 0

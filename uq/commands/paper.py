@@ -3,7 +3,7 @@
 import argparse
 
 from uq.barreto2016 import paper
-from uq.commands._common import ERRORS, ProgressBar, output_folder, start_jax, whole_number
+from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -21,13 +21,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
-    out = output_folder(arguments.out)
-    with ProgressBar() as progress:
-        result = paper(trials=arguments.trials, seed=arguments.seed, dtype=arguments.dtype, progress=progress)
-    print(result)
-    if out is not None:
-        from uq.report import write
-
-        write(result, out)
-        print(f"\nresult.json, report.html and figures are in {out}")
+    with output_folder(arguments.out) as out:
+        with ProgressBar() as progress:
+            result = paper(trials=arguments.trials, seed=arguments.seed, dtype=arguments.dtype, progress=progress)
+        finish(result, out)
     return 0
