@@ -46,9 +46,9 @@ study: env
 	$(BIN)/python -m pytest -m study -n 0
 
 lock:
-	$(UV) pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 \
+	$(UV) pip compile --quiet --universal --generate-hashes --no-header --python-version 3.11 \
 	    --extra dev --upgrade pyproject.toml --output-file requirements.lock
-	printf 'uv\n' | $(UV) pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header \
+	printf 'uv\n' | $(UV) pip compile --quiet --universal --generate-hashes --no-header \
 	    --python-version 3.11 --upgrade - --output-file requirements-uv.lock
 
 clean:

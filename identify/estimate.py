@@ -97,7 +97,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     if len(run.t) < needed:
         raise RunError(
             f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
-            f"{run.rate:.6g} Hz: record for longer, or choose a higher band"
+            f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
         )
     signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
     phi, force, moment = _rows(*signals, jnp.asarray(taps), jnp.asarray(smoothing))

@@ -11,8 +11,12 @@ from typing import Any
 
 import pint
 
-UNIT = re.compile(r"[A-Za-zµΩ°%_][\w*/^.µΩ° ()-]*")
+UNIT = re.compile(r"[A-Za-zµΩ°%_]([\w*/^.µΩ° ()-]*[\w)µΩ°])?")
 """What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
+
+
+POWER = re.compile(r"(\*\*|\^)(?!-?\d(\.\d)?([\s*/)]|$))|\d\s*(\*\*|\^)")
+"""A power that no unit has: more than one digit, or of a power."""
 
 
 class UnitError(ValueError):
@@ -51,7 +55,7 @@ def quantity(text: object, unit: str) -> float:
 @cache
 def _factor(name: str, unit: str) -> float:
     """How many ``unit`` the unit ``name`` is."""
-    if not UNIT.fullmatch(name):
+    if not UNIT.fullmatch(name) or POWER.search(name):
         raise ValueError(f"{name!r} is not a unit")
     registry = _registry()
     given, asked = registry.parse_units(name), registry.parse_units(unit)
