@@ -15,7 +15,7 @@ from scipy.signal import welch
 
 from identify.differentiate import derivative, gain
 from identify.estimator import EstimatorSpec
-from identify.filters import apply, motion_band, noise_level
+from identify.filters import apply, motion_band, noise_level, response
 from identify.gram import Sums, normal_equations, sums_of
 from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, features
 from identify.run import Run, RunError
@@ -152,10 +152,11 @@ def _kept(run: Run, rows: int) -> np.ndarray:
 
 
 def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
-    """What the differentiator's gain makes of the tensor, relative: it lacks 1 - gain, weighed by alpha's spectrum."""
+    """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
     frequency, power = welch(run.omega, fs=run.rate, nperseg=max(len(run.t) // 4, 8), axis=0, window="blackmanharris")
     inside = frequency <= motion_band(run.omega, run.rate)
-    weight = (power.sum(axis=1) * frequency**2)[inside]
+    passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
+    weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2
     error = 1 / gain(estimator.taps(run.rate), run.rate, frequency[inside]) - 1
     return float(weight @ error / max(weight.sum(), 1e-300))
 

@@ -18,6 +18,12 @@ def gaussian(rate: float, cutoff: float) -> np.ndarray:
     return taps / taps.sum()
 
 
+def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
+    """Return the gain of symmetric taps at each frequency [Hz]."""
+    lags = (np.arange(len(taps)) - len(taps) // 2) / rate
+    return np.cos(2 * np.pi * np.multiply.outer(frequency, lags)) @ taps
+
+
 def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Array, "k m"]:
     """Filter each row; half the taps are lost at either end, m = n - taps + 1."""
     if signals.shape[1] < taps.shape[0]:
