@@ -147,7 +147,7 @@ class MonteCarloResult:
         for trajectory, estimator in self.pairs():
             with np.errstate(invalid="ignore", divide="ignore"):
                 shares = [100 * self[trajectory, estimator].share(name) for name in names]
-            rows.append([trajectory, estimator, *(f"{x:.3g}" if np.isfinite(x) else "–" for x in shares)])
+            rows.append([trajectory, estimator, *(f"{round(x, 6):.3g}" if np.isfinite(x) else "–" for x in shares)])
         return ["3σ alone, % of total", "", *(name.replace("_", " ") for name in names)], rows
 
     def pairs(self) -> list[tuple[str, str]]:

@@ -75,7 +75,7 @@ def breakdown_table(result: MonteCarloResult, trajectory: str, estimator: str) -
 def _share(breakdown: Breakdown, name: str) -> str:
     with np.errstate(invalid="ignore", divide="ignore"):
         share = 100 * breakdown.share(name)
-    return f"{share:.3g}" if np.isfinite(share) else "–"
+    return f"{round(share, 6):.3g}" if np.isfinite(share) else "–"
 
 
 def _two_rows(first: tuple[str, ...], s: Statistics) -> list[list[str]]:
