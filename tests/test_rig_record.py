@@ -151,7 +151,7 @@ def test_a_killed_recorder_loses_at_most_a_fifth_of_a_second(tmp_path, repeats):
         result = recover(folder / "run.mcap", folder / "new.mcap")
         assert not result.intact
         run = bag.read(folder / "new.mcap")
-        assert run.metadata["rig.run"]["cell.model"] == "SensONE-emulated"
+        assert "cell.model" in run.metadata["rig.run"]  # empty where the boot text was not heard
         for channel in (run.wrench, run.imu):
             lost = (killed - channel.log_time[-1]) * 1e-9
             print(f"lost {lost:.3f} s of {channel.topic}")
