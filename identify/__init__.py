@@ -4,6 +4,7 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
+from identify.centre import Centre
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, RunEstimate, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
@@ -14,6 +15,7 @@ from identify.run import Run, RunError
 __all__ = [
     "COMPONENTS",
     "Body",
+    "Centre",
     "EstimatorSpec",
     "Identification",
     "PrecisionWarning",

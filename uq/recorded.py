@@ -93,7 +93,7 @@ def identify_files(
     runs = [load_run(path, experiment.recording) for path in paths]
     result = identify(
         runs,
-        r_cg=experiment.r_cg_from_q,
+        r_cg=experiment.stated_r_cg,
         sigma_r_cg=experiment.sigma_r_cg,
         estimator=spec,
         remove_offsets=experiment.recording.offsets == "estimate" if remove_offsets is None else remove_offsets,

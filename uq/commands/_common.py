@@ -57,7 +57,8 @@ def finish(result: Any, out: Path | None) -> None:
         from uq.report import write
 
         write(result, out)
-        print(f"\nresult.json, report.html and figures are in {out}")
+        name = getattr(result, "file_name", "result.json")
+        print(f"\n{name}, report.html and figures are in {out}")
 
 
 def whole_number(text: str) -> int:
