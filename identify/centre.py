@@ -38,7 +38,7 @@ class Centre:
     r_cg: np.ndarray
     """Centre of gravity from Q [m]."""
     force_offset: np.ndarray
-    """Constant force that the poses leave beside the weight: what is to be subtracted from the wrench on the body [N]."""
+    """Constant force beside the weight: what is to be subtracted from the force on the body [N]."""
     moment_offset: np.ndarray
     """The same of the moment about Q [N·m]."""
     covariance: np.ndarray
@@ -96,9 +96,7 @@ class Centre:
                 "force": {"value": self.force_offset.tolist(), "standard_uncertainty": u[4:7]},
                 "moment": {"value": self.moment_offset.tolist(), "standard_uncertainty": u[7:]},
             },
-            "zero": None
-            if self.zero is None
-            else {"force": self.zero[:3].tolist(), "moment": self.zero[3:].tolist()},
+            "zero": None if self.zero is None else {"force": self.zero[:3].tolist(), "moment": self.zero[3:].tolist()},
             "parameters": list(PARAMETERS),
             "units": list(UNITS),
             "covariance": self.covariance.tolist(),
@@ -113,7 +111,7 @@ class Centre:
         }
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the summary: x, y, z with standard uncertainties; what the cell reads without load."""
+        """Return head and rows of the summary: x, y, z with standard uncertainties."""
         u = self.standard_uncertainty
         rows = [
             ["centre of gravity, mm", *_cells(1e3 * self.r_cg, 1e3 * u[1:4])],

@@ -1,4 +1,4 @@
-"""Static poses from a table or a recording to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
+"""Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
 
 import hashlib
 from dataclasses import replace
@@ -60,7 +60,7 @@ def centre_file(path: str | Path, experiment: Experiment) -> Centre:
 
 
 def wrench_in_body(force: np.ndarray, moment: np.ndarray, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Return force [N] and moment [N·m] on the body at Q, in B, of a load cell's readings as ``[recording]`` declares."""
+    """Return force [N] and moment [N·m] on the body at Q, in B, of readings that ``[recording]`` declares."""
     readings = np.hstack([force, moment])
     if recording.calibration is not None:
         readings = readings @ recording.calibration.T

@@ -97,7 +97,7 @@ def _read(named: str, lines: Iterator[list[str]], columns: Columns) -> dict[str,
     places = {name: _place(named, head, name) for group in columns.names.values() for name in group}
     values = {name: array("d") for name in places}
     number = 1
-    for number, row in enumerate(lines, start=2):  # noqa: B007
+    for number, row in enumerate(lines, start=2):
         if not row:
             continue
         if len(row) != len(head):

@@ -101,9 +101,7 @@ def of_accelerometer(
             "the poses are too few or too much alike to find the accelerometer's offset, which was taken for zero"
         )
     if not 0.9 < found.gain < 1.1:
-        raise RunError(
-            f"the accelerometer reads {found.gain:.4g} times gravity: declare recording.acceleration_unit, or correct it"
-        )
+        raise RunError(f"the accelerometer reads {found.gain:.4g} times gravity: correct recording.acceleration_unit")
     return found.specific_force(readings, gravity), found, tuple(warnings)
 
 

@@ -15,9 +15,8 @@ def residuals(result: Centre) -> Figure:
         figure = Figure(figsize=(COLUMN, 3.6), layout="constrained")
         panels = figure.subplots(2, 1, sharex=True)
         pose = np.arange(1, result.poses + 1)
-        for axes, values, label in zip(
-            panels, (result.residuals[:, :3], 1e3 * result.residuals[:, 3:]), ("force [N]", "moment [mN·m]"), strict=True
-        ):
+        shown = {"force [N]": result.residuals[:, :3], "moment [mN·m]": 1e3 * result.residuals[:, 3:]}
+        for axes, (label, values) in zip(panels, shown.items(), strict=True):
             axes.axhline(0, color=PALETTE[0], linewidth=0.6)
             for axis, marker, colour, column in zip("xyz", "os^", PALETTE[1:4], values.T, strict=True):
                 axes.plot(pose, column, marker, color=colour, markersize=3, label=axis)
