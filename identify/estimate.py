@@ -117,7 +117,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     residuals = about_cg.T - rows @ inertia
     correlation_time = _correlation_time(residuals)
     scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
-    sigma = noise_level(run.omega) * estimator.alpha_noise_gain(run.rate)
+    sigma = _alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     offsets = None
     if remove_offsets:
@@ -141,6 +141,13 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     )
 
 
+def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
+    """Standard deviation of the rows' alpha on each axis [rad/s²], from the angular velocity's noise."""
+    if run.noise is not None:
+        return run.noise.alpha(estimator, run.rate)
+    return noise_level(run.omega) * estimator.alpha_noise_gain(run.rate)
+
+
 def _kept(run: Run, rows: int) -> np.ndarray:
     """Positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
     if run.missing is None:
@@ -157,7 +164,10 @@ def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
     inside = frequency <= motion_band(run.omega, run.rate)
     passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
     weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2
-    error = 1 / gain(estimator.taps(run.rate), run.rate, frequency[inside]) - 1
+    total = gain(estimator.taps(run.rate), run.rate, frequency[inside])
+    if run.noise is not None:  # the angular velocity was differentiated, too
+        total = total * gain(run.noise.taps, run.noise.rate, frequency[inside])
+    error = 1 / total - 1
     return float(weight @ error / max(weight.sum(), 1e-300))
 
 

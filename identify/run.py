@@ -7,6 +7,8 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
+from identify.shaped_noise import ShapedNoise
+
 JITTER_TOLERANCE = 1e-3
 """Departure from uniform sampling, as a part of the sample interval, below which samples are taken as they are."""
 JITTER_WARNING = 0.05
@@ -39,6 +41,10 @@ class Run:
     """Instants inside a gap of a sensor, where values are interpolated and must not be used; None: no gap."""
     warnings: tuple[str, ...] = field(default=())
     """What a reader of the result should know of the data."""
+    noise: ShapedNoise | None = None
+    """The angular velocity's noise, where it was differentiated; None: it is white."""
+    notes: tuple[str, ...] = ()
+    """What was assumed to read it."""
 
     @property
     def rate(self) -> float:

@@ -7,7 +7,7 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -89,7 +89,7 @@ class Experiment:
         except tomllib.TOMLDecodeError as error:
             raise ExperimentError(f"not TOML {source}: {error}") from None
         try:
-            return cls.from_dict(document)
+            return cls.from_dict(document)._beside(Path(source))
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
@@ -120,6 +120,12 @@ class Experiment:
             r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, poses,
             document,
         )  # fmt: skip
+
+    def _beside(self, source: Path) -> "Experiment":
+        """The experiment with the path of its robot's description taken from the folder of its file."""
+        if self.recording.urdf is None:
+            return self
+        return replace(self, recording=replace(self.recording, urdf=str(source.parent / self.recording.urdf)))
 
     @property
     def body(self) -> Body:

@@ -121,7 +121,7 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
     force, moment = wrench_in_body(table["force"], table["moment"], recording)
     motion = {name: _in_body(table.get(name), name, recording) for name in ("angular_velocity", "acceleration")}
     if motion["acceleration"] is None:
-        motion["acceleration"] = np.full((len(stamp), 3), np.nan)
+        motion["acceleration"] = np.zeros((len(stamp), 3))
     imu = ImuChannel("/imu", "body", stamp, stamp, motion["angular_velocity"], motion["acceleration"])
     write(
         output,
@@ -155,7 +155,7 @@ def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.
 
 def _about(path: str | Path, *, measured_acceleration: bool) -> dict[str, str]:
     digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    imu = "in B" if measured_acceleration else "in B; no acceleration was imported: it is NaN"
+    imu = "in B" if measured_acceleration else "in B; no acceleration was imported: it is zero"
     return {
         "imported": json.dumps({"file": Path(path).name, "sha256": digest}),
         "wrench": "on_body",

@@ -8,26 +8,30 @@ import numpy as np
 
 from identify.identification import Identification, identify
 from identify.run import Run, RunError
-from rig.bag import read
+from rig.bag import read_any
 from rig.channels import Recording as BagRecording
 from uq.experiment import Experiment
+from uq.motion import motion
 from uq.provenance import provenance
 from uq.recording import Recording
 
 
-def load_run(path: str | Path, recording: Recording | None = None) -> Run:
+def load_run(path: str | Path, recording: Recording | None = None, *, band: float | None = None) -> Run:
     """Read a recorded run from MCAP: force and moment on the body at Q, angular velocity, all in B.
 
     Args:
         path: an MCAP file with WrenchStamped and Imu.
         recording: what its channels mean; None for our own runs.
+        band: highest frequency of the motion [Hz], where it is declared: what poses are differentiated for.
 
     Raises:
         RigError: the file cannot be read, or a topic is missing.
         RunError: its data cannot be used.
     """
     recording = recording or Recording()
-    bag = read(path, wrench=recording.wrench_topic, imu=recording.motion_topic)
+    bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    told = motion(bag, recording, _instants(bag, [])[1], band=band)
+    bag = replace(bag, motion=told.imu)
     sign = {"on_body": 1.0, "on_sensor": -1.0}[wrench_meaning(bag, recording)]
     warnings: list[str] = []
     wrench_time, imu_time = _instants(bag, warnings)
@@ -41,7 +45,7 @@ def load_run(path: str | Path, recording: Recording | None = None) -> Run:
         name=bag.path.name,
         sha256=bag.sha256,
     )
-    return replace(run, warnings=(*run.warnings, *warnings))
+    return replace(run, warnings=(*run.warnings, *told.warnings, *warnings), noise=told.noise, notes=told.notes)
 
 
 def wrench_meaning(bag: BagRecording, recording: Recording) -> str:
@@ -62,11 +66,11 @@ def wrench_meaning(bag: BagRecording, recording: Recording) -> str:
 
 def _instants(bag: BagRecording, warnings: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """The stamps [ns] of wrench and IMU; the log's times of both where either has none, since clocks must not mix."""
-    bare = [channel.topic for channel in (bag.wrench, bag.imu) if not np.any(channel.stamp != 0)]
+    bare = [channel.topic for channel in (bag.wrench, bag.motion) if not np.any(channel.stamp != 0)]
     if not bare:
-        return bag.wrench.stamp, bag.imu.stamp
+        return bag.wrench.stamp, bag.motion.stamp
     warnings.append(f"no stamps in the headers of {' and '.join(bare)}: took the log's times for both sensors")
-    return bag.wrench.log_time, bag.imu.log_time
+    return bag.wrench.log_time, bag.motion.log_time
 
 
 def identify_files(
@@ -90,7 +94,7 @@ def identify_files(
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
     spec = experiment.estimator(estimator)
-    runs = [load_run(path, experiment.recording) for path in paths]
+    runs = [load_run(path, experiment.recording, band=spec.band) for path in paths]
     result = identify(
         runs,
         r_cg=experiment.stated_r_cg,
@@ -107,6 +111,6 @@ def identify_files(
     inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        assumptions=(*sign, *result.assumptions),
+        assumptions=(*sign, *(note for run in runs for note in run.notes), *result.assumptions),
         provenance=provenance(**experiment.inputs(), inputs=inputs),
     )
