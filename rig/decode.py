@@ -71,7 +71,7 @@ def messages(data: bytes, offsets: list[int], type_name: str, encoding: str = "c
     """
     starts = np.array(offsets, dtype=np.int64)
     lengths = records(data, starts, START)["length"].astype(np.int64) + 9
-    left, groups = np.arange(len(starts)), []
+    left, groups = np.arange(len(starts)), list[Group]()
     while len(left):
         if len(groups) == MOST_LAYOUTS:
             raise ValueError("its frames or names change from message to message")

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 DEEPEST = 16
@@ -36,7 +36,7 @@ Types = Mapping[str, Mapping[int, FieldType]]
 
 def wire(data: bytes) -> Iterator[tuple[int, int, Any]]:
     """Field number, wire type and value of each field of a message. Raises ``ValueError`` when the bytes are none."""
-    at = 0
+    at, value = 0, cast(Any, None)
     while at < len(data):
         key, at = _varint(data, at)
         number, kind = key >> 3, key & 7

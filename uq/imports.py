@@ -119,10 +119,11 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
     table, recording = read_columns(path, mapping.columns), mapping.recording
     stamp = _stamps(table.get("time"), mapping, len(table["force"]), Path(path).name)
     force, moment = wrench_in_body(table["force"], table["moment"], recording)
-    motion = {name: _in_body(table.get(name), name, recording) for name in ("angular_velocity", "acceleration")}
-    if motion["acceleration"] is None:
-        motion["acceleration"] = np.zeros((len(stamp), 3))
-    imu = ImuChannel("/imu", "body", stamp, stamp, motion["angular_velocity"], motion["acceleration"])
+    nothing = np.zeros((len(stamp), 3))
+    omega, acceleration = (
+        _in_body(table.get(name, nothing), name, recording) for name in ("angular_velocity", "acceleration")
+    )
+    imu = ImuChannel("/imu", "body", stamp, stamp, omega, acceleration)
     write(
         output,
         wrench=WrenchChannel("/wrench", "body", stamp, stamp, force, moment),
@@ -133,9 +134,7 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
     return len(stamp)
 
 
-def _in_body(values: np.ndarray | None, name: str, recording: Recording) -> np.ndarray | None:
-    if values is None:
-        return None
+def _in_body(values: np.ndarray, name: str, recording: Recording) -> np.ndarray:
     turn = np.eye(3) if recording.imu_rotation_to_body is None else recording.imu_rotation_to_body
     return scale(recording.unit(name) or UNITS[name], UNITS[name]) * values @ turn.T
 

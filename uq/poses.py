@@ -1,5 +1,6 @@
 """The table ``[poses]`` of an experiment file: where static poses stand in a table, and what tells their attitude."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -13,7 +14,14 @@ from uq.columns import Columns, parse_columns
 from uq.document import ExperimentError, Table
 
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
-SIGNALS = {"force": 3, "moment": 3, "gravity": 3, "acceleration": 3, "matrix": 9, "quaternion": ("w", "x", "y", "z")}
+SIGNALS: Mapping[str, int | Sequence[str]] = {
+    "force": 3,
+    "moment": 3,
+    "gravity": 3,
+    "acceleration": 3,
+    "matrix": 9,
+    "quaternion": ("w", "x", "y", "z"),
+}
 
 
 @dataclass(frozen=True)
