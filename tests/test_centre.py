@@ -83,7 +83,7 @@ def test_flat_poses_do_not_tell_an_accelerometers_offset(generator):
         (lambda F, M, f: (F[:2], M[:2], f[:2]), "2 poses in the poses: give three or more"),
         (lambda F, M, f: (F, M, np.tile(f[:1], (6, 1))), "too much alike"),
         (lambda F, M, f: (F, M[:4], f), r"moment of the poses has shape \(4, 3\)"),
-        (lambda F, M, f: (np.where(F == F[4, 1], np.nan, F), M, f), "force of the poses is not finite at pose 5"),
+        (lambda F, M, f: (np.where(F[4, 1] == F, np.nan, F), M, f), "force of the poses is not finite at pose 5"),
     ],
 )
 def test_poses_that_cannot_be_used(generator, change, words):
@@ -97,7 +97,9 @@ def test_poses_about_one_axis_are_refused_and_about_two_are_not():
     """Turned about the level x axis alone, the CG's x is not seen: no moment depends on it but the offset."""
     angle = np.linspace(0, 1.0, 8)
     about_one = GRAVITY * np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
-    found = centre(*wrench_on_body(about_one), about_one)  # a plane of directions: two differences that are not parallel
+    found = centre(
+        *wrench_on_body(about_one), about_one
+    )  # a plane of directions: two differences that are not parallel
     np.testing.assert_allclose(found.r_cg, R_CG, rtol=1e-9)
     line = about_one[:1] + np.outer(np.linspace(0, 1, 5), [0.0, 0.5, -0.3])
     with pytest.raises(RunError, match="too much alike"):

@@ -76,7 +76,9 @@ def _columns(table: Table) -> tuple[Columns, str | None, float | None]:
         if signal not in columns.names:
             raise ExperimentError(f"missing key {table.path(signal)}: name its columns")
     if ("time" in columns.names) == (rate is not None):
-        raise ExperimentError(f"{table.where} has {'both' if rate else 'neither'} time and rate: write one of them")
+        raise ExperimentError(
+            f"{table.where} has {'both time and' if rate else 'neither time nor'} rate: write one of them"
+        )
     if (time_unit is None) != (rate is not None):
         raise ExperimentError(
             f"{table.path('time_unit')} belongs to a time column: "
@@ -149,7 +151,8 @@ def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.
     back = np.flatnonzero(np.diff(seconds) <= 0)
     if len(back):
         raise RunError(f"time in {name} does not increase after sample {back[0] + 1}: correct the table")
-    return np.round((seconds - min(seconds[0], 0)) * NANOSECONDS).astype(np.int64)
+    since = (time[:, 0] - time[0, 0]) * scale(str(mapping.time_unit), "s")  # a count of days would cost digits
+    return round(max(seconds[0], 0) * NANOSECONDS) + np.round(since * NANOSECONDS).astype(np.int64)
 
 
 def _about(path: str | Path, *, measured_acceleration: bool) -> dict[str, str]:
