@@ -70,6 +70,7 @@ class MotionChannel:
         names: names of the joints.
         position: of the joints [rad or m], shape (n, joints); None: no joints.
         velocity: of the joints [rad/s or m/s], shape (n, joints or 0); None: no joints.
+        sequence: the message counter, shape (n,), or None.
     """
 
     topic: str
@@ -82,6 +83,7 @@ class MotionChannel:
     names: tuple[str, ...] = ()
     position: NDArray[np.float64] | None = None
     velocity: NDArray[np.float64] | None = None
+    sequence: NDArray[np.uint32] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,6 @@ class Contents:
         if pieces.type_name == IMU:
             return self.imu(topic)
         column = pieces.arrays()
-        del column["sequence"]
         (names,) = pieces.joints
         return MotionChannel(topic=topic, type=pieces.type_name, frame_id=self._frame(topic), names=names, **column)
 

@@ -149,6 +149,13 @@ class Source:
     def __init__(self, parts: list[Part], *, folder: bool) -> None:
         self.parts, self._folder = parts, folder
 
+    def batches(self, types: set[str]) -> Iterator[tuple[Part, Definitions, Batch]]:
+        """The messages, at least those of these types, chunk by chunk, with their file and its definitions."""
+        for item in self.parts:
+            definitions = Definitions({}, {}, {})
+            for batch in item.batches(definitions, types):
+                yield item, definitions, batch
+
     @property
     def sha256(self) -> str:
         """The file's hash; of a folder, the hash of its files' hashes, each on a line (``sha256sum`` of these)."""

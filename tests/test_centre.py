@@ -157,9 +157,9 @@ def rows(generator, n=12):
 
 
 def write(path, columns, *, delimiter=",", decimal=".", start=""):
-    lines = [delimiter.join(columns)]
-    for row in zip(*columns.values(), strict=True):
-        lines.append(delimiter.join(str(value).replace(".", decimal) for value in row))
+    table = zip(*columns.values(), strict=True)
+    cells = [[str(value).replace(".", decimal) for value in row] for row in table]
+    lines = [delimiter.join(row) for row in [list(columns), *cells]]
     path.write_text(start + "\n".join(lines) + "\n", "utf-8")
     return path
 

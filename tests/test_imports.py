@@ -80,7 +80,7 @@ def test_units_signs_and_frames_are_undone(files, capsys):
 
 
 def test_a_table_without_times_or_accelerations(files):
-    run, table, mapping, out = files
+    _, table, mapping, out = files
     text = MAP.replace('time = "t"\ntime_unit = "ms"', 'rate = "400 Hz"').replace(
         'acceleration = ["ax", "ay", "az"]', ""
     )

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.attitude_rate import angular_velocity, attitude_band, continuous, differentiator
-from identify.run import RunError, _in_gap, _interpolate, _interval, _is_uniform
+from identify.resample import in_gap, interpolate, interval, is_uniform
+from identify.run import RunError
+from identify.samples import repeats
 from identify.shaped_noise import ShapedNoise
 from rig.channels import ImuChannel, MotionChannel, Recording
 from rig.shapes import JOINTS, POSE, TWIST
@@ -122,7 +124,8 @@ def _differentiated(
     source: MotionChannel, values: np.ndarray, instants: np.ndarray, turn: Turn, name: str, what: str
 ) -> Motion:
     """The rate of change of uniform samples; instants near a gap are left out."""
-    start = int(instants[0])
+    start, fresh = int(instants[0]), ~repeats(values)[0]
+    instants, values, stamp = instants[fresh], values[fresh], source.stamp[fresh]
     t, uniform, missing = _uniform((instants - start) / NANOSECONDS, values, name)
     rate = (len(t) - 1) / float(t[-1] - t[0])
     omega, sigma, taps = turn(uniform, rate)
@@ -133,7 +136,7 @@ def _differentiated(
     if clear.sum() < 2:
         raise RunError(f"fewer than two samples of {name} outside its gaps: record without gaps")
     grid = (start + np.round(t[kept][clear] * NANOSECONDS)).astype(np.int64)
-    stamped = bool((instants == source.stamp).all())
+    stamped = bool((instants == stamp).all())
     omega = omega[clear]
     imu = ImuChannel(
         source.topic, source.frame_id, grid, grid if stamped else np.zeros_like(grid), omega, np.zeros_like(omega)
@@ -146,11 +149,11 @@ def _uniform(t: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, 
     """Uniform instants [s], the values there, and which of the instants lie in a gap."""
     if len(t) < 2 or not (np.diff(t) > 0).all():
         raise RunError(f"time of {name} does not increase: use the other clock (recording.time)")
-    if _is_uniform(t):
+    if is_uniform(t):
         return t, values, np.zeros(len(t), bool)
-    step = _interval(t)
+    step = interval(t)
     at = t[0] + step * np.arange(int((t[-1] - t[0]) / step * (1 + 1e-9)) + 1)
-    return at, _interpolate(t, values, at), _in_gap(t, at)
+    return at, interpolate(t, values, at), in_gap(t, at, 0.0)
 
 
 def _channel(source: MotionChannel, omega: np.ndarray) -> ImuChannel:
