@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 from identify.accelerometer import calibrate
 from identify.centre import PARAMETERS, centre
 from identify.run import RunError
+from rig import bag
+from rig.channels import ImuChannel, WrenchChannel
 from uq.centre import centre_file
 from uq.cli import main
 from uq.experiment import Experiment
@@ -324,3 +326,70 @@ def test_a_real_load_cells_poses(attitude):
         assert found.residual == pytest.approx((0.087, 0.0030), abs=0.0006)
     else:  # the accelerometer's own offset of 0.08 g is found
         assert "0.759) m/s²" in " ".join(found.assumptions)
+
+
+# Recorded runs
+
+
+def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, accelerometer=True, seconds=3.0):
+    """A run that holds poses for three seconds each and turns to the next in one; its accelerometer is 0.3 m/s² off."""
+    rate, still, turn = 200.0, round(seconds * 200), 200
+    aims = Rotation.random(poses, rng=generator)
+    up, omega = [], []
+    for k in range(poses):
+        step = (aims[k].inv() * aims[(k + 1) % poses]).as_rotvec()
+        part = np.linspace(0, 1, turn, endpoint=False)
+        smooth, speed = part - np.sin(2 * np.pi * part) / (2 * np.pi), (1 - np.cos(2 * np.pi * part))
+        path_of = aims[k] * Rotation.from_rotvec(np.multiply.outer(smooth, step))
+        up += [np.tile(aims[k].as_matrix()[2], (still, 1)), path_of.as_matrix()[:, 2]]
+        omega += [np.zeros((still, 3)), np.multiply.outer(speed, step)]
+    f, omega = GRAVITY * np.vstack(up), np.vstack(omega)
+    force, moment = wrench_on_body(f)
+    n = len(f)
+    stamp = 10**9 + np.round(np.arange(n) / rate * 1e9).astype(np.int64)
+    shake = lambda size: noise * size * generator.normal(size=(n, 3))  # noqa: E731
+    seen = f + offset + shake(0.02) if accelerometer else 0 * f
+    imu = ImuChannel("/imu", "body", stamp, stamp, omega + shake(1e-3), seen)
+    wrench = WrenchChannel("/wrench", "body", stamp, stamp, force + shake(0.2), moment + shake(0.005))
+    bag.write(path, wrench=wrench, imu=imu, metadata={"rig.run": {"wrench": "on_body"}})
+    return path
+
+
+def test_each_still_stretch_of_a_run_is_a_pose(tmp_path, generator):
+    """Means over 600 samples: 0.008 N, 0.0002 N·m and 0.0008 m/s² a pose; ten times these in mass, CG and offsets."""
+    path = recorded(tmp_path / "run.mcap", generator)
+    found = centre_file(path, Experiment.from_dict({"platform": {"gravity": "9.81 m/s^2"}, "poses": {}}))
+    assert found.poses == 8
+    assert (np.abs(found.values - TRUTH) < 5 * found.standard_uncertainty + 1e-6).all()
+    np.testing.assert_allclose(found.mass, MASS, rtol=2e-3)
+    np.testing.assert_allclose(found.r_cg, R_CG, atol=2e-4)
+    assert "8 still stretches are its poses" in " ".join(found.assumptions)
+    assert "the accelerometer's offset is (0.3" in " ".join(found.assumptions)
+
+
+def test_only_the_named_parts_of_a_run_count(tmp_path, generator, capsys):
+    path = recorded(tmp_path / "run.mcap", generator)
+    (tmp_path / "e.toml").write_text('[platform]\ngravity = "9.81 m/s^2"\n[poses]\n')
+    command = ["centre", path, "--experiment", tmp_path / "e.toml"]
+    assert main([str(a) for a in [*command, "--from", 0, "--to", 15, "--from", 20.5, "--to", 28]]) == 0
+    assert "from 6 poses" in capsys.readouterr().out
+    assert "2 poses in run.mcap" in refused(capsys, *command, "--to", 7.5)
+    assert "no mark 'poses' in run.mcap" in refused(capsys, *command, "--from", "poses")
+    assert "is outside run.mcap" in refused(capsys, *command, "--to", 99)
+
+
+def test_runs_that_hold_no_poses(tmp_path, generator, capsys):
+    (tmp_path / "e.toml").write_text("[poses]\n")
+    command = ["--experiment", tmp_path / "e.toml"]
+    path = recorded(tmp_path / "no.mcap", generator, accelerometer=False)
+    assert "no acceleration in no.mcap" in refused(capsys, "centre", path, *command)
+    path = recorded(tmp_path / "short.mcap", generator, seconds=0.5)
+    assert "0 poses in short.mcap" in refused(capsys, "centre", path, *command)
+    (tmp_path / "e.toml").write_text('[poses]\n[recording]\ncompensated = "gravity"\n')
+    assert "record without the compensation" in refused(capsys, "centre", path, *command)
+    (tmp_path / "e.toml").write_text('[poses]\n[recording]\nacceleration_unit = "g"\n')
+    path = recorded(tmp_path / "units.mcap", generator)
+    assert "the accelerometer reads 9.8" in refused(capsys, "centre", path, *command)
+    table = write(tmp_path / "p.csv", rows(generator))
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    assert "is a table, which has no times" in refused(capsys, "centre", table, *command, "--from", 1)

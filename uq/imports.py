@@ -1,6 +1,5 @@
 """Tables of samples to our runs: the function behind ``inertia import``."""
 
-import hashlib
 import json
 import tomllib
 from dataclasses import dataclass
@@ -11,10 +10,11 @@ import numpy as np
 from identify.run import RunError
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
-from uq.centre import wrench_in_body
+from uq.centre import as_recording
 from uq.columns import Columns, parse_columns, read_columns
+from uq.declared import declared
 from uq.document import ExperimentError, Table
-from uq.recording import UNITS, Recording, parse_recording
+from uq.recording import Recording, parse_recording
 from uq.units import UnitError, scale
 
 SIGNALS = {"time": 1, "force": 3, "moment": 3, "angular_velocity": 3, "acceleration": 3}
@@ -118,27 +118,22 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
         RigError: the output exists.
         OSError: a file cannot be read or written.
     """
-    table, recording = read_columns(path, mapping.columns), mapping.recording
+    table = read_columns(path, mapping.columns)
     stamp = _stamps(table.get("time"), mapping, len(table["force"]), Path(path).name)
-    force, moment = wrench_in_body(table["force"], table["moment"], recording)
     nothing = np.zeros((len(stamp), 3))
-    omega, acceleration = (
-        _in_body(table.get(name, nothing), name, recording) for name in ("angular_velocity", "acceleration")
-    )
+    motion = table["angular_velocity"], table.get("acceleration", nothing)
+    raw = as_recording(path, table["force"], table["moment"], *motion)
+    rig = declared(raw, mapping.recording)
+    (force, moment), (omega, acceleration) = rig.wrench(raw.wrench), rig.motion(raw.imu)
     imu = ImuChannel("/imu", "body", stamp, stamp, omega, acceleration)
     write(
         output,
         wrench=WrenchChannel("/wrench", "body", stamp, stamp, force, moment),
         imu=imu,
-        metadata={"rig.run": _about(path, measured_acceleration="acceleration" in table)},
+        metadata={"rig.run": _about(raw.path, raw.sha256, measured_acceleration="acceleration" in table)},
         overwrite=overwrite,
     )
     return len(stamp)
-
-
-def _in_body(values: np.ndarray, name: str, recording: Recording) -> np.ndarray:
-    turn = np.eye(3) if recording.imu_rotation_to_body is None else recording.imu_rotation_to_body
-    return scale(recording.unit(name) or UNITS[name], UNITS[name]) * values @ turn.T
 
 
 def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.ndarray:
@@ -155,11 +150,10 @@ def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.
     return round(max(seconds[0], 0) * NANOSECONDS) + np.round(since * NANOSECONDS).astype(np.int64)
 
 
-def _about(path: str | Path, *, measured_acceleration: bool) -> dict[str, str]:
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+def _about(path: Path, digest: str, *, measured_acceleration: bool) -> dict[str, str]:
     imu = "in B" if measured_acceleration else "in B; no acceleration was imported: it is zero"
     return {
-        "imported": json.dumps({"file": Path(path).name, "sha256": digest}),
+        "imported": json.dumps({"file": path.name, "sha256": digest}),
         "wrench": "on_body",
         "frames": json.dumps({"/wrench": "force and moment on the body at Q, in B", "/imu": imu}),
         "units": json.dumps({"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}),

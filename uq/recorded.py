@@ -36,6 +36,8 @@ class Recorded:
     """Seconds from the run's start, and name."""
     assumptions: tuple[str, ...]
     """What neither the experiment nor the run's metadata says."""
+    rig: Rig
+    """How its channels became force, moment and motion in B."""
 
 
 def load_run(path: str | Path, recording: Recording | None = None) -> Run:
@@ -86,6 +88,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
         ),
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
         (*rig.assumptions, *told.notes),
+        rig,
     )
 
 

@@ -60,13 +60,13 @@ class _Limit(argparse.Action):
         setattr(namespace, self.dest, found)
 
 
-def add_part_options(parser: argparse.ArgumentParser) -> None:
+def add_part_options(parser: argparse.ArgumentParser, without: str = "the stretches that move are found") -> None:
     """Add ``--from`` and ``--to``, repeatable; :func:`uq.parts.pair` makes parts of ``limits``."""
     for option, what in (("--from", "begins"), ("--to", "ends")):
         parser.add_argument(
             option, dest="limits", action=_Limit, default=(), metavar="S",
             help=f"where a part of the run that counts {what}: seconds from the run's start, or a mark's name; "
-            "repeatable (without it, the stretches that move are found)",
+            f"repeatable (without it, {without})",
         )  # fmt: skip
 
 
