@@ -4,6 +4,7 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
+from identify.centre import Centre
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
@@ -15,6 +16,7 @@ from identify.run_estimate import RunEstimate
 __all__ = [
     "COMPONENTS",
     "Body",
+    "Centre",
     "EstimatorSpec",
     "Identification",
     "PrecisionWarning",

@@ -123,7 +123,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     residuals = about_cg.T - rows @ inertia
     correlation_time = _correlation_time(residuals)
     scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
-    sigma = noise_level(*(run.omega[part] for part in run.used())) * estimator.alpha_noise_gain(run.rate)
+    sigma = _alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
@@ -151,6 +151,13 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     )
 
 
+def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
+    """Standard deviation of the rows' alpha on each axis [rad/s²], from the angular velocity's noise."""
+    if run.noise is not None:
+        return run.noise.alpha(estimator, run.rate)
+    return noise_level(*(run.omega[part] for part in run.used())) * estimator.alpha_noise_gain(run.rate)
+
+
 def _kept(run: Run, rows: int) -> np.ndarray:
     """Positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
     if run.missing is None:
@@ -173,7 +180,10 @@ def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
     inside = frequency <= motion_band(omega, run.rate)
     passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
     weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2
-    error = 1 / gain(estimator.taps(run.rate), run.rate, frequency[inside]) - 1
+    total = gain(estimator.taps(run.rate), run.rate, frequency[inside])
+    if run.noise is not None:  # the angular velocity was differentiated, too
+        total = total * gain(run.noise.taps, run.noise.rate, frequency[inside])
+    error = 1 / total - 1
     return float(weight @ error / max(weight.sum(), 1e-300))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from identify.errors import RunError
 from identify.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
+from identify.shaped_noise import ShapedNoise
 
 __all__ = ["Rest", "Run", "RunError"]
 
@@ -63,6 +64,8 @@ class Run:
     """The accelerometer, from Q, in B [m]; None: not known, taken as Q."""
     rest: Rest | None = None
     """What the load cell reads while the body rests; None: not asked for."""
+    noise: ShapedNoise | None = None
+    """The angular velocity's noise, where it was differentiated; None: it is white."""
 
     @property
     def rate(self) -> float:

@@ -1,49 +1,11 @@
-"""CDR, the encoding of ROS 2 messages: WrenchStamped and Imu, one by one to bytes and by the thousand to arrays.
-
-A message is a four-byte encapsulation header (``00 01`` little-endian, ``00 00`` big-endian), then the fields, each
-aligned to its size counted from behind that header. With a given length of ``frame_id`` every message of a type has the
-same layout, so that a numpy structured dtype describes it (OMG Data Distribution Service Interoperability Protocol
-(DDSI-RTPS) 2.5, clause 10).
-"""
+"""CDR, the encoding of ROS 2 messages: WrenchStamped and Imu to bytes. :mod:`rig.layout` explains and reads it."""
 
 import struct
-from functools import cache
-
-import numpy as np
-from numpy.typing import NDArray
 
 from rig import schemas
+from rig.shapes import SHAPES
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
-ENDIANNESS = {b"\x00\x01": "<", b"\x00\x00": ">"}
-
-# The doubles behind the header of each type: name and number.
-BODIES = {
-    schemas.WRENCH: (("force", 3), ("torque", 3)),
-    schemas.IMU: (
-        ("orientation", 4),
-        ("orientation_covariance", 9),
-        ("angular_velocity", 3),
-        ("angular_velocity_covariance", 9),
-        ("linear_acceleration", 3),
-        ("linear_acceleration_covariance", 9),
-    ),
-}
-
-
-@cache
-def layout(type_name: str, endianness: str, frame_length: int) -> np.dtype:
-    """The dtype of one message of ``type_name`` whose ``frame_id`` takes ``frame_length`` bytes, NUL included."""
-    padding = -(12 + frame_length) % 8
-    header = [
-        ("encapsulation", "u1", (4,)),
-        ("sec", endianness + "i4"),
-        ("nanosec", endianness + "u4"),
-        ("frame_length", endianness + "u4"),
-        ("frame_id", "u1", (frame_length,)),
-        ("padding", "u1", (padding,)),
-    ]
-    return np.dtype(header + [(name, endianness + "f8", (count,)) for name, count in BODIES[type_name]])
 
 
 class Encoder:
@@ -52,7 +14,7 @@ class Encoder:
     def __init__(self, type_name: str, frame_id: str) -> None:
         frame = frame_id.encode() + b"\0"
         padding = -(12 + len(frame)) % 8
-        doubles = sum(count for _, count in BODIES[type_name])
+        doubles = sum(field.count for field in SHAPES[type_name])
         self._struct = struct.Struct(f"<4siII{len(frame)}s{padding}x{doubles}d")
         self._frame = frame
 
@@ -84,8 +46,3 @@ class ImuEncoder(Encoder):
         return super().__call__(
             stamp, *_NO_ORIENTATION, *values[:3], *_UNKNOWN_COVARIANCE, *values[3:], *_UNKNOWN_COVARIANCE
         )
-
-
-def stamps(messages: NDArray) -> NDArray[np.int64]:
-    """The header stamps [ns] of messages decoded with ``layout``."""
-    return messages["sec"].astype(np.int64) * 1_000_000_000 + messages["nanosec"].astype(np.int64)

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.errors import RigError
+
 
 @dataclass(frozen=True, eq=False)
 class WrenchChannel:
@@ -54,11 +56,49 @@ class ImuChannel:
 
 
 @dataclass(frozen=True, eq=False)
+class MotionChannel:
+    """What another sensor than an IMU tells of the motion, n messages in the order of ``log_time``.
+
+    Attributes:
+        topic: name of the topic.
+        type: the messages' type.
+        frame_id: coordinate frame that the messages name.
+        log_time: host arrival time [ns], shape (n,).
+        stamp: time of measurement from the message header [ns], shape (n,).
+        angular_velocity: [rad/s], shape (n, 3); None: the type has none.
+        orientation: quaternion x y z w from the sensor's frame to ``frame_id``, shape (n, 4); None: the type has none.
+        names: names of the joints.
+        position: of the joints [rad or m], shape (n, joints); None: no joints.
+        velocity: of the joints [rad/s or m/s], shape (n, joints or 0); None: no joints.
+        sequence: the message counter, shape (n,), or None.
+    """
+
+    topic: str
+    type: str
+    frame_id: str
+    log_time: NDArray[np.int64]
+    stamp: NDArray[np.int64]
+    angular_velocity: NDArray[np.float64] | None = None
+    orientation: NDArray[np.float64] | None = None
+    names: tuple[str, ...] = ()
+    position: NDArray[np.float64] | None = None
+    velocity: NDArray[np.float64] | None = None
+    sequence: NDArray[np.uint32] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
-    """One recorded run: a wrench topic, an IMU topic, the metadata records by name, and the file's SHA-256."""
+    """One recorded run: wrench, motion, the metadata records by name, and the file's SHA-256."""
 
     path: Path
     sha256: str
     metadata: dict[str, dict[str, str]]
     wrench: WrenchChannel
-    imu: ImuChannel
+    motion: ImuChannel | MotionChannel
+
+    @property
+    def imu(self) -> ImuChannel:
+        """The motion, where it is an IMU's. Raises ``RigError`` where it is another sensor's."""
+        if not isinstance(self.motion, ImuChannel):
+            raise RigError(f"topic {self.motion.topic} in {self.path} is {self.motion.type}: give an IMU's topic")
+        return self.motion

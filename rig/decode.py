@@ -4,7 +4,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rig import cdr
+from rig import layout
+from rig.shapes import columns as kept_columns
 
 # The record of one message up to its data: https://mcap.dev/spec#message-op0x05
 RECORD = [
@@ -15,8 +16,9 @@ RECORD = [
     ("log_time", "<u8"),
     ("publish_time", "<u8"),
 ]
-# ... and the start of a stamped message, which decides the layout of the rest.
-START = np.dtype([*RECORD, ("encapsulation", "u1", (4,)), ("stamp", "u1", (8,)), ("frame_length", "u1", (4,))])
+START = np.dtype(RECORD)
+MOST_LAYOUTS = 256
+"""Layouts of one topic in a chunk, beyond which its texts change from message to message."""
 
 
 def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray:
@@ -31,46 +33,71 @@ def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray
     return np.ascontiguousarray(window[offsets]).view(dtype)[:, 0]
 
 
-def messages(data: bytes, offsets: list[int], type_name: str) -> list[tuple[NDArray[np.intp], NDArray]]:
-    """Decode the messages at ``offsets`` of a chunk: groups of equal layout, as (positions in ``offsets``, records).
+class Group:
+    """Messages of one layout: their places among the others, and their records."""
 
-    The records have the fields of ``RECORD`` and of ``cdr.layout``.
+    def __init__(self, where: NDArray[np.intp], rows: NDArray, shape: layout.Layout) -> None:
+        self.where = where
+        self.rows = rows
+        self.names = tuple(shape.names)
+
+    @property
+    def frame_id(self) -> str:
+        """The frame that all of them name. Raises ``ValueError`` when it is not UTF-8."""
+        if "frame_id" not in (self.rows.dtype.names or ()):
+            return ""
+        return self.rows["frame_id"][0].tobytes().rstrip(b"\0").decode()
+
+    def column(self, name: str) -> NDArray:
+        """One column of the messages: times in ns, numbers as doubles."""
+        if name == "stamp":
+            return stamps(self.rows)
+        kinds = {"log_time": np.int64, "sequence": np.uint32}
+        return self.rows[name].astype(kinds.get(name, np.float64))
+
+
+def stamps(rows: NDArray) -> NDArray[np.int64]:
+    """The header stamps [ns] of records; zeros where the type has no header."""
+    if "sec" not in (rows.dtype.names or ()):
+        return np.zeros(len(rows), np.int64)
+    return rows["sec"][:, 0].astype(np.int64) * 1_000_000_000 + rows["nanosec"][:, 0].astype(np.int64)
+
+
+def messages(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[Group]:
+    """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
-        ValueError: an encapsulation is not plain CDR or a message is too short for its type.
+        ValueError: a message is not of this type, or their texts change too often.
     """
     starts = np.array(offsets, dtype=np.int64)
-    first = records(data, starts, START)
-    key = np.concatenate([first["encapsulation"][:, :2], first["frame_length"]], axis=1)
-    if (key == key[0]).all():
-        return [(np.arange(len(starts)), _group(data, starts, key[0].tobytes(), type_name))]
-    found, which = np.unique(key, axis=0, return_inverse=True)
-    indices = [np.flatnonzero(which.ravel() == i) for i in range(len(found))]
-    return [(i, _group(data, starts[i], k.tobytes(), type_name)) for i, k in zip(indices, found, strict=True)]
+    lengths = records(data, starts, START)["length"].astype(np.int64) + 9
+    left, groups = np.arange(len(starts)), list[Group]()
+    while len(left):
+        if len(groups) == MOST_LAYOUTS:
+            raise ValueError("its frames or names change from message to message")
+        first = starts[left[0]]
+        shape = layout.of(data[first + START.itemsize : first + lengths[left[0]]], type_name, encoding)
+        alike = left[lengths[left] == lengths[left[0]]]
+        rows = records(data, starts[alike], np.dtype(RECORD + shape.fields))
+        same = _same(rows, shape)
+        if same is not None:
+            alike, rows = alike[same], rows[same]
+        groups.append(Group(alike, rows, shape))
+        left = np.setdiff1d(left, alike, assume_unique=True) if len(alike) < len(left) else left[:0]
+    return groups
 
 
-def _group(data: bytes, starts: NDArray[np.int64], key: bytes, type_name: str) -> NDArray:
-    endianness = cdr.ENDIANNESS.get(key[:2])
-    if endianness is None:
-        raise ValueError(f"the encapsulation {key[:2].hex()} is not plain CDR")
-    frame_length = int.from_bytes(key[2:], "little" if endianness == "<" else "big")
-    if frame_length > len(data):
-        raise ValueError("a message's frame_id is longer than the message")
-    layout = cdr.layout(type_name, endianness, frame_length)
-    dtype = np.dtype(RECORD + [(name, layout[name]) for name in layout.names or ()])
-    group = records(data, starts, dtype)
-    if int(group["length"].min()) + 9 < dtype.itemsize:
-        raise ValueError("a message is too short for its type")
-    return group
+def _same(rows: NDArray, shape: layout.Layout) -> NDArray[np.bool_] | None:
+    """Which records agree with the first in all that makes their layout; None: all of them."""
+    columns = [rows[name] for name in shape.alike]
+    if shape.encoding == "cdr":
+        columns.append(rows["encapsulation"][:, :2])
+    equal = [values == values[0] for values in columns]
+    if all(each.all() for each in equal):
+        return None
+    return np.logical_and.reduce([each.all(axis=1) for each in equal])
 
 
-def frame_id(group: NDArray) -> str:
-    """The one ``frame_id`` of a group of records.
-
-    Raises:
-        ValueError: there are several, or it is not UTF-8.
-    """
-    frames = group["frame_id"]
-    if frames.shape[1] and not (frames == frames[0]).all():
-        raise ValueError("its messages name several frames")
-    return frames[0].tobytes().rstrip(b"\0").decode()
+def kept(type_name: str) -> tuple[str, ...]:
+    """The columns of a topic of this type."""
+    return ("log_time", "stamp", "sequence", *kept_columns(type_name))

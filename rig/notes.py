@@ -4,10 +4,11 @@ import os
 import struct
 from typing import NamedTuple
 
-from rig.container import Definitions, Scanner, batches, damage
+from rig.container import Definitions
+from rig.packing import MESSAGE
 from rig.schemas import DIAGNOSTICS, TEXT, canonical
+from rig.sources import open_source
 
-RECORD = struct.Struct("<BQHIQQ")  # of one message: opcode, length, channel, sequence, log_time, publish_time
 ALIGNED = 4  # the encapsulation, after which CDR aligns
 
 
@@ -41,10 +42,9 @@ def read(path: str | os.PathLike[str]) -> Notes:
         RigError: the file is no MCAP, cut or damaged.
         OSError: the file cannot be opened.
     """
-    definitions, marks, status = Definitions({}, {}, {}), [], []
-    with open(path, "rb") as stream:
-        scanner = Scanner(path, stream)
-        for batch in batches(scanner, definitions):
+    marks, status = [], []
+    with open_source(path) as source:
+        for part, definitions, batch in source.batches({TEXT, DIAGNOSTICS}):
             for channel_id, offsets in batch.offsets.items():
                 kind = _kind(definitions, channel_id)
                 if kind not in (TEXT, DIAGNOSTICS):
@@ -57,7 +57,7 @@ def read(path: str | os.PathLike[str]) -> Notes:
                         else:
                             status += [(time, *one) for one in _status(data)]
                     except (ValueError, struct.error) as error:
-                        raise damage(path, scanner.position, str(error)) from error
+                        raise part.damage(str(error)) from error
     return Notes(tuple(sorted(marks)), tuple(_flagged(status)))
 
 
@@ -72,8 +72,8 @@ def _kind(definitions: Definitions, channel_id: int) -> str | None:
 
 def _message(data: bytes, offset: int) -> tuple[int, bytes]:
     """Log time and content of the message whose record starts at ``offset``."""
-    _, length, _, _, time, _ = RECORD.unpack_from(data, offset)
-    return time, data[offset + RECORD.size : offset + 9 + length]
+    _, length, _, _, time, _ = MESSAGE.unpack_from(data, offset)
+    return time, data[offset + MESSAGE.size : offset + 9 + length]
 
 
 class _Reader:

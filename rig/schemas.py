@@ -61,7 +61,19 @@ DEFINITIONS = {
 }
 
 
+FOXGLOVE = {"foxglove/msg/PoseInFrame": "geometry_msgs/msg/PoseStamped"}
+"""Types of Foxglove's own that have the fields of a ROS type, and their order."""
+
+
 def canonical(name: str) -> str:
-    """The ROS 2 name of a message type: ``sensor_msgs/Imu`` and ``sensor_msgs/msg/Imu`` are the same."""
-    package, _, rest = name.partition("/")
-    return f"{package}/msg/{rest.removeprefix('msg/')}"
+    """The ROS 2 name of a message type.
+
+    ``sensor_msgs/Imu``, ``sensor_msgs/msg/Imu`` and protobuf's ``ros.sensor_msgs.Imu`` are the same.
+    """
+    if "/" in name:
+        package, _, rest = name.partition("/")
+    else:
+        *above, rest = name.split(".")
+        package = next((part for part in reversed(above) if part != "msg"), "")
+    full = f"{package.replace('foxglove_msgs', 'foxglove')}/msg/{rest.removeprefix('msg/')}" if package else name
+    return FOXGLOVE.get(full, full)

@@ -7,13 +7,16 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
+    "Centre": "centre",
     "Experiment": "experiment",
     "ExperimentError": "experiment",
     "MonteCarloResult": "campaign",
     "PaperResult": "barreto2016",
     "SimulatedRun": "simulation",
     "Source": "sources",
+    "centre_file": "centre",
     "identify_files": "recorded",
+    "import_table": "imports",
     "load_run": "recorded",
     "montecarlo": "campaign",
     "paper": "barreto2016",

@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import keyword
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -10,9 +11,11 @@ COMMANDS = {
     "paper": "reproduce the source's Table 2 and figures, beside its printed values",
     "montecarlo": "Monte Carlo of any body, platform, sensors and trajectory",
     "record": "record sensors to an MCAP file",
+    "import": "write the named columns of a table as an MCAP run",
     "recover": "save every intact message of a cut or damaged MCAP file",
     "inspect": "channels, rates, gaps, held samples, clocks, suspicious units and axes of a run",
     "simulate": "write a synthetic recorded run with the experiment's errors",
+    "centre": "mass, centre of gravity and the load cell's offsets from static poses",
     "identify": "identify the inertia tensor from recorded runs",
 }
 
@@ -38,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"error: unknown command '{name}': choose one of {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
-    module = importlib.import_module(f"uq.commands.{name}")
+    module = importlib.import_module(f"uq.commands.{name}{'_' * keyword.iskeyword(name)}")
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:

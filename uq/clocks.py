@@ -4,9 +4,9 @@ import numpy as np
 
 from identify.resample import GAP, JITTER_WARNING
 from rig import clock
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 
-Channel = WrenchChannel | ImuChannel
+Channel = WrenchChannel | ImuChannel | MotionChannel
 AHEAD = 0.5
 """Seconds over which the usual delay tells whether messages were lost or only late."""
 LATE = 0.1

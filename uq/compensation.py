@@ -27,7 +27,7 @@ def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Ru
     Raises:
         RunError: mass is not stated, or nothing tells the attitude.
     """
-    recording, r_cg = experiment.recording, experiment.r_cg_from_q
+    recording, r_cg = experiment.recording, experiment.stated_r_cg
     if recording.compensated in ("gravity", "gravity_from_force"):
         mass = _mass(run, experiment, f"compensated is {recording.compensated}")
         weight = mass * experiment.gravity * upward(run, r_cg, rests)

@@ -7,7 +7,7 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +21,7 @@ from identify.gravity import normal_gravity
 from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.document import ExperimentError, Table
+from uq.poses import Poses, parse_poses
 from uq.recording import Recording, parse_recording
 from uq.sources import TARGET_UNITS, Source, stream_number
 
@@ -49,8 +50,8 @@ class TrajectorySpec:
 class Experiment:
     """A body on a platform with its sensors: what is simulated, or how a recorded run is to be read."""
 
-    r_cg_from_q: np.ndarray
-    """Centre of gravity from the load cell's centre Q, in B [m]."""
+    r_cg_from_q: np.ndarray | None
+    """Centre of gravity from the load cell's centre Q, in B [m]; None: not stated, for static poses to tell."""
     mass: float | None
     """Mass [kg]; None: not stated."""
     inertia: np.ndarray | None
@@ -63,6 +64,8 @@ class Experiment:
     estimators: tuple[EstimatorSpec, ...]
     sources: tuple[Source, ...]
     recording: Recording = field(default_factory=Recording)
+    poses: Poses | None = None
+    """How static poses are declared; None: they are not."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The file's content, for the provenance of results."""
 
@@ -86,7 +89,7 @@ class Experiment:
         except tomllib.TOMLDecodeError as error:
             raise ExperimentError(f"not TOML {source}: {error}") from None
         try:
-            return cls.from_dict(document)
+            return cls.from_dict(document)._beside(Path(source))
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
@@ -94,7 +97,8 @@ class Experiment:
     def from_dict(cls, document: Mapping[str, Any]) -> "Experiment":
         """Build an experiment from the content of a file; see :meth:`load`."""
         top = Table("", document)
-        r_cg_from_q, mass, inertia = top.table("body", _body)
+        poses = top.table("poses", parse_poses) if "poses" in document else None
+        r_cg_from_q, mass, inertia = _whole_body(top, stated=poses is None)
         gravity, r_cg_from_omb = top.table("platform", _platform, {})
         trajectories = {
             name: _trajectory(Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
@@ -113,8 +117,15 @@ class Experiment:
                 f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
         return cls(
-            r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document
-        )
+            r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, poses,
+            document,
+        )  # fmt: skip
+
+    def _beside(self, source: Path) -> "Experiment":
+        """The experiment with the path of its robot's description taken from the folder of its file."""
+        if self.recording.urdf is None:
+            return self
+        return replace(self, recording=replace(self.recording, urdf=str(source.parent / self.recording.urdf)))
 
     @property
     def body(self) -> Body:
@@ -126,7 +137,18 @@ class Experiment:
         for key in ("mass", "inertia"):
             if getattr(self, key) is None:
                 raise ExperimentError(f"missing key body.{key}: a simulation needs it")
-        return Body(jnp.asarray(self.mass), jnp.asarray(self.r_cg_from_q), jnp.asarray(self.inertia))
+        return Body(jnp.asarray(self.mass), jnp.asarray(self.stated_r_cg), jnp.asarray(self.inertia))
+
+    @property
+    def stated_r_cg(self) -> np.ndarray:
+        """The centre of gravity from Q, in B [m].
+
+        Raises:
+            ExperimentError: it is not stated.
+        """
+        if self.r_cg_from_q is None:
+            raise ExperimentError("missing key body.r_cg_from_q: add it; `inertia centre` finds it from static poses")
+        return self.r_cg_from_q
 
     def estimator(self, name: str | None = None) -> EstimatorSpec:
         """Return an estimator by name; without one, the recording's, or the first.
@@ -173,6 +195,14 @@ class Experiment:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
         squares = [np.square(source.sigma) for source in self.sources if source.target == "r_cg"]
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
+
+
+def _whole_body(top: Table, *, stated: bool) -> tuple[np.ndarray | None, float | None, np.ndarray | None]:
+    """The table ``[body]``; where static poses are declared, it and its centre of gravity may be missing."""
+    if stated or "r_cg_from_q" in top.mapping("body"):
+        return top.table("body", _body)
+    _, mass, inertia = _body(Table("body", {"r_cg_from_q": ["0 m"] * 3, **top.mapping("body")}))
+    return None, mass, inertia
 
 
 def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:

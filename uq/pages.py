@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import singledispatch
 from typing import Any
 
+from identify.centre import Centre
 from identify.identification import Identification
 from uq import plots
 from uq.barreto2016 import PaperResult
@@ -23,6 +24,7 @@ from uq.page_parts import (
     source_tables,
     summary,
 )
+from uq.residual_plot import residuals
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,21 @@ def _identification(result: Identification) -> Page:
         [Table("Inertia tensor, g·m²", *result.rows())],
         [Drawing("runs", plots.estimates(result), "Each component: each run alone, and all together.")],
         [run_table(result), *source_tables(result.provenance)],
+        [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
+        result.provenance,
+    )  # fmt: skip
+
+
+@page.register
+def _centre(result: Centre) -> Page:
+    return Page(
+        "Mass and centre of gravity of a body",
+        [f"From static poses, by least squares: {result.title()}; local gravity {result.gravity:.6g} m/s². "
+         "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty."],
+        result.warnings,
+        [Table("Centre of gravity and offsets", *result.rows())],
+        [Drawing("residuals", residuals(result), "What each pose leaves unexplained.")],
+        [Table("Standard uncertainties in SI, and correlations", *result.correlation_rows())],
         [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
         result.provenance,
     )  # fmt: skip

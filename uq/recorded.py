@@ -15,12 +15,13 @@ from identify.run import Run, RunError
 from identify.samples import repeats, saturated
 from identify.stretches import Stretch, still
 from rig import notes
-from rig.bag import read
+from rig.bag import read_any
 from rig.channels import Recording as BagRecording
 from uq.clocks import instants
 from uq.compensation import undo
 from uq.declared import Rig, declared
 from uq.experiment import Experiment
+from uq.motion import motion
 from uq.parts import Part, cut, on_clock
 from uq.provenance import provenance
 from uq.recording import Recording
@@ -35,13 +36,15 @@ class Recorded:
     """Seconds from the run's start, and name."""
     assumptions: tuple[str, ...]
     """What neither the experiment nor the run's metadata says."""
+    rig: Rig
+    """How its channels became force, moment and motion in B."""
 
 
 def load_run(path: str | Path, recording: Recording | None = None) -> Run:
-    """Read a recorded run from MCAP: force and moment on the body at Q, angular velocity, all in B.
+    """Read a recorded run: force and moment on the body at Q, angular velocity, all in B.
 
     Args:
-        path: an MCAP file with WrenchStamped and Imu.
+        path: a file or rosbag2 folder with a wrench and what tells the motion.
         recording: what its channels mean; None for our own runs.
 
     Raises:
@@ -55,7 +58,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
     """Read a whole recorded run with its marks and with what is assumed of it.
 
     Args:
-        path: an MCAP file with WrenchStamped and Imu.
+        path: a file or rosbag2 folder with a wrench and what tells the motion.
         recording: what its channels mean.
         band: highest frequency of the motion [Hz], where declared.
         marks: whether the run's marks are needed.
@@ -63,9 +66,13 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
     Raises:
         RigError, RunError: see :func:`load_run`.
     """
-    bag = read(path, wrench=recording.wrench_topic, imu=recording.motion_topic)
+    bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    times, said = instants((bag.wrench, bag.motion), recording.time)
+    told = motion(bag, recording, times[1], band=band)
+    if told.imu is not bag.motion:
+        bag = replace(bag, motion=told.imu)
+        times, _ = instants((bag.wrench, bag.imu), recording.time)
     rig = declared(bag, recording)
-    times, said = instants((bag.wrench, bag.imu), recording.time)
     start = min(int(times[0][0]), int(times[1][0]))
     seconds = [(stamp - start) * 1e-9 for stamp in times]
     ours = "log_time" in bag.metadata.get("rig.run", {})
@@ -74,9 +81,14 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
     _check_rates(channels, band)
     run = channels.run()
     return Recorded(
-        replace(run, warnings=(*run.warnings, *said)),
+        replace(
+            run,
+            warnings=(*run.warnings, *told.warnings, *said),
+            noise=None if told.noise is None else told.noise.turned(rig.imu_rotation),
+        ),
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
-        rig.assumptions,
+        (*rig.assumptions, *told.notes),
+        rig,
     )
 
 
@@ -158,7 +170,7 @@ def identify_files(
     """Identify the tensor from recorded runs of one body.
 
     Args:
-        paths: MCAP files, one a run.
+        paths: files or rosbag2 folders, one a run.
         experiment: r_CG with its uncertainty, estimators, what the channels mean.
         estimator: name of the estimator; None for the recording's, or the first.
         offsets: where constant offsets come from; None: as the experiment says.
@@ -177,7 +189,7 @@ def identify_files(
     runs = [run for run, _ in prepared]
     result = identify(
         runs,
-        r_cg=experiment.r_cg_from_q,
+        r_cg=experiment.stated_r_cg,
         sigma_r_cg=experiment.sigma_r_cg,
         estimator=spec,
         offsets=experiment.recording.offsets,

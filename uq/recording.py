@@ -56,10 +56,17 @@ class Recording:
     """Which of a message's two times is that of its measurement."""
     estimator: str | None = None
     """Name of the estimator for recorded runs; None: the first."""
+    urdf: str | None = None
+    """Path of the robot's description, where the motion is told by joint states."""
+    urdf_frame: str | None = None
+    """The frame of the description that turns with the body."""
 
     def unit(self, quantity: str) -> str | None:
         """Return the declared unit's name of ``force``, ``moment``, ``angular_velocity`` or ``acceleration``."""
         return getattr(self, f"{quantity}_unit")
+
+
+TEXTS = ("wrench_topic", "motion_topic", "estimator", "urdf", "urdf_frame")
 
 
 def parse_recording(table: Table) -> Recording:
@@ -68,7 +75,7 @@ def parse_recording(table: Table) -> Recording:
     Raises:
         ExperimentError: an unknown key, or a value that it cannot have.
     """
-    alike: dict[str, Any] = {key: table.typed(key, str, None) for key in ("wrench_topic", "motion_topic", "estimator")}
+    alike: dict[str, Any] = {key: table.typed(key, str, None) for key in TEXTS}
     alike |= {f"{name}_unit": _unit(table, f"{name}_unit", si) for name, si in UNITS.items()}
     alike |= {key: _rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
     alike |= {key: _point(table, key) for key in ("wrench_point", "imu_position")}

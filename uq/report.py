@@ -33,7 +33,7 @@ def report(result: Any) -> str:
 
 
 def write(result: Any, out: Path) -> None:
-    """Write ``result.json``, ``report.html`` and the figures (SVG and PNG) into a folder.
+    """Write ``result.json`` (``centre.json`` of a centre), ``report.html`` and the figures (SVG and PNG) into a folder.
 
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
     of the same name is replaced; other files stay.
@@ -56,7 +56,7 @@ def files(result: Any) -> dict[str, bytes]:
     content = page(result)
     svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
     return {
-        "result.json": _json(result.to_dict()).encode(),
+        getattr(result, "file_name", "result.json"): _json(result.to_dict()).encode(),
         "report.html": _html(content, svg).encode(),
         **{f"{name}.svg": data for name, data in svg.items()},
         **{f"{drawing.name}.png": _render(drawing.figure, "png") for drawing in content.figures},

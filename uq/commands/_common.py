@@ -60,13 +60,13 @@ class _Limit(argparse.Action):
         setattr(namespace, self.dest, found)
 
 
-def add_part_options(parser: argparse.ArgumentParser) -> None:
+def add_part_options(parser: argparse.ArgumentParser, without: str = "the stretches that move are found") -> None:
     """Add ``--from`` and ``--to``, repeatable; :func:`uq.parts.pair` makes parts of ``limits``."""
     for option, what in (("--from", "begins"), ("--to", "ends")):
         parser.add_argument(
             option, dest="limits", action=_Limit, default=(), metavar="S",
             help=f"where a part of the run that counts {what}: seconds from the run's start, or a mark's name; "
-            "repeatable (without it, the stretches that move are found)",
+            f"repeatable (without it, {without})",
         )  # fmt: skip
 
 
@@ -77,7 +77,8 @@ def finish(result: Any, out: Path | None) -> None:
         from uq.report import write
 
         write(result, out)
-        print(f"\nresult.json, report.html and figures are in {out}")
+        name = getattr(result, "file_name", "result.json")
+        print(f"\n{name}, report.html and figures are in {out}")
 
 
 def whole_number(text: str) -> int:

@@ -1,0 +1,170 @@
+"""Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identify.centre import Centre, centre
+from identify.run import Run, RunError
+from identify.stretches import still
+from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import Recording as BagRecording
+from uq.columns import read_columns
+from uq.declared import Rig, declared
+from uq.experiment import Experiment
+from uq.parts import Part, resolve
+from uq.poses import Poses, need_table, of_accelerometer, up
+from uq.provenance import provenance
+from uq.recorded import load
+from uq.recording import UNITS, Recording
+
+TABLES = (".csv", ".tsv", ".txt")
+
+
+@dataclass(frozen=True)
+class _Wrenches:
+    """Mean wrench on the body at Q and specific force of each pose, in B, and where they come from."""
+
+    force: np.ndarray
+    moment: np.ndarray
+    specific_force: np.ndarray
+    rig: Rig
+    sha256: str
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Part] = ()) -> Centre:
+    """Estimate mass, centre of gravity and the load cell's offsets from static poses.
+
+    Args:
+        path: a table with one row a pose (.csv, .tsv, .txt), whose columns ``[poses]`` names; or a recorded run with
+            an accelerometer, each of whose still stretches is a pose.
+        experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
+        parts: the parts of a recorded run that count; none: all of it.
+
+    Raises:
+        ExperimentError: nothing declares the columns, or the wrench lacks the weight.
+        RunError: the data cannot be used, or its poses do not determine the centre of gravity.
+        RigError, OSError: the file cannot be read.
+    """
+    name = Path(path).name
+    if experiment.recording.compensated in ("gravity", "gravity_from_force"):
+        raise RunError(
+            f"recording.compensated is {experiment.recording.compensated}, and the weight that {name} lacks is what "
+            "tells mass and centre: record without the compensation"
+        )
+    if Path(path).suffix.lower() in TABLES:
+        if parts:
+            raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
+        found = _of_table(path, experiment)
+    else:
+        found = _of_run(path, experiment, parts)
+    result = centre(found.force, found.moment, found.specific_force, name=name)
+    gravity = () if "gravity" in experiment.document.get("platform", {}) else (
+        f"local gravity is {experiment.gravity:g} m/s²",
+    )  # fmt: skip
+    return replace(
+        result,
+        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), found.rig),
+        warnings=(*found.warnings, *result.warnings),
+        assumptions=(*found.rig.assumptions, *gravity, "the attitudes are free of errors", *found.notes),
+        provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": found.sha256}]),
+    )
+
+
+def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
+    poses, name = need_table(experiment.poses, path), Path(path).name
+    table = read_columns(path, poses.columns)
+    attitude = table[str(poses.attitude)]
+    tilted = attitude if poses.attitude == "acceleration" else np.zeros((len(attitude), 3))
+    used = {"acceleration"} if poses.attitude == "acceleration" else set()
+    bag = as_recording(path, table["force"], table["moment"], np.zeros_like(tilted), tilted)
+    rig = declared(bag, _silenced(experiment.recording, {"angular_velocity", "acceleration"} - used))
+    force, moment = rig.wrench(bag.wrench)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    if poses.attitude == "acceleration":
+        specific_force, warnings, notes = _leaning(rig.scales["acceleration"] * attitude, poses, experiment.gravity)
+    else:
+        specific_force = experiment.gravity * up(attitude, poses, name)
+    turned = specific_force @ rig.imu_rotation.T
+    return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes)
+
+
+def _silenced(recording: Recording, quantities: set[str]) -> Recording:
+    """The declaration with a unit for quantities that a table does not have, so that nothing is assumed of them."""
+    units: dict[str, Any] = {f"{name}_unit": recording.unit(name) or UNITS[name] for name in quantities}
+    return replace(recording, **units)
+
+
+def _leaning(readings: np.ndarray, poses: Poses, gravity: float) -> tuple[np.ndarray, tuple[str, ...], tuple[str, ...]]:
+    """Specific force from an accelerometer's readings; warnings; what was found of it."""
+    specific_force, found, warnings = of_accelerometer(readings, poses, gravity)
+    offset = f"offset is {_vector(found.offset)} m/s²" if found.fitted else "offset is zero"
+    return specific_force, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
+
+
+def as_recording(
+    path: str | Path, force: np.ndarray, moment: np.ndarray, omega: np.ndarray, acceleration: np.ndarray
+) -> BagRecording:
+    """Return a table's columns as a recording that says nothing of itself."""
+    times = np.arange(len(force))
+    wrench = WrenchChannel("force and moment", "", times, times, force, moment)
+    imu = ImuChannel("angular velocity and acceleration", "", times, times, omega, acceleration)
+    with open(path, "rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    return BagRecording(Path(path), digest, {}, wrench, imu)
+
+
+def _of_run(path: str | Path, experiment: Experiment, parts: Sequence[Part]) -> _Wrenches:
+    named = any(isinstance(limit, str) for part in parts for limit in part)
+    recorded = load(path, experiment.recording, marks=named)
+    run = recorded.run
+    if run.specific_force is None:
+        raise RunError(f"no acceleration in {run.name}: poses need an accelerometer, or a table with their attitude")
+    wanted = resolve(parts, float(run.t[-1]), recorded.marks, run.name) if parts else ((0.0, float(run.t[-1])),)
+    rests = resting(run, wanted)
+    if len(rests) < 3:
+        raise RunError(
+            f"{len(rests)} poses in {run.name}: hold three or more still for a second, tilted about two axes"
+        )
+    signals = np.hstack([run.force, run.moment, run.specific_force])
+    means = np.array([signals[rest].mean(axis=0) for rest in rests])
+    turn = recorded.rig.imu_rotation
+    poses = experiment.poses or Poses()
+    sensed, warnings, notes = _leaning(means[:, 6:] @ turn, poses, experiment.gravity)
+    seconds = sum(map(len, rests)) / run.rate
+    held = f"{len(rests)} still stretches are its poses, {seconds:.1f} s in all"
+    return _Wrenches(
+        means[:, :3], means[:, 3:6], sensed @ turn.T, recorded.rig, str(run.sha256),
+        (*run.warnings, *warnings), (held, *notes),
+    )  # fmt: skip
+
+
+def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]:
+    """Return the usable samples of each still stretch of a second or more within the wanted parts [s]."""
+    found = still(run.rate, run.omega, run.force, run.moment, np.asarray(run.specific_force))
+    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    rests = []
+    for start, stop in wanted:
+        for rest in found:
+            since = run.t - run.t[0]
+            inside = (since >= max(rest.start, start - run.t[0])) & (since <= min(rest.stop, stop - run.t[0]))
+            if (inside & usable).sum() >= run.rate:
+                rests.append(np.flatnonzero(inside & usable))
+    return rests
+
+
+def reading_of(wrench: np.ndarray, rig: Rig) -> np.ndarray:
+    """Return what the cell reads [N, N·m] of a wrench (6,) on the body at Q: in its own sign and axes."""
+    force, moment = wrench[:3], wrench[3:] - np.cross(rig.wrench_point, wrench[:3])
+    return rig.sign * np.concatenate([rig.wrench_rotation.T @ force, rig.wrench_rotation.T @ moment])
+
+
+def _vector(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.3g}" for value in values).replace("-", "−") + ")"
