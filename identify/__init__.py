@@ -5,11 +5,12 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 """
 
 from identify.estimator import EstimatorSpec
-from identify.identification import Identification, RunEstimate, identify
+from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
-from identify.run import Run, RunError
+from identify.run import Rest, Run, RunError
+from identify.run_estimate import RunEstimate
 
 __all__ = [
     "COMPONENTS",
@@ -17,6 +18,7 @@ __all__ = [
     "EstimatorSpec",
     "Identification",
     "PrecisionWarning",
+    "Rest",
     "Run",
     "RunError",
     "RunEstimate",

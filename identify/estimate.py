@@ -17,6 +17,7 @@ from identify.differentiate import derivative, gain
 from identify.estimator import EstimatorSpec
 from identify.filters import apply, motion_band, noise_level, response
 from identify.gram import Sums, normal_equations, sums_of
+from identify.offsets import OffsetChoice, Offsets, estimated, rested, resting
 from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, features
 from identify.run import Run, RunError
 from identify.solve import Excitation, excitation
@@ -41,8 +42,8 @@ class Information:
     scores: np.ndarray
     """Covariance of ``Σ Ωᵀu``, (6, 6)."""
     excitation: Excitation
-    offsets: np.ndarray | None
-    """Mean moment [N·m] that the rows leave unexplained, which was removed; None: not asked for."""
+    offsets: Offsets | None
+    """Constants of the load cell that were removed; None: not asked for."""
     residual: np.ndarray
     """Standard deviation of the residuals on each axis [N·m]."""
     correlation_time: float
@@ -74,14 +75,15 @@ class Information:
         return max(3 * self.rows / self.correlation_time - 6 - (0 if self.offsets is None else 3), 1.0)
 
 
-def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_offsets: bool) -> Information:
+def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice) -> Information:
     """Return a run's normal equations (10), with the noise that its residuals show.
 
     Args:
         run: the run.
         estimator: differentiator and filter.
         r_cg: centre of gravity from Q, in B [m].
-        remove_offsets: whether a constant moment (and so a constant force) is estimated along and removed.
+        offsets: whether a constant moment (and so a constant force) is estimated along, taken from the body's rest
+            (``run.rest``), or not removed.
 
     Raises:
         RunError: the run is too short for the estimator, or its rate too low for the band.
@@ -105,10 +107,14 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     phi, force, moment = phi[:, keep], force[:, keep], moment[:, keep]
     count = len(keep)
     if count < 3:
-        raise RunError(f"{run.name} has fewer than three samples outside its gaps: record without gaps")
+        raise RunError(
+            f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
+        )
     means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
-    if remove_offsets:
+    if offsets == "estimate":
         phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
+    elif offsets == "still":
+        force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
     sums = sums_of(phi, force, moment)
     normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
@@ -117,14 +123,18 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
     residuals = about_cg.T - rows @ inertia
     correlation_time = _correlation_time(residuals)
     scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
-    sigma = noise_level(run.omega) * estimator.alpha_noise_gain(run.rate)
+    sigma = noise_level(*(run.omega[part] for part in run.used())) * estimator.alpha_noise_gain(run.rate)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
-    offsets = None
-    if remove_offsets:
+    removed = None
+    if offsets == "estimate":
+        spread = np.linalg.pinv(normal, hermitian=True)
+        of_mean = np.diag(residuals.var(axis=0)) * correlation_time / count
         mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)
-        offsets = (
-            mean_moment - np.cross(r_cg, mean_force) - np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, mean_phi) @ inertia
-        )
+        removed = estimated(mean_phi, mean_force, mean_moment, r_cg, inertia, spread @ scores @ spread, of_mean)
+    elif offsets == "still":
+        removed = rested(resting(run), r_cg)
+        total = count * np.einsum("kji,k->ij", OMEGA_R_OF_FEATURES, np.asarray(means[0])[:, 0])
+        scores = scores + total @ removed.covariance @ total.T
     return Information(
         run,
         sums,
@@ -133,7 +143,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, remove_
         inertia,
         scores,
         excitation(normal, noise),
-        offsets,
+        removed,
         residuals.std(axis=0),
         correlation_time,
         count,
@@ -151,10 +161,16 @@ def _kept(run: Run, rows: int) -> np.ndarray:
     return np.flatnonzero(~touched[half : half + rows])
 
 
+def longest(run: Run) -> np.ndarray:
+    """Return the angular velocity of the longest stretch in which every sample may be used."""
+    return run.omega[max(run.used(), key=lambda part: part.stop - part.start)]
+
+
 def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
-    frequency, power = welch(run.omega, fs=run.rate, nperseg=max(len(run.t) // 4, 8), axis=0, window="blackmanharris")
-    inside = frequency <= motion_band(run.omega, run.rate)
+    omega = longest(run)
+    frequency, power = welch(omega, fs=run.rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris")
+    inside = frequency <= motion_band(omega, run.rate)
     passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
     weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2
     error = 1 / gain(estimator.taps(run.rate), run.rate, frequency[inside]) - 1

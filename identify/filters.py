@@ -4,7 +4,10 @@ import jax
 import numpy as np
 from jax.scipy.signal import fftconvolve
 from jaxtyping import Array, Float
-from scipy.signal import welch
+from scipy.signal import firwin, kaiser_beta, welch
+
+ATTENUATION = 100.0
+"""Of the low-pass that brings unequal rates together [dB]."""
 
 
 def gaussian(rate: float, cutoff: float) -> np.ndarray:
@@ -16,6 +19,17 @@ def gaussian(rate: float, cutoff: float) -> np.ndarray:
     half = int(np.ceil(4 * sigma * rate))
     taps = np.exp(-0.5 * (np.arange(-half, half + 1) / (sigma * rate)) ** 2)
     return taps / taps.sum()
+
+
+def lowpass(rate: float, nyquist: float) -> np.ndarray:
+    """Return the taps of a low-pass that is flat within 1e-5 to 0.4 ``nyquist`` and stops from ``nyquist`` on [Hz].
+
+    A Kaiser window of 100 dB. What a slower sensor that samples at twice ``nyquist`` cannot follow does not pass; a
+    motion below 0.4 ``nyquist`` is left as it is, so that its products are, too.
+    """
+    width = 0.6 * nyquist / (rate / 2)  # of the transition, as a part of half the rate
+    count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
+    return firwin(count, 0.7 * nyquist, window=("kaiser", kaiser_beta(ATTENUATION)), fs=rate)
 
 
 def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
@@ -44,8 +58,17 @@ def motion_band(omega: np.ndarray, rate: float) -> float:
     return float(frequency[stands_out].max(initial=frequency[1]))
 
 
-def noise_level(omega: np.ndarray) -> np.ndarray:
+def occupied_band(signal: np.ndarray, rate: float) -> float:
+    """Return the frequency [Hz] below which four fifths of a signal's power above its noise lie, shape (n, 3)."""
+    frequency, power = welch(signal, fs=rate, nperseg=min(len(signal), max(round(8 * rate), 8)), axis=0)
+    above = np.maximum(power - np.median(power[frequency > rate / 8], axis=0), 0).sum(axis=1)
+    share = np.cumsum(above) / max(above.sum(), 1e-300)
+    return float(frequency[min(np.searchsorted(share, 0.8), len(frequency) - 1)])
+
+
+def noise_level(*stretches: np.ndarray) -> np.ndarray:
     """Return the standard deviation of white noise on each axis of samples (n, 3), from their fourth differences."""
-    if len(omega) < 6:
-        return np.zeros(omega.shape[1])
-    return np.sqrt(np.mean(np.diff(omega, 4, axis=0) ** 2, axis=0) / 70)
+    differences = [np.diff(omega, 4, axis=0) for omega in stretches if len(omega) >= 6]
+    if not differences:
+        return np.zeros(3)
+    return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)

@@ -3,48 +3,27 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any
+from typing import Any, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.stats import t as student
 
-from identify.estimate import Information, information
+from identify.estimate import Information, information, longest
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
 from identify.gram import normal_equations
 from identify.inertia import COMPONENTS, principal
+from identify.offsets import OffsetChoice
 from identify.precision import check_precision
 from identify.run import Run, RunError
+from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
 from identify.solve import excitation
 from identify.tables import html_table, text_table
 
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
-
-
-@dataclass(frozen=True)
-class RunEstimate:
-    """One run's own estimate."""
-
-    file: str
-    sha256: str | None
-    inertia: np.ndarray
-    """Packed tensor [kg·m²]."""
-    standard_uncertainty: np.ndarray
-    """From the run's residuals [kg·m²]."""
-    samples: int
-    rate: float
-    """Sample rate [Hz]."""
-    residual: np.ndarray
-    """Standard deviation of the residual moment on each axis [N·m]."""
-    correlation_time: float
-    """Of the residuals [s]."""
-    offsets: np.ndarray | None
-    """Constant moment removed [N·m]."""
-    alone: bool
-    """Whether this run identifies the whole tensor by itself."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +50,8 @@ class Identification:
     assumptions: tuple[str, ...]
     diagnostics: Mapping[str, Any] = field(repr=False)
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    offsets: OffsetChoice = "estimate"
+    """Where the load cell's constant offsets come from."""
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -96,7 +77,11 @@ class Identification:
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
             "delay": {"value": 0.0, "estimated": False},
             "rotation": {"value": np.eye(3).tolist(), "estimated": False},
-            "offsets": {"moment": [None if run.offsets is None else run.offsets.tolist() for run in self.runs]},
+            "offsets": {
+                "method": self.offsets,
+                "about": "CG",
+                **offsets_content(self.runs, self.sigma_r_cg, self.r_cg),
+            },
             "runs": [
                 {
                     "file": run.file,
@@ -107,6 +92,9 @@ class Identification:
                     "rate": run.rate,
                     "residual": run.residual.tolist(),
                     "correlation_time": run.correlation_time,
+                    "parts": [list(part) for part in run.parts],
+                    "parts_found": run.found,
+                    "left_out": dict(run.left_out),
                 }
                 for run in self.runs
             ],
@@ -132,12 +120,20 @@ class Identification:
         return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
 
     def __repr__(self) -> str:
-        notes = [f"warning: {text}" for text in self.warnings] + [f"assumed: {text}" for text in self.assumptions]
-        return "\n".join([self._title(), text_table(*self.rows()), *notes])
+        return "\n".join([self._title(), text_table(*self.rows()), *self._notes()])
+
+    def _notes(self) -> list[str]:
+        used = [run.used for run in self.runs if run.used]
+        warnings = [f"warning: {text}" for text in self.warnings]
+        return [
+            *used,
+            *offset_notes(self.runs, self.sigma_r_cg),
+            *warnings,
+            *(f"assumed: {text}" for text in self.assumptions),
+        ]
 
     def _repr_html_(self) -> str:
-        notes = [f"warning: {text}" for text in self.warnings] + [f"assumed: {text}" for text in self.assumptions]
-        listed = "".join(f"<li>{escape(text)}</li>" for text in notes)
+        listed = "".join(f"<li>{escape(text)}</li>" for text in self._notes())
         return f"{html_table(*self.rows(), caption=self._title())}<ul>{listed}</ul>"
 
 
@@ -147,7 +143,7 @@ def identify(
     r_cg: Sequence[float | int] | np.ndarray,
     sigma_r_cg: Sequence[float | int] | np.ndarray = (0.0, 0.0, 0.0),
     estimator: EstimatorSpec | None = None,
-    remove_offsets: bool = False,
+    offsets: OffsetChoice = "estimate",
     mass: float | None = None,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
@@ -157,8 +153,9 @@ def identify(
         r_cg: centre of gravity from the load cell's centre Q, in B [m].
         sigma_r_cg: its standard uncertainty on each axis [m].
         estimator: differentiator and filter; None: Savitzky–Golay matched to the band found in the runs.
-        remove_offsets: whether constant offsets of force and moment are estimated in each run and removed.
-        mass: mass of the body [kg], for the result only.
+        offsets: whether constant offsets of force and moment are estimated in each run along with the tensor, taken
+            from its rest, or left in. A force's offset acts only through its moment about the centre of gravity.
+        mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
 
     Raises:
         RunError: no run, a run too short for the estimator, or components that the motion does not identify.
@@ -175,7 +172,7 @@ def identify(
     if estimator is None:
         band = _common_band(runs)
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
-    parts = [information(run, estimator, centre, remove_offsets=remove_offsets) for run in runs]
+    parts = [information(run, estimator, centre, offsets=offsets) for run in runs]
     weights = np.array([part.weight for part in parts])
     normal = np.einsum("k,kij->ij", weights, [part.normal for part in parts])
     noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
@@ -183,6 +180,9 @@ def identify(
     if verdict.unidentifiable or not verdict.identifiable.all():
         names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
         raise RunError(f"the motion in {_named(runs)} does not identify {names}: rotate about more axes, or faster")
+
+    if offsets not in get_args(OffsetChoice):
+        raise ValueError(f"Argument `offsets` must be one of {', '.join(get_args(OffsetChoice))}, but is {offsets!r}.")
 
     def pooled(centre):
         sides = [normal_equations(part.sums, centre)[1] * weight for part, weight in zip(parts, weights, strict=True)]
@@ -211,19 +211,21 @@ def identify(
     }  # fmt: skip
     return Identification(
         inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
-        tuple(_run_estimate(part) for part in parts), tuple(warnings), _assumptions(remove_offsets), diagnostics,
+        tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
+        offsets=offsets,
     )  # fmt: skip
 
 
 def _common_band(runs: Sequence[Run]) -> float:
     """The band of the fastest motion [Hz]."""
     for run in runs:
-        if len(run.t) < SHORTEST:
+        samples = len(longest(run))
+        if samples < SHORTEST:
             raise RunError(
-                f"{run.name} has {len(run.t)} samples, fewer than the {SHORTEST} from which a motion's band is found: "
+                f"{run.name} has {samples} samples, fewer than the {SHORTEST} from which a motion's band is found: "
                 "record for longer, or name an estimator"
             )
-    return max(motion_band(run.omega, run.rate) for run in runs)
+    return max(motion_band(longest(run), run.rate) for run in runs)
 
 
 def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -257,22 +259,14 @@ def _warnings(
     return found
 
 
-def _assumptions(remove_offsets: bool) -> tuple[str, ...]:
-    zero = () if remove_offsets else ("force and moment are free of constant offsets",)
+def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:
+    zero = ("force and moment are free of constant offsets",) if offsets == "none" else ()
     return (
         *zero,
         "load cell and IMU are aligned in time and in frame",
         "the gyro's noise is white",
         "the platform is rigid",
     )
-
-
-def _run_estimate(part: Information) -> RunEstimate:
-    run = part.run
-    return RunEstimate(
-        run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
-        part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()),
-    )  # fmt: skip
 
 
 def _by_component(values: np.ndarray) -> dict[str, float]:

@@ -1,22 +1,34 @@
 """A run: one uniformly sampled, aligned time series of wrench and motion, simulated or recorded."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 
-JITTER_TOLERANCE = 1e-3
-"""Departure from uniform sampling, as a part of the sample interval, below which samples are taken as they are."""
-JITTER_WARNING = 0.05
-"""Standard deviation of the intervals, as a part of their mean, that is worth a warning."""
-GAP = 5.0
-"""Sample intervals without a sample that count as a gap."""
+from identify.errors import RunError
+from identify.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
+
+__all__ = ["Rest", "Run", "RunError"]
 
 
-class RunError(ValueError):
-    """A run that cannot be used, in one line: what, where, what to do."""
+NOTHING = (np.array([]), np.array([]))
+"""No bad instants of either sensor."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What a load cell reads while the body rests on it, over some stretches."""
+
+    force: Float[np.ndarray, "3"]
+    """Mean force [N]."""
+    moment: Float[np.ndarray, "3"]
+    """Mean moment about Q [N·m]."""
+    covariance: Float[np.ndarray, "6 6"]
+    """Of the two means, from their scatter."""
+    seconds: float
+    """How long it rested, all together [s]."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +48,21 @@ class Run:
     sha256: str | None = None
     """Hash of the file it was read from."""
     missing: Bool[np.ndarray, " n"] | None = None
-    """Instants inside a gap of a sensor, where values are interpolated and must not be used; None: no gap."""
+    """Instants that must not be used: inside a gap of a sensor, beside a bad sample, outside the parts; None: none."""
     warnings: tuple[str, ...] = field(default=())
     """What a reader of the result should know of the data."""
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    """How many samples were left out, by reason."""
+    parts: tuple[tuple[float, float], ...] = ()
+    """From when to when the run was cut [s]; none: it is whole."""
+    found: bool = False
+    """Whether the parts were found, not named."""
+    specific_force: Float[np.ndarray, "n 3"] | None = None
+    """What the accelerometer reads, in B [m/s²]; None: there is none."""
+    imu_position: Float[np.ndarray, "3"] | None = None
+    """The accelerometer, from Q, in B [m]; None: not known, taken as Q."""
+    rest: Rest | None = None
+    """What the load cell reads while the body rests; None: not asked for."""
 
     @property
     def rate(self) -> float:
@@ -74,11 +98,14 @@ class Run:
         *,
         name: str = "run",
         sha256: str | None = None,
+        specific_force: ArrayLike | None = None,
+        bad: tuple[np.ndarray, np.ndarray] = NOTHING,
     ) -> "Run":
         """Build a run from a load cell and an IMU that sample at their own instants of the same clock.
 
         Both are brought to uniform instants of the interval that they share, at the lower of the two rates, by cubic
-        splines; where they share uniform instants already, samples are kept as they are.
+        splines; where they share uniform instants already, samples are kept as they are. Where one rate is more than a
+        fifth above the other, both pass through the same flat low-pass below half the lower rate first.
 
         Args:
             t_wrench: instants of the wrench [s], shape (n,).
@@ -88,39 +115,55 @@ class Run:
             omega: angular velocity in B [rad/s], shape (m, 3).
             name: what to call the run.
             sha256: hash of its file.
+            specific_force: what the accelerometer reads, in B, at the instants of the angular velocity [m/s²].
+            bad: instants of the wrench, and of the angular velocity, near which nothing must be used [s].
 
         Raises:
             RunError: as :meth:`from_arrays`, or the two share no interval.
         """
-        at, (of_force, of_moment) = _checked(name, "wrench", t_wrench, force=force, moment=moment)
-        at_imu, (of_omega,) = _checked(name, "angular velocity", t_imu, omega=omega)
-        if np.array_equal(at, at_imu) and _is_uniform(at):
-            return cls(at, of_force, of_moment, of_omega, name, sha256)
+        at, wrench = _checked(name, "wrench", t_wrench, force=force, moment=moment)
+        more = {} if specific_force is None else {"specific force": specific_force}
+        at_imu, motion = _checked(name, "angular velocity", t_imu, omega=omega, **more)
+        if np.array_equal(at, at_imu) and is_uniform(at) and not any(map(np.size, bad)):
+            return cls(at, wrench[0], wrench[1], motion[0], name, sha256, specific_force=motion[1] if more else None)
         start, stop = max(at[0], at_imu[0]), min(at[-1], at_imu[-1])
         if stop <= start:
             raise RunError(
                 f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
                 f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
-        interval = max(_interval(t) for t in (at, at_imu))
-        t = start + interval * np.arange(int((stop - start) / interval * (1 + 1e-9)) + 1)
-        if len(t) < 2:
-            raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
+        intervals = [interval(times) for times in (at, at_imu)]
+        step, unequal = max(intervals), max(intervals) > UNEQUAL * min(intervals)
         sensors = {"wrench": at, "angular velocity": at_imu}
         warnings = [
-            text for sensor, times in sensors.items() for text in (*_gaps(sensor, times), *_jitter(sensor, times))
+            text for sensor, times in sensors.items() for text in (*gaps(sensor, times), *jitter(sensor, times))
         ]
-        missing = _in_gap(at, t) | _in_gap(at_imu, t)
-        wrench = _interpolate(at, np.hstack([of_force, of_moment]), t)
+        columns = [np.hstack(wrench), np.hstack(motion)]
+        reach = 0.0
+        if unequal:
+            times, columns, reach = below(0.5 / step, [at, at_imu], columns, intervals, name)
+            at_wrench, at_motion = times
+            start, stop = max(t[0] for t in times), min(t[-1] for t in times)
+        else:
+            at_wrench, at_motion = at, at_imu
+        t = start + step * np.arange(int((stop - start) / step * (1 + 1e-9)) + 1)
+        if len(t) < 2:
+            raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
+        gap = in_gap(at, t, reach) | in_gap(at_imu, t, reach)
+        near_bad = beside(bad[0], t, intervals[0] + reach) | beside(bad[1], t, intervals[1] + reach)
+        of_wrench, of_motion = interpolate(at_wrench, columns[0], t), interpolate(at_motion, columns[1], t)
+        missing = gap | near_bad
         return cls(
             t,
-            wrench[:, :3],
-            wrench[:, 3:],
-            _interpolate(at_imu, of_omega, t),
+            of_wrench[:, :3],
+            of_wrench[:, 3:],
+            of_motion[:, :3],
             name,
             sha256,
             missing if missing.any() else None,
             tuple(warnings),
+            {"in a gap": int(gap.sum())} if gap.any() else {},
+            specific_force=of_motion[:, 3:] if more else None,
         )
 
     def between(self, start: float, stop: float) -> "Run":
@@ -134,9 +177,34 @@ class Run:
             raise RunError(
                 f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
             )
-        missing = None if self.missing is None else self.missing[keep]
-        signals = {name: getattr(self, name)[keep] for name in ("t", "force", "moment", "omega")}
-        return replace(self, **signals, missing=missing)
+        names = ("t", "force", "moment", "omega", "specific_force", "missing")
+        signals = {name: getattr(self, name)[keep] for name in names if getattr(self, name) is not None}
+        return replace(self, **signals, parts=((start, stop),))
+
+    def within(self, parts: Iterable[tuple[float, float]]) -> "Run":
+        """Return the run with all left out that lies outside the parts, each from one instant to another [s].
+
+        Nothing is joined: differentiators and filters do not reach across what is left out.
+
+        Raises:
+            RunError: fewer than two samples lie within a part.
+        """
+        parts = tuple(sorted((float(start), float(stop)) for start, stop in parts))
+        for start, stop in parts:
+            self.between(start, stop)
+        cut = self.between(parts[0][0], parts[-1][1])
+        inside = np.any([(cut.t >= start) & (cut.t <= stop) for start, stop in parts], axis=0)
+        missing = ~inside if cut.missing is None else ~inside | cut.missing
+        outside = {"outside the part": len(self.t) - int(inside.sum())}
+        left_out = {**self.left_out, **outside} if outside["outside the part"] else self.left_out
+        return replace(cut, missing=missing if missing.any() else None, parts=parts, left_out=left_out)
+
+    def used(self) -> list[slice]:
+        """Return the stretches of samples without one that must not be used."""
+        if self.missing is None:
+            return [slice(0, len(self.t))]
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (~self.missing).astype(np.int8), [0]])))
+        return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
     def __repr__(self) -> str:
         return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
@@ -171,45 +239,3 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
             "use the other clock or repair the recording"
         )
     return t, arrays[1:]
-
-
-def _is_uniform(t: np.ndarray) -> bool:
-    step = (t[-1] - t[0]) / (len(t) - 1)
-    return bool(np.max(np.abs(t - t[0] - step * np.arange(len(t)))) < JITTER_TOLERANCE * step)
-
-
-def _interval(t: np.ndarray) -> float:
-    """The mean interval between samples, gaps left out [s]."""
-    steps = np.diff(t)
-    return float(steps[steps <= GAP * np.median(steps)].mean())
-
-
-def _in_gap(t: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Which instants ``at`` lie inside a gap between the samples ``t``."""
-    steps = np.diff(t)
-    after = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(steps) - 1)
-    return steps[after] > GAP * np.median(steps)
-
-
-def _jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:
-    steps = np.diff(t)
-    steps = steps[steps <= GAP * np.median(steps)]
-    spread, mean = float(steps.std()), float(steps.mean())
-    if spread < JITTER_WARNING * mean:
-        return ()
-    return (f"the stamps of the {channel} jitter by {1e3 * spread:.3g} ms at an interval of {1e3 * mean:.3g} ms",)
-
-
-def _gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
-    steps = np.diff(t)
-    wide = steps > GAP * np.median(steps)
-    if not wide.any():
-        return ()
-    return (
-        f"{int(wide.sum())} gaps in the {channel}, the longest {steps.max():.3g} s at {t[np.argmax(steps)]:.6g} s, "
-        "left out",
-    )
-
-
-def _interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    return make_interp_spline(t, values, k=min(3, len(t) - 1))(at)

@@ -300,6 +300,7 @@ class Recorder:
             name, identity = source.entry.name, source.identity
             facts |= {f"{name}.{key}": value for key, value in source.entry.settings.items()}
             facts |= {f"{name}.port": source.entry.port, f"{name}.model": identity.model}
+            facts |= {f"{name}.topic": source.entry.topic}
             facts |= {f"{name}.serial_number": identity.serial, f"{name}.firmware": identity.firmware}
             if identity.warnings:
                 facts[f"{name}.warnings"] = "; ".join(identity.warnings)

@@ -46,12 +46,13 @@ def test_offsets_are_removed_where_asked_and_only_there(short, estimator):
     run = simulate(silent(short), "T1").run
     shifted = dataclasses.replace(run, force=run.force + [2.0, -1.0, 3.0], moment=run.moment + [0.7, -0.4, 0.5])
     options = {"r_cg": short.r_cg_from_q, "estimator": estimator}
-    reference = identify(run, remove_offsets=True, **options)
-    removed = identify(shifted, remove_offsets=True, **options)
+    reference = identify(run, offsets="estimate", **options)
+    removed = identify(shifted, offsets="estimate", **options)
     np.testing.assert_allclose(removed.inertia, reference.inertia, atol=1e-12)
     expected = np.array([0.7, -0.4, 0.5]) - np.cross(short.r_cg_from_q, [2.0, -1.0, 3.0])
-    np.testing.assert_allclose(removed.runs[0].offsets - reference.runs[0].offsets, expected, atol=1e-9)
-    kept = identify(shifted, **options)
+    offsets = [result.runs[0].offsets.moment for result in (removed, reference)]
+    np.testing.assert_allclose(offsets[0] - offsets[1], expected, atol=1e-9)
+    kept = identify(shifted, offsets="none", **options)
     assert np.abs(kept.inertia - reference.inertia).max() > 1e-5
     assert kept.runs[0].offsets is None
 
@@ -128,7 +129,7 @@ def test_a_flat_plate_is_not_called_impossible(short):
 
 def test_runs_of_one_name_are_kept_apart(short):
     runs = [simulate(short, "T1", trial=k).run for k in range(2)]
-    content = identify(runs, r_cg=short.r_cg_from_q, estimator=SMOOTHED, remove_offsets=True).to_dict()
+    content = identify(runs, r_cg=short.r_cg_from_q, estimator=SMOOTHED, offsets="estimate").to_dict()
     assert len(content["offsets"]["moment"]) == 2
     assert content["offsets"]["moment"][0] != content["offsets"]["moment"][1]
 

@@ -23,8 +23,8 @@ def test_unequal_clocks_meet_on_the_slower_ones_grid():
     signal = lambda t: np.stack([np.sin(t), np.cos(2 * t), t**2], axis=1)  # noqa: E731
     run = Run.from_channels(fine, signal(fine), signal(fine), coarse, signal(coarse))
     assert run.rate == pytest.approx(100)
-    np.testing.assert_allclose(run.force, signal(run.t), atol=1e-9)
-    np.testing.assert_allclose(run.omega, signal(run.t), atol=1e-7)  # cubic spline at 100 Hz: h⁴/384·2⁴
+    np.testing.assert_allclose(run.force, signal(run.t), atol=3e-5)  # the low-pass is flat within 1e-5
+    np.testing.assert_allclose(run.omega, signal(run.t), atol=3e-5)
     assert run.t[0] >= 0.5003
     assert run.t[-1] <= 9
 

@@ -1,18 +1,40 @@
 """Recorded runs: from MCAP files and an experiment file to the tensor."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from identify.estimator import EstimatorSpec
+from identify.filters import occupied_band
 from identify.identification import Identification, identify
+from identify.offsets import OffsetChoice, rest_of
+from identify.resample import UNEQUAL, interval
 from identify.run import Run, RunError
+from identify.samples import repeats, saturated
+from identify.stretches import Stretch, still
+from rig import notes
 from rig.bag import read
 from rig.channels import Recording as BagRecording
+from uq.clocks import instants
+from uq.compensation import undo
+from uq.declared import Rig, declared
 from uq.experiment import Experiment
+from uq.parts import Part, cut, on_clock
 from uq.provenance import provenance
 from uq.recording import Recording
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A whole recorded run, before a part of it is chosen."""
+
+    run: Run
+    marks: tuple[tuple[float, str], ...]
+    """Seconds from the run's start, and name."""
+    assumptions: tuple[str, ...]
+    """What neither the experiment nor the run's metadata says."""
 
 
 def load_run(path: str | Path, recording: Recording | None = None) -> Run:
@@ -24,49 +46,105 @@ def load_run(path: str | Path, recording: Recording | None = None) -> Run:
 
     Raises:
         RigError: the file cannot be read, or a topic is missing.
-        RunError: its data cannot be used.
+        RunError: its data cannot be used, or what it says of itself contradicts the declaration.
     """
-    recording = recording or Recording()
-    bag = read(path, wrench=recording.wrench_topic, imu=recording.motion_topic)
-    sign = {"on_body": 1.0, "on_sensor": -1.0}[wrench_meaning(bag, recording)]
-    warnings: list[str] = []
-    wrench_time, imu_time = _instants(bag, warnings)
-    start = min(int(wrench_time[0]), int(imu_time[0]))
-    run = Run.from_channels(
-        (wrench_time - start) * 1e-9,
-        sign * bag.wrench.force,
-        sign * bag.wrench.moment,
-        (imu_time - start) * 1e-9,
-        bag.imu.angular_velocity,
-        name=bag.path.name,
-        sha256=bag.sha256,
-    )
-    return replace(run, warnings=(*run.warnings, *warnings))
+    return load(path, recording or Recording(), marks=False).run
 
 
-def wrench_meaning(bag: BagRecording, recording: Recording) -> str:
-    """Return ``on_body`` or ``on_sensor``: what the experiment declares, else the run's metadata, else ``on_body``.
+def load(path: str | Path, recording: Recording, *, band: float | None = None, marks: bool = True) -> Recorded:
+    """Read a whole recorded run with its marks and with what is assumed of it.
+
+    Args:
+        path: an MCAP file with WrenchStamped and Imu.
+        recording: what its channels mean.
+        band: highest frequency of the motion [Hz], where declared.
+        marks: whether the run's marks are needed.
 
     Raises:
-        RunError: the two contradict each other.
+        RigError, RunError: see :func:`load_run`.
     """
-    said = bag.metadata.get("rig.run", {}).get("wrench")
-    said = said if said in ("on_body", "on_sensor") else None
-    if recording.wrench and said and recording.wrench != said:
-        raise RunError(
-            f"{bag.path.name} says that its wrench is {said}, recording.wrench in the experiment says "
-            f"{recording.wrench}: correct the experiment"
+    bag = read(path, wrench=recording.wrench_topic, imu=recording.motion_topic)
+    rig = declared(bag, recording)
+    times, said = instants((bag.wrench, bag.imu), recording.time)
+    start = min(int(times[0][0]), int(times[1][0]))
+    seconds = [(stamp - start) * 1e-9 for stamp in times]
+    ours = "log_time" in bag.metadata.get("rig.run", {})
+    extra = notes.read(path) if marks or ours else notes.Notes((), ())
+    channels = _Channels(bag, rig, seconds, extra)
+    _check_rates(channels, band)
+    run = channels.run()
+    return Recorded(
+        replace(run, warnings=(*run.warnings, *said)),
+        tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
+        rig.assumptions,
+    )
+
+
+class _Channels:
+    """Load cell and motion sensor in the body frame, without the samples that they did not really take."""
+
+    def __init__(self, bag: BagRecording, rig: Rig, seconds: list[np.ndarray], extra: notes.Notes) -> None:
+        self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
+        wrench, imu = bag.wrench, bag.imu
+        self.wrench = np.hstack(rig.wrench(wrench))
+        self.motion = np.hstack(rig.motion(imu))
+        raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
+        flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
+        kept, self.bad = zip(*(self._sift(*one) for one in zip(raw, seconds, flagged, strict=True)), strict=True)
+        self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, kept, strict=True))
+        self.wrench, self.motion = self.wrench[kept[0]], self.motion[kept[1]]
+
+    def _sift(self, values: np.ndarray, t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which samples of a sensor to keep, and when those were taken near which nothing must be used."""
+        slower, frozen = repeats(values)
+        clipped = saturated(values)
+        for reason, found in (("held", slower | frozen), ("saturated", clipped), ("overrange", flagged)):
+            if found.any():
+                self.left_out[reason] = self.left_out.get(reason, 0) + int(found.sum())
+        return ~slower, t[frozen | clipped | flagged]
+
+    def _flagged(self, topic: str, log_time: np.ndarray, extra: notes.Notes) -> np.ndarray:
+        """Samples of the seconds in which the device said that it was out of range."""
+        about = self.bag.metadata.get("rig.run", {})
+        found = np.zeros(len(log_time), bool)
+        for one in extra.flagged:
+            if about.get(f"{one.device}.topic") == topic:
+                found |= (log_time > one.after) & (log_time <= one.until)
+        return found
+
+    def run(self) -> Run:
+        """The two at common instants."""
+        accelerates = bool(self.motion[:, 3:].any() and np.isfinite(self.motion[:, 3:]).all())
+        run = Run.from_channels(
+            self.t_wrench,
+            self.wrench[:, :3],
+            self.wrench[:, 3:],
+            self.t_imu,
+            self.motion[:, :3],
+            name=self.bag.path.name,
+            sha256=self.bag.sha256,
+            specific_force=self.motion[:, 3:] if accelerates else None,
+            bad=self.bad,
         )
-    return recording.wrench or said or "on_body"
+        return replace(run, left_out=self.left_out | dict(run.left_out), imu_position=self.rig.imu_position)
 
 
-def _instants(bag: BagRecording, warnings: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """The stamps [ns] of wrench and IMU; the log's times of both where either has none, since clocks must not mix."""
-    bare = [channel.topic for channel in (bag.wrench, bag.imu) if not np.any(channel.stamp != 0)]
-    if not bare:
-        return bag.wrench.stamp, bag.imu.stamp
-    warnings.append(f"no stamps in the headers of {' and '.join(bare)}: took the log's times for both sensors")
-    return bag.wrench.log_time, bag.imu.log_time
+def _check_rates(channels: _Channels, band: float | None) -> None:
+    """Refuse a motion that the slower sensor cannot follow."""
+    topics = (channels.bag.wrench.topic, channels.bag.imu.topic)
+    if min(len(channels.t_wrench), len(channels.t_imu)) < 10:
+        return
+    rates = [1 / interval(t) for t in (channels.t_wrench, channels.t_imu)]
+    slow, fast = int(np.argmin(rates)), int(np.argmax(rates))
+    if not rates[fast] > UNEQUAL * rates[slow] or not np.isfinite(channels.wrench).all():
+        return
+    signal = channels.wrench[:, 3:] if fast == 0 else channels.motion[:, :3]
+    reached = max(band or 0.0, occupied_band(signal, rates[fast]))
+    if reached > rates[slow] / 2:
+        raise RunError(
+            f"the motion in {channels.bag.path.name} reaches {reached:.3g} Hz, beyond the Nyquist frequency "
+            f"{rates[slow] / 2:.3g} Hz of {topics[slow]}: record {topics[slow]} at a higher rate"
+        )
 
 
 def identify_files(
@@ -74,7 +152,8 @@ def identify_files(
     experiment: Experiment,
     *,
     estimator: str | None = None,
-    remove_offsets: bool | None = None,
+    offsets: OffsetChoice | None = None,
+    parts: Sequence[Part] | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body.
 
@@ -82,31 +161,73 @@ def identify_files(
         paths: MCAP files, one a run.
         experiment: r_CG with its uncertainty, estimators, what the channels mean.
         estimator: name of the estimator; None for the recording's, or the first.
-        remove_offsets: whether constant offsets are estimated and removed; None: as the experiment says.
+        offsets: where constant offsets come from; None: as the experiment says.
+        parts: the parts of each run that count; None: where it moves.
 
     Raises:
-        ExperimentError, RigError, RunError: see :func:`load_run` and :func:`identify.identify`.
+        ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.parts.resolve`,
+            :func:`uq.compensation.undo` and :func:`identify.identify`.
     """
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
+    if offsets is not None:
+        experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
     spec = experiment.estimator(estimator)
-    runs = [load_run(path, experiment.recording) for path in paths]
+    prepared = [_prepared(path, experiment, spec, parts) for path in paths]
+    runs = [run for run, _ in prepared]
     result = identify(
         runs,
         r_cg=experiment.r_cg_from_q,
         sigma_r_cg=experiment.sigma_r_cg,
         estimator=spec,
-        remove_offsets=experiment.recording.offsets == "estimate" if remove_offsets is None else remove_offsets,
+        offsets=experiment.recording.offsets,
         mass=experiment.mass,
     )
-    sign = (
-        ()
-        if "wrench" in experiment.document.get("recording", {})
-        else ("the wrench is that on the body, in the body frame, at Q",)
-    )
+    assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
     inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        assumptions=(*sign, *result.assumptions),
+        assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**experiment.inputs(), inputs=inputs),
     )
+
+
+def _prepared(
+    path: str | Path, experiment: Experiment, spec: EstimatorSpec, parts: Sequence[Part] | None
+) -> tuple[Run, tuple[str, ...]]:
+    """The part of a run that counts, its weight put back, its rest known; and what is assumed."""
+    recording = experiment.recording
+    named = any(isinstance(one, str) for part in parts or () for one in part)
+    recorded = load(path, recording, band=spec.band, marks=named)
+    kept = cut(recorded.run, parts, recorded.marks)
+    assumed = (*recorded.assumptions, *_of_weight(recording))
+    if kept.specific_force is not None and experiment.mass is not None and kept.imu_position is None:
+        assumed = (*assumed, "the accelerometer is at Q")
+    weighed = recording.compensated in ("gravity", "gravity_from_force")
+    if not weighed and recording.offsets == "estimate":
+        return kept, assumed
+    rests = _near(recorded.run, kept)
+    begin = min([float(kept.t[0]), *(rest.start for rest in rests)])
+    end = max([float(kept.t[-1]), *(rest.stop for rest in rests)])
+    run = recorded.run.between(begin, end)
+    rests = tuple(Stretch(one.start - begin, one.stop - begin) for one in rests)
+    run, more = undo(run, rests, experiment)
+    if recording.offsets == "still":
+        run = replace(run, rest=rest_of(run, rests))
+    part = run.within(kept.parts) if kept.parts else run
+    return replace(part, parts=kept.parts, found=kept.found, left_out=kept.left_out), (*assumed, *more)
+
+
+def _of_weight(recording: Recording) -> tuple[str, ...]:
+    return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
+
+
+def _near(run: Run, kept: Run) -> tuple[Stretch, ...]:
+    """The stretches of rest within the part of a run that counts, the last before and the first after it [s]."""
+    shift = float(run.t[0])
+    found = still(run.rate, run.omega, run.force, run.moment)
+    rests = [Stretch(one.start + shift, one.stop + shift) for one in found]
+    start, stop = float(kept.t[0]), float(kept.t[-1])
+    before = [rest for rest in rests if rest.stop < start][-1:]
+    after = [rest for rest in rests if rest.start > stop][:1]
+    return (*before, *(rest for rest in rests if rest.stop >= start and rest.start <= stop), *after)

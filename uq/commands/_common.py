@@ -50,6 +50,26 @@ def output_folder(text: str | None) -> Iterator[Path | None]:
         raise
 
 
+class _Limit(argparse.Action):
+    """Keeps ``--from`` and ``--to`` in the order in which they were given."""
+
+    def __call__(
+        self, parser: object, namespace: argparse.Namespace, values: object, option: str | None = None
+    ) -> None:
+        found = [*getattr(namespace, self.dest), ((option or "").lstrip("-"), values)]
+        setattr(namespace, self.dest, found)
+
+
+def add_part_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--from`` and ``--to``, repeatable; :func:`uq.parts.pair` makes parts of ``limits``."""
+    for option, what in (("--from", "begins"), ("--to", "ends")):
+        parser.add_argument(
+            option, dest="limits", action=_Limit, default=(), metavar="S",
+            help=f"where a part of the run that counts {what}: seconds from the run's start, or a mark's name; "
+            "repeatable (without it, the stretches that move are found)",
+        )  # fmt: skip
+
+
 def finish(result: Any, out: Path | None) -> None:
     """Print a result and write its files, if there is a folder for them."""
     print(result)

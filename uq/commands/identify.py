@@ -2,8 +2,9 @@
 
 import argparse
 
-from uq.commands._common import ERRORS, finish, output_folder, start_jax
+from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.experiment import Experiment
+from uq.parts import pair
 from uq.recorded import identify_files
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -17,10 +18,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--estimator", metavar="NAME", help="the estimator (recording.estimator, or the first)")
     parser.add_argument(
-        "--remove-offsets",
-        action=argparse.BooleanOptionalAction,
-        help="estimate constant offsets of force and moment and remove them (as the experiment says)",
+        "--offsets",
+        choices=("estimate", "still", "none"),
+        help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
+    add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 
@@ -30,7 +32,11 @@ def run(arguments: argparse.Namespace) -> int:
     experiment = Experiment.load(arguments.experiment)
     with output_folder(arguments.out) as out:
         result = identify_files(
-            arguments.runs, experiment, estimator=arguments.estimator, remove_offsets=arguments.remove_offsets
+            arguments.runs,
+            experiment,
+            estimator=arguments.estimator,
+            offsets=arguments.offsets,
+            parts=pair(arguments.limits),
         )
         finish(result, out)
     return 0

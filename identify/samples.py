@@ -1,0 +1,60 @@
+"""Samples that a sensor did not really take: held and frozen ones, and those at the end of its range.
+
+A value that comes again is suspicious only if the signal moves: in a simulation without noise, equal samples follow one
+another at rest. What tells is a step: a held or clipped signal comes and goes with one.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+FROZEN = 5
+"""Equal samples in a row that are no chance with any noise."""
+HELD = 0.2
+"""Part of equal samples that is no chance: one in five comes from a slower source."""
+STEP = 0.1
+"""Step out of a plateau, as a part of the signal's usual one, that shows that the signal had moved meanwhile."""
+
+
+def held(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
+    """Return which samples repeat the one before in every column, while the signal moved."""
+    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
+    same = np.concatenate([[False], steps == 0])
+    if not same.any() or same[1:].all():
+        return np.zeros(len(values), bool)
+    usual = float(np.median(steps[steps > 0]))
+    out = np.concatenate([steps, [0.0]])
+    found = np.zeros(len(values), bool)
+    for start, stop in _runs(same):
+        found[start:stop] = out[stop - 1] >= STEP * usual
+    return found
+
+
+def repeats(values: Float[np.ndarray, "n k"]) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Return which samples to drop, as the sensor is slower than its messages; and where it stood still for a while."""
+    equal = held(values)
+    if equal.mean() > HELD:
+        return equal, np.zeros(len(values), bool)
+    frozen = np.zeros(len(values), bool)
+    for start, stop in _runs(equal):
+        frozen[start - 1 : stop] = stop - start + 1 >= FROZEN
+    return np.zeros(len(values), bool), frozen
+
+
+def saturated(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
+    """Return which samples stay exactly at a column's largest or smallest value, five or more in a row."""
+    found = np.zeros(len(values), bool)
+    for column in values.T:
+        steps = np.abs(np.diff(column))
+        if not (steps > 0).any():
+            continue
+        usual = float(np.median(steps[steps > 0]))
+        for extreme in (column.min(), column.max()):
+            for start, stop in _runs(column == extreme):
+                ends = [steps[k] for k in (start - 1, stop - 1) if 0 <= k < len(steps)]
+                found[start:stop] |= stop - start >= FROZEN and max(ends) >= STEP * usual
+    return found
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

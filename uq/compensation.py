@@ -1,0 +1,50 @@
+"""Undo what a driver did to the wrench: a zero set with the body on the cell, its weight removed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identify.frames import moment_about
+from identify.run import Run, RunError
+from identify.stretches import Stretch
+from identify.weight import UP, upward
+from uq.experiment import Experiment
+
+
+def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Run, tuple[str, ...]]:
+    """Return a run with the body's weight in its wrench again, and what this assumes.
+
+    Args:
+        run: the part of a run that counts, from the rest before it on.
+        rests: where the body rests, from the run's first sample.
+        experiment: mass, centre of gravity, gravity, and what was done.
+
+    Raises:
+        RunError: mass is not stated, or nothing tells the attitude.
+    """
+    recording, r_cg = experiment.recording, experiment.r_cg_from_q
+    if recording.compensated in ("gravity", "gravity_from_force"):
+        mass = _mass(run, experiment, f"compensated is {recording.compensated}")
+        weight = mass * experiment.gravity * upward(run, r_cg, rests)
+        how = "the gyro, level at first" if run.specific_force is None else "the accelerometer"
+        said = f"the driver removed the declared mass at the declared r_CG, and gravity's direction is that of {how}"
+        return _with(run, weight, r_cg, also_moment=recording.compensated == "gravity"), (said,)
+    if recording.zero == "loaded" and recording.offsets == "none":
+        mass = _mass(run, experiment, "zero is loaded, with offsets none")
+        weight = np.broadcast_to(mass * experiment.gravity * UP, run.force.shape)
+        said = "the load cell was zeroed with the body on it at rest and level"
+        return _with(run, weight, r_cg, also_moment=True), (said,)
+    return run, ()
+
+
+def _mass(run: Run, experiment: Experiment, why: str) -> float:
+    if experiment.mass is None:
+        raise RunError(f"recording.{why}, and the weight that {run.name} lacks needs the mass: give body.mass")
+    return experiment.mass
+
+
+def _with(run: Run, force: np.ndarray, r_cg: np.ndarray, *, also_moment: bool) -> Run:
+    """The run with a force at the centre of gravity added, and where asked its moment about Q."""
+    moment = moment_about(run.moment, force, r_cg) if also_moment else run.moment
+    return replace(run, force=run.force + force, moment=moment)
