@@ -16,6 +16,7 @@ import os
 import select
 import sys
 import tempfile
+import termios
 import time
 import tty
 from pathlib import Path
@@ -94,6 +95,12 @@ class Pty:
         self.link.unlink()
         os.close(self.master)
         self.master = -1
+
+    def forget(self) -> None:
+        """Discard what the last reader left unread, as a serial line does when it is closed."""
+        slave = os.open(self.link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        termios.tcflush(slave, termios.TCIFLUSH)
+        os.close(slave)
 
     @property
     def opened(self) -> bool:
@@ -201,6 +208,8 @@ class Line:
             self._send(self._emulator.boot())
         if not opened:
             self._backlog.clear()
+            if self._opened and self.pty.master >= 0:
+                self.pty.forget()
             self._emulator.streaming = False
         self._opened = opened
         if opened and (data := self.pty.read()):

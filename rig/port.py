@@ -35,12 +35,19 @@ class Port(Protocol):
         """Give the port back."""
 
 
+class _Line(serial.Serial):
+    """A serial line that keeps what arrives while it is being opened: a sensor that boots then says who it is."""
+
+    def _reset_input_buffer(self) -> None:
+        """Not at the opening, where pyserial does so: the system holds nothing older for a line nobody had open."""
+
+
 class SerialPort:
     """A serial line, exclusively ours, raw, 8N1."""
 
     def __init__(self, path: str, baudrate: int) -> None:
         try:
-            self._port = serial.Serial(path, baudrate, timeout=TIMEOUT, write_timeout=1.0, exclusive=True)
+            self._port = _Line(path, baudrate, timeout=TIMEOUT, write_timeout=1.0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             raise _reason(path, baudrate, error) from error
 

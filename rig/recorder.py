@@ -302,5 +302,7 @@ class Recorder:
             facts |= {f"{name}.port": source.entry.port, f"{name}.model": identity.model}
             facts |= {f"{name}.topic": source.entry.topic}
             facts |= {f"{name}.serial_number": identity.serial, f"{name}.firmware": identity.firmware}
+            if identity.warnings:
+                facts[f"{name}.warnings"] = "; ".join(identity.warnings)
             facts |= {f"{name}.read_back.{key}": value for key, value in identity.settings.items()}
         return facts

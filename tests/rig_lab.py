@@ -102,3 +102,12 @@ class Recording:
         out, err = self.process.communicate(timeout=30)
         self.messages += err.decode()
         return self.process.returncode, json.loads(out) if out else None, self.messages
+
+
+def refused(*arguments):
+    """The one line with which a recording does not start."""
+    status, _, messages = Recording(*arguments, wait=False, stdin=subprocess.DEVNULL).end()
+    assert status == 2
+    (line,) = messages.splitlines()
+    assert line.startswith("error: ")
+    return line

@@ -232,10 +232,10 @@ def test_wrong_options_say_what_to_do(kind, options, words):
         create(kind, **options)
 
 
-def talk(conversation, emulator, *, silent=False):
+def talk(conversation, emulator, *, silent=False, boots=True):
     """Let a device's conversation talk with its emulator, which streams while it may; returns the identity."""
     index, answer = 0, None
-    heard = [emulator.boot()]
+    heard = [emulator.boot() if boots else b""]
     try:
         request = conversation.send(None)
         while True:
@@ -274,6 +274,16 @@ def test_the_conversation_identifies_configures_and_starts(kind):
     assert sample.values == pytest.approx(values, abs=resolution)
     emulator.receive(device.stop())
     assert not emulator.streaming
+
+
+def test_a_sensor_that_was_running_already_is_named_by_nobody():
+    """It answers the commands but shows no boot text: that is said, and no name is made up."""
+    device = create("bota", rate=800.0)
+    emulator = device.emulator(rate=800.0)
+    identity = talk(device.start(), emulator, boots=False)
+    assert emulator.streaming
+    assert identity.model == identity.serial == ""
+    assert "did not boot when its port was opened" in identity.warnings[0]
 
 
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)

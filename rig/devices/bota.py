@@ -19,6 +19,7 @@ FRAME = struct.Struct("<H6fIf")
 LENGTH = 37
 SINC_PERIOD = 19.53125e-6  # output period per unit of the filter length [s]
 OVERRANGE, INVALID = 2, 4
+UNKNOWN = "it did not boot when its port was opened, and only then says its model and serial number: name it in --note"
 _REVERSED = bytes(int(f"{i:08b}"[::-1], 2) for i in range(256))
 
 
@@ -88,11 +89,13 @@ class Bota(Device):
         for command in commands:
             yield from _command(command)
         rate = 1 / (self.sinc * SINC_PERIOD)
+        model = _text(heard, rb"name:\s*([^\r\n,]+)")
         return Identity(
-            model=_text(heard, rb"name:\s*([^\r\n,]+)"),
+            model=model,
             serial=_text(heard, rb"S/N:\s*([^\r\n,]+)"),
             firmware=_text(heard, rb"FW version:\s*([^\r\n,]+)"),
             settings={"sinc_length": str(self.sinc), "rate_hz": f"{rate:.6g}", "chop": "0", "fir_disable": "1"},
+            warnings=() if model else (UNKNOWN,),
         )
 
     def _configuration_mode(self) -> Generator[Send | Listen, Heard, bytes]:
