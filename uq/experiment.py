@@ -17,13 +17,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.estimator import EstimatorSpec
+from identify.gravity import normal_gravity
 from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.document import ExperimentError, Table
+from uq.recording import Recording, parse_recording
 from uq.sources import TARGET_UNITS, Source, stream_number
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
+STANDARD_GRAVITY = 9.80665
+"""Gravity where none is stated [m/s²]."""
+HIGHEST = 10_000.0
+"""Height [m] beyond which no laboratory stands."""
 
 
 @dataclass(frozen=True)
@@ -37,22 +43,6 @@ class TrajectorySpec:
     """Sample rate of load cell and IMU [Hz]."""
     still: Literal["cg", "omb"]
     """The point that keeps still: the centre of gravity, or the platform's centre OMB."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """What a recorded run's channels mean."""
-
-    wrench_topic: str | None = None
-    """Topic of force and moment; None: the only one of its type."""
-    imu_topic: str | None = None
-    """Topic of the angular velocity; None: the only one of its type."""
-    wrench: Literal["on_body", "on_sensor"] | None = None
-    """Whether the wrench is that on the body, as (4) has it, or the reaction on the sensor; None: as the run says."""
-    remove_offsets: bool = False
-    """Whether constant offsets of force and moment are estimated along with the tensor and removed."""
-    estimator: str | None = None
-    """Name of the estimator for recorded runs; None: the first."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +101,7 @@ class Experiment:
         }
         estimators = top.tables("estimator", _estimator)
         sources = top.tables("source", _source)
-        recording = top.table("recording", _recording, {})
+        recording = top.table("recording", parse_recording, {})
         top.finish()
         for kind, names in (("estimator", [e.name for e in estimators]), ("source", [s.name for s in sources])):
             if len(set(names)) < len(names):
@@ -207,10 +197,27 @@ def _inertia(table: Table) -> np.ndarray:
 
 
 def _platform(table: Table) -> tuple[float, np.ndarray]:
-    gravity = table.quantity("gravity", "m/s^2", 9.80665, positive=True)
+    gravity = _gravity(table)
     r_cg_from_omb = table.vector("r_cg_from_omb", "m", ["0 m", "0 m", "0 m"])
     table.finish()
     return gravity, r_cg_from_omb
+
+
+def _gravity(table: Table) -> float:
+    """Local gravity: its value, or that of the ellipsoid at a latitude and height."""
+    if isinstance(table.content.get("gravity"), Mapping):
+        return table.table("gravity", _of_place)
+    return table.quantity("gravity", "m/s^2", STANDARD_GRAVITY, positive=True)
+
+
+def _of_place(table: Table) -> float:
+    latitude, height = table.quantity("latitude", "rad"), table.quantity("height", "m", 0.0)
+    table.finish()
+    if abs(latitude) > math.pi / 2:
+        raise ExperimentError(f"{table.path('latitude')} is {table.content['latitude']!r}: write -90 deg to 90 deg")
+    if abs(height) > HIGHEST:
+        raise ExperimentError(f"{table.path('height')} is {table.content['height']!r}: write a height on the earth")
+    return normal_gravity(latitude, height)
 
 
 def _trajectory(table: Table) -> TrajectorySpec:
@@ -287,18 +294,6 @@ def _check_names(sources: tuple[Source, ...]) -> None:
             raise ExperimentError(f"'{source.name}' names a source and a group: rename one")
         if (other := streams[stream_number(source.name)]) != source.name:
             raise ExperimentError(f"sources '{source.name}' and '{other}' have one random stream: rename one")
-
-
-def _recording(table: Table) -> Recording:
-    recording = Recording(
-        table.typed("wrench_topic", str, None),
-        table.typed("imu_topic", str, None),
-        table.choice("wrench", ("on_body", "on_sensor")) if "wrench" in table.content else None,
-        table.typed("remove_offsets", bool, False),
-        table.typed("estimator", str, None),
-    )
-    table.finish()
-    return recording
 
 
 def _plain(value: Any) -> Any:
