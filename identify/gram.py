@@ -98,7 +98,11 @@ def solve(sums: Sums, r_cg: Float[Array, "3"]) -> Estimate:
 
     Never raises, also inside a batch: what cannot be solved is NaN and ``ok`` is False.
     """
-    matrix, right = normal_equations(sums, r_cg)
+    return solve_normal(*normal_equations(sums, r_cg))
+
+
+def solve_normal(matrix: Float[Array, "6 6"], right: Float[Array, "6"]) -> Estimate:
+    """Return the tensor from its normal equations; what cannot be solved is NaN and ``ok`` is False."""
     lower = jnp.linalg.cholesky(matrix)
     identity = jnp.eye(6, dtype=matrix.dtype)
     solved = jax.scipy.linalg.cho_solve((lower, True), jnp.concatenate([identity, right[:, None]], axis=1))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from uq.distributions import Empirical, MultivariateNormal, Rectangular, StudentT
 from uq.linear import propagate
 
 
@@ -137,3 +138,20 @@ def test_bad_inputs_are_refused():
         propagate(lambda i: jnp.zeros(()), {})
     with pytest.raises(ValueError, match="'a' a covariance of shape"):
         propagate(lambda i: i["a"], {"a": Joint(np.zeros(2), np.eye(3))})
+
+
+def test_the_engines_distributions_are_inputs(generator):
+    rows = generator.multivariate_normal([1, 2], [[2, 1], [1, 3]], size=50)
+    inputs = {
+        "limits": Rectangular(-1.0, np.array([1.0, 2.0])),
+        "mean": StudentT(0.0, 0.5, 7.0),
+        "joint": MultivariateNormal(np.zeros(2), np.array([[2.0, 1.0], [1.0, 3.0]])),
+        "rows": Empirical(rows),
+    }
+    law = propagate(lambda i: sum(jnp.sum(x) for x in i.values()), inputs)
+    assert law.contributions["limits"][0, 0] == pytest.approx(2**2 / 12 + 3**2 / 12)
+    assert law.contributions["mean"][0, 0] == pytest.approx(0.25)
+    assert law.contributions["joint"][0, 0] == pytest.approx(7)
+    assert law.contributions["rows"][0, 0] == pytest.approx(rows.sum(1).var())
+    u2 = law.covariance[0, 0]
+    assert law.degrees_of_freedom[0] == pytest.approx(u2**2 / (0.25**2 / 7 + rows.sum(1).var() ** 2 / 49))

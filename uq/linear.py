@@ -145,7 +145,7 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
         raise ValueError("Argument `inputs` must hold at least one input, but is empty.")
     check_precision("float64")
     inputs = dict(sorted(inputs.items()))
-    means = {name: jnp.asarray(given.mean, float) for name, given in inputs.items()}
+    means = {name: jnp.broadcast_to(jnp.asarray(given.mean, float), _shape(given)) for name, given in inputs.items()}
     roots = {name: jnp.asarray(_root(name, given)) for name, given in inputs.items()}
     expansion = jax.tree.map(np.asarray, _expand(model, means, roots))
     parts = np.split(expansion.jacobian, np.cumsum([root.shape[1] for root in roots.values()])[:-1], axis=1)
@@ -174,8 +174,9 @@ def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]
 
 def _root(name: str, given: Input) -> Float[np.ndarray, "k k"]:
     """A matrix whose product with its transpose is the covariance of an input's coordinates."""
-    size = np.size(np.asarray(given.mean))
-    if (covariance := getattr(given, "covariance", None)) is not None:
+    shape = _shape(given)
+    size = int(np.prod(shape))
+    if (covariance := _joint(given)) is not None:
         if np.shape(covariance) != (size, size):
             raise ValueError(
                 f"Argument `inputs` must give '{name}' a covariance of shape {(size, size)}, but it has the shape "
@@ -185,15 +186,29 @@ def _root(name: str, given: Input) -> Float[np.ndarray, "k k"]:
         return vectors * np.sqrt(np.maximum(values, 0))
     known = np.all(np.isinf(given.degrees_of_freedom))
     sigma = given.standard_deviation if known else getattr(given, "scale", given.standard_deviation)
-    return np.diag(np.broadcast_to(np.asarray(sigma, float), np.shape(given.mean)).ravel())
+    return np.diag(np.broadcast_to(np.asarray(sigma, float), shape).ravel())
+
+
+def _shape(given: Input) -> tuple[int, ...]:
+    if _joint(given) is not None:
+        return np.shape(given.mean)
+    return np.broadcast_shapes(np.shape(given.mean), np.shape(given.standard_deviation))
+
+
+def _joint(given: Input) -> np.ndarray | None:
+    """The covariance of coordinates that belong together: stated, or that of sampled rows; None if they do not."""
+    samples = getattr(given, "samples", None)
+    if samples is not None and np.ndim(samples) == 2:
+        return np.cov(np.asarray(samples, float), rowvar=False, ddof=0).reshape(np.shape(samples)[1:] * 2)
+    return getattr(given, "covariance", None)
 
 
 def _welch_satterthwaite(covariance: np.ndarray, parts) -> np.ndarray:
     """``u⁴ / Σ u_i⁴ / ν_i`` for each component; correlated coordinates count as one input."""
     total = np.zeros(len(covariance))
     for given, part in parts:
-        squares = part**2 if getattr(given, "covariance", None) is None else np.sum(part**2, axis=1, keepdims=True)
-        freedom = np.broadcast_to(np.asarray(given.degrees_of_freedom, float), np.shape(given.mean)).ravel()
+        squares = part**2 if _joint(given) is None else np.sum(part**2, axis=1, keepdims=True)
+        freedom = np.broadcast_to(np.asarray(given.degrees_of_freedom, float), _shape(given)).ravel()
         total += np.sum(squares**2 / freedom[: squares.shape[1]], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(total > 0, np.diag(covariance) ** 2 / total, np.inf)

@@ -45,7 +45,7 @@ class Term(NamedTuple):
 
 
 class Correlation(NamedTuple):
-    """``<:row: at t, :column: at s>`` is ``multiplicity * kernel(t - s)``, times a covariance of alphas' noise; summed."""
+    """``<:row: at t, :column: at s>``: sum of ``multiplicity * kernel(t - s)``, times a covariance of alphas' noise."""
 
     row: Power
     column: Power
