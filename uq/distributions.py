@@ -1,0 +1,294 @@
+"""Probability distributions as pytrees: what is known of a quantity, its moments, and draws from a key.
+
+The names and parameters are those of JCGM 101:2008, 6.4. Parameters may be arrays, one value an axis; a draw's shape
+ends with theirs. Draws depend on the key, the shape and the dtype alone.
+"""
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Key
+
+Value = Any
+"""A number or an array of numbers."""
+
+
+class Distribution(eqx.Module):
+    """What is known of a quantity."""
+
+    if TYPE_CHECKING:  # fields in some distributions, properties in others
+
+        @property
+        def mean(self) -> Value:
+            """Expectation: the best estimate."""
+
+        @property
+        def standard_deviation(self) -> Value:
+            """Standard deviation: the standard uncertainty."""
+
+        @property
+        def degrees_of_freedom(self) -> Value:
+            """How well the standard uncertainty is known (GUM G.4.2); infinite unless stated."""
+
+    else:
+        mean: eqx.AbstractVar[Value]
+        standard_deviation: eqx.AbstractVar[Value]
+        degrees_of_freedom: eqx.AbstractVar[Value]
+
+    @abstractmethod
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Float[Array, "..."]:
+        """Return independent draws.
+
+        Args:
+            key: where the draws come from.
+            shape: shape of the result, to which the parameters are broadcast.
+            dtype: float32 or float64; None for JAX's default float.
+        """
+
+
+class Normal(Distribution):
+    """Gaussian (JCGM 101, 6.4.7)."""
+
+    mean: Value
+    standard_deviation: Value
+    degrees_of_freedom: Value = np.inf
+
+    def __check_init__(self) -> None:
+        _require("standard_deviation", "zero or more", self.standard_deviation, lambda s: s >= 0)
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``."""
+        dtype = _float(dtype)
+        return _over(self.mean, shape, dtype) + _over(self.standard_deviation, shape, dtype) * jax.random.normal(
+            key, shape, dtype
+        )
+
+
+class Rectangular(Distribution):
+    """All values between two limits alike (JCGM 101, 6.4.2)."""
+
+    low: Value
+    high: Value
+    degrees_of_freedom: Value = np.inf
+
+    def __check_init__(self) -> None:
+        _require_ordered(self)
+
+    @property
+    def mean(self) -> Value:
+        """The middle."""
+        return (self.low + self.high) / 2
+
+    @property
+    def standard_deviation(self) -> Value:
+        """The half-width over √3."""
+        return (self.high - self.low) / np.sqrt(12)
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``."""
+        return _between(self, jax.random.uniform(key, shape, _float(dtype)))
+
+
+class Triangular(Distribution):
+    """Symmetric triangle between two limits (JCGM 101, 6.4.5)."""
+
+    low: Value
+    high: Value
+    degrees_of_freedom: Value = np.inf
+
+    def __check_init__(self) -> None:
+        _require_ordered(self)
+
+    @property
+    def mean(self) -> Value:
+        """The middle."""
+        return (self.low + self.high) / 2
+
+    @property
+    def standard_deviation(self) -> Value:
+        """The half-width over √6."""
+        return (self.high - self.low) / np.sqrt(24)
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``: the average of two rectangular ones."""
+        one, two = jax.random.uniform(key, (2, *shape), _float(dtype))
+        return _between(self, (one + two) / 2)
+
+
+class UShaped(Distribution):
+    """Arc sine between two limits: a quantity that cycles sinusoidally, seen at a random instant (JCGM 101, 6.4.6)."""
+
+    low: Value
+    high: Value
+    degrees_of_freedom: Value = np.inf
+
+    def __check_init__(self) -> None:
+        _require_ordered(self)
+
+    @property
+    def mean(self) -> Value:
+        """The middle."""
+        return (self.low + self.high) / 2
+
+    @property
+    def standard_deviation(self) -> Value:
+        """The half-width over √2."""
+        return (self.high - self.low) / np.sqrt(8)
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``."""
+        phase = 2 * np.pi * jax.random.uniform(key, shape, _float(dtype))
+        return _between(self, (1 + jnp.sin(phase)) / 2)
+
+
+class StudentT(Distribution):
+    """Scaled and shifted t: the mean of a few indications, ``scale = s / √n``, ``n - 1`` degrees (JCGM 101, 6.4.9).
+
+    The standard deviation, ``scale √(ν / (ν - 2))``, is larger than the scale, which is what the GUM's own law takes
+    for standard uncertainty; it is infinite for ν ≤ 2.
+    """
+
+    mean: Value
+    scale: Value
+    degrees_of_freedom: Value
+
+    def __check_init__(self) -> None:
+        _require("scale", "zero or more", self.scale, lambda s: s >= 0)
+        _require("degrees_of_freedom", "above zero", self.degrees_of_freedom, lambda n: n > 0)
+
+    @property
+    def standard_deviation(self) -> Value:
+        """Of the distribution; infinite for two degrees of freedom or fewer."""
+        nu = jnp.asarray(self.degrees_of_freedom, _float(None))
+        finite = nu > 2
+        factor = jnp.sqrt(jnp.where(finite, nu / jnp.where(finite, nu - 2, 1), jnp.inf))
+        return self.scale * jnp.where(jnp.isinf(nu), 1, factor)
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``."""
+        dtype = _float(dtype)
+        t = jax.random.t(key, _over(self.degrees_of_freedom, shape, dtype), shape, dtype)
+        return _over(self.mean, shape, dtype) + _over(self.scale, shape, dtype) * t
+
+
+class CurvilinearTrapezoid(Distribution):
+    """Rectangular between limits that are themselves known within ± ``limit_half_width`` (JCGM 101, 6.4.3)."""
+
+    low: Value
+    high: Value
+    limit_half_width: Value
+    degrees_of_freedom: Value = np.inf
+
+    def __check_init__(self) -> None:
+        _require_ordered(self)
+        room = lambda d: (d >= 0) & (2 * d <= np.subtract(self.high, self.low))  # noqa: E731
+        _require("limit_half_width", "between zero and half of high - low", self.limit_half_width, room)
+
+    @property
+    def mean(self) -> Value:
+        """The middle."""
+        return (self.low + self.high) / 2
+
+    @property
+    def standard_deviation(self) -> Value:
+        """``√((b - a)²/12 + d²/9)``."""
+        return ((self.high - self.low) ** 2 / 12 + self.limit_half_width**2 / 9) ** 0.5
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``."""
+        dtype = _float(dtype)
+        limits, inside = jax.random.uniform(key, (2, *shape), dtype)
+        half = _over((self.high - self.low) / 2, shape, dtype) + _over(self.limit_half_width, shape, dtype) * (
+            1 - 2 * limits
+        )
+        return _over(self.mean, shape, dtype) + half * (2 * inside - 1)
+
+
+class Empirical(Distribution):
+    """A finite set of equally likely values; or of rows of values that belong together, shape (n, k)."""
+
+    samples: Float[Array | np.ndarray, " n *k"]
+
+    def __check_init__(self) -> None:
+        if np.ndim(self.samples) not in (1, 2) or len(self.samples) < 2:
+            raise ValueError(
+                f"Argument `samples` must be two or more values or rows, but has shape {np.shape(self.samples)}."
+            )
+        _require("samples", "finite", self.samples, np.isfinite)
+
+    @property
+    def mean(self) -> Value:
+        """Of the values, axis by axis."""
+        return jnp.mean(jnp.asarray(self.samples), axis=0)
+
+    @property
+    def standard_deviation(self) -> Value:
+        """Of the values, each with probability 1/n, axis by axis."""
+        return jnp.std(jnp.asarray(self.samples), axis=0)
+
+    @property
+    def degrees_of_freedom(self) -> Value:
+        """One less than there are samples."""
+        return len(self.samples) - 1
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``; of rows, ``shape`` ends with their length."""
+        samples = jnp.asarray(self.samples, _float(dtype))
+        rows = samples.ndim - 1
+        if shape[len(shape) - rows :] != samples.shape[1:]:
+            raise ValueError(f"Argument `shape` must end with {samples.shape[1:]}, but is {shape}.")
+        return samples[jax.random.randint(key, shape[: len(shape) - rows], 0, len(samples))]
+
+
+class MultivariateNormal(Distribution):
+    """Jointly Gaussian values (JCGM 101, 6.4.8)."""
+
+    mean: Float[Array | np.ndarray, " k"]
+    covariance: Float[Array | np.ndarray, "k k"]
+    degrees_of_freedom: Value = np.inf
+
+    def __check_init__(self) -> None:
+        wrong = "symmetric without a negative eigenvalue"
+        _require("covariance", wrong, self.covariance, lambda c: np.isclose(c, c.T, rtol=1e-9, atol=0))
+        _require("covariance", wrong, self.covariance, lambda c: np.linalg.eigvalsh(c) >= -1e-9 * np.trace(c))
+
+    @property
+    def standard_deviation(self) -> Value:
+        """Of each value."""
+        return jnp.sqrt(jnp.diag(jnp.asarray(self.covariance)))
+
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws; ``shape`` ends with the number of values."""
+        dtype = _float(dtype)
+        strength, axes = jnp.linalg.eigh(jnp.asarray(self.covariance))
+        root = (axes * jnp.sqrt(jnp.maximum(strength, 0))[None]).astype(dtype)
+        return _over(self.mean, shape, dtype) + jax.random.normal(key, shape, dtype) @ root.T
+
+
+def _float(dtype: Any) -> Any:
+    return jnp.dtype(dtype) if dtype is not None else jax.dtypes.canonicalize_dtype(float)
+
+
+def _over(value: Value, shape: tuple[int, ...], dtype: Any) -> Array:
+    return jnp.broadcast_to(jnp.asarray(value, dtype), shape)
+
+
+def _between(limits: Any, part: Array) -> Array:
+    """The value that lies this part of the way from low to high."""
+    low, width = limits.low, limits.high - limits.low
+    return _over(low, part.shape, part.dtype) + _over(width, part.shape, part.dtype) * part
+
+
+def _require(name: str, what: str, value: Value, holds: Any) -> None:
+    """Refuse a parameter that cannot be; one that JAX traces is taken as it is."""
+    if not isinstance(value, jax.core.Tracer) and not np.all(holds(np.asarray(value))):
+        raise ValueError(f"Argument `{name}` must be {what}, but is {value}.")
+
+
+def _require_ordered(limits: Any) -> None:
+    if not isinstance(limits.low, jax.core.Tracer):
+        _require("high", "low or more", limits.high, lambda high: high >= np.asarray(limits.low))
