@@ -22,7 +22,7 @@ from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.document import ExperimentError, Table
 from uq.recording import Recording, parse_recording
-from uq.sources import TARGET_UNITS, Source, stream_number
+from uq.sources import TARGET_UNITS, Mixing, Source, stream_number
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
@@ -62,6 +62,8 @@ class Experiment:
     trajectories: Mapping[str, TrajectorySpec]
     estimators: tuple[EstimatorSpec, ...]
     sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...] = ()
+    """Sources that are correlated."""
     recording: Recording = field(default_factory=Recording)
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The file's content, for the provenance of results."""
@@ -113,7 +115,17 @@ class Experiment:
                 f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
         return cls(
-            r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document
+            r_cg_from_q,
+            mass,
+            inertia,
+            gravity,
+            r_cg_from_omb,
+            trajectories,
+            estimators,
+            sources,
+            (),
+            recording,
+            document,
         )
 
     @property
