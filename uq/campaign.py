@@ -19,7 +19,7 @@ from identify.trajectory import Motion, sample
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.measurement import Platform
 from uq.provenance import provenance
-from uq.sampled import SampledSetup, any_trial, prepare_any
+from uq.sampled import SampledSetup, any_trial, needs_samples, prepare_any
 from uq.sources import BLOCK
 from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates
 
@@ -216,7 +216,8 @@ def montecarlo(
         estimators: name or names of the estimators; None for all. Those that run together use the same samples.
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         sampling: ``"conditioned"`` draws the load cell's white noise as the sums that it leaves, given the gyro's
-            draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`).
+            draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`). Sources
+            that need every sample (:mod:`uq.sampled`) have it sample by sample, whatever is asked.
         batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
@@ -230,6 +231,8 @@ def montecarlo(
         raise ExperimentError(f"unknown sampling '{sampling}': choose one of {', '.join(get_args(Sampling))}")
     if batch is not None and batch < 1:
         raise ExperimentError(f"batch of {batch}: ask for one or more")
+    if needs_samples(experiment.sources, experiment.mixing):
+        sampling = "samples"
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
     devices = list(devices or jax.devices())

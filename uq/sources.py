@@ -39,7 +39,10 @@ TARGET_UNITS = {
 SIGNALS: tuple[Target, ...] = ("F", "M", "omega")
 """The measured signals; the other targets are constants of the rig, of the body or of the whole load cell."""
 
-WHOLE_CELL: tuple[tuple[Target, Kind], ...] = (("wrench", "cross_talk"), ("wrench", "misalignment"))
+NOISE: tuple[Kind, ...] = ("precision", "coloured")
+"""Fresh at each sample."""
+FIXED: tuple[Kind, ...] = ("saturation", "quantisation")
+"""Nothing is drawn, and the signals are no smooth function of them."""
 CONSTANT: Mapping[tuple[Target, Kind], tuple[int, ...]] = {
     **{(target, kind): (3,) for target in SIGNALS for kind in ("bias", "drift", "scale")},
     ("wrench", "cross_talk"): (6, 6),
@@ -91,12 +94,12 @@ class Source(eqx.Module):
     @property
     def noise(self) -> bool:
         """Whether it is fresh at each sample."""
-        return self.kind in ("precision", "coloured")
+        return self.kind in NOISE
 
     @property
     def smooth(self) -> bool:
         """Whether the signals are a smooth function of what it draws: all but saturation and quantisation."""
-        return self.kind not in ("saturation", "quantisation")
+        return self.kind not in FIXED
 
 
 class Mixing(eqx.Module):
