@@ -149,21 +149,21 @@ def features_of_elements(errors: Errors, elements: Float[Array, "42"]) -> Float[
     These are 1, omega, its products, t, t omega, t², alpha; then the noise, omega_i noise_j, t noise, the noise's
     products, and its derivative.
     """
-    one, w, ww, t, tw, tt, alpha, n, wn, tn, nn, of_noise = jnp.split(elements, ELEMENT_ENDS)
+    (one,), w, ww, (t,), tw, (tt,), alpha, n, wn, tn, nn, of_noise = jnp.split(elements, ELEMENT_ENDS)
     g, b, d = gyro_map(errors), errors.gyro_bias, errors.gyro_drift
     square = g @ _symmetric(ww) @ g.T + jnp.outer(b, b) * one + jnp.outer(d, d) * tt + _symmetric(nn)
-    for half in (jnp.outer(g @ w, b), jnp.outer(g @ tw, d), jnp.outer(b, d) * t,
-                 g @ wn.reshape(3, 3), jnp.outer(b, n), jnp.outer(d, tn)):  # fmt: skip
+    halves = [jnp.outer(g @ w, b), jnp.outer(g @ tw, d), jnp.outer(b, d) * t]
+    for half in (*halves, g @ wn.reshape(3, 3), jnp.outer(b, n), jnp.outer(d, tn)):
         square = square + half + half.T
     packed = square[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
-    return jnp.concatenate([one, g @ w + b * one + d * t + n, packed, g @ alpha + d * one + of_noise])
+    return jnp.concatenate([one[None], g @ w + b * one + d * t + n, packed, g @ alpha + d * one + of_noise])
 
 
 def true_elements(
     omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], t: Float[Array, " n"]
 ) -> Float[Array, "15 n"]:
     """Return the true elements that all estimators share: all but alpha."""
-    return jnp.concatenate([features(omega, alpha)[: ALPHA.start], t[None], t * omega, (t * t)[None]])
+    return jnp.concatenate([features(omega, alpha)[: ALPHA.start], t[None], t[None] * omega, (t * t)[None]])
 
 
 def noisy_elements(
@@ -171,4 +171,4 @@ def noisy_elements(
 ) -> Float[Array, "21 n"]:
     """Return the noisy elements that all estimators share: all but the noise's derivative."""
     crossed = (omega[:, None] * noise[None]).reshape(9, -1)
-    return jnp.concatenate([noise, crossed, t * noise, features(noise, noise)[4 : ALPHA.start]])
+    return jnp.concatenate([noise, crossed, t[None] * noise, features(noise, noise)[4 : ALPHA.start]])

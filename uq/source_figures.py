@@ -88,11 +88,11 @@ class Figures:
 
 def not_negative(table: Table, key: str, values: np.ndarray) -> np.ndarray:
     """Return figures that were read from a key, or refuse a negative one."""
-    return _refuse(table, key, values, values < 0, "write zero or more")
+    return _refuse(table, key, values, np.asarray(values < 0), "write zero or more")
 
 
 def _positive(table: Table, key: str, values: np.ndarray) -> np.ndarray:
-    return _refuse(table, key, values, values <= 0, "write more than zero")
+    return _refuse(table, key, values, np.asarray(values <= 0), "write more than zero")
 
 
 def positive(table: Table, key: str, unit: str) -> np.ndarray:

@@ -50,9 +50,8 @@ def width_of(table: Table, figures: Figures, folder: Path, *, centred: bool) -> 
     by_key = {"datasheet": _from_datasheet, "samples": _from_samples}
     build = by_key.get(given[0] if given else "", _from_keys)
     width = build(table, figures, folder)
-    if centred:
-        return width._replace(mean=np.zeros(figures.shape))
-    return width._replace(mean=width.mean + figures.read("mean", np.zeros(figures.shape)))
+    mean = np.zeros(figures.shape) if centred else width.mean + figures.read("mean", np.zeros(figures.shape))
+    return Width(np.asarray(width.sigma), np.asarray(mean), width.shape)
 
 
 def _from_keys(table: Table, figures: Figures, _: Path) -> Width:
