@@ -7,17 +7,21 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
+    "BudgetResult": "budget_result",
     "Experiment": "experiment",
     "ExperimentError": "experiment",
     "MonteCarloResult": "campaign",
     "PaperResult": "barreto2016",
     "SimulatedRun": "simulation",
     "Source": "sources",
+    "budget": "source_budget",
     "identify_files": "recorded",
     "load_run": "recorded",
     "montecarlo": "campaign",
     "paper": "barreto2016",
+    "shapley": "sensitivity",
     "simulate": "simulation",
+    "sobol": "sensitivity",
 }
 __all__ = list(_WHERE)
 

@@ -50,13 +50,13 @@ def output_folder(text: str | None) -> Iterator[Path | None]:
         raise
 
 
-def finish(result: Any, out: Path | None) -> None:
-    """Print a result and write its files, if there is a folder for them."""
-    print(result)
+def finish(result: Any, out: Path | None, *more: Any) -> None:
+    """Print results and write their files, if there is a folder for them."""
+    print(*(result, *more), sep="\n\n")
     if out is not None:
         from uq.report import write
 
-        write(result, out)
+        write(result, out, *more)
         print(f"\nresult.json, report.html and figures are in {out}")
 
 

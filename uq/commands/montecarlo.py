@@ -2,9 +2,11 @@
 
 import argparse
 
+from uq.budget_result import BudgetResult
 from uq.campaign import montecarlo
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.experiment import Experiment
+from uq.source_budget import budget
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -19,6 +21,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
     )
+    parser.add_argument(
+        "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
+        help="who causes what: shares of every source and group, from this many pairs of trials (1000)",
+    )  # fmt: skip
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 
@@ -37,5 +43,18 @@ def run(arguments: argparse.Namespace) -> int:
                 dtype=arguments.dtype,
                 progress=progress,
             )
-        finish(result, out)
+            more = [] if arguments.budget is None else [_budget(experiment, arguments, progress)]
+        finish(result, out, *more)
     return 0
+
+
+def _budget(experiment: Experiment, arguments: argparse.Namespace, progress: ProgressBar) -> BudgetResult:
+    return budget(
+        experiment,
+        trials=arguments.budget,
+        seed=arguments.seed,
+        trajectories=arguments.trajectory,
+        estimators=arguments.estimator,
+        dtype=arguments.dtype,
+        progress=progress,
+    )
