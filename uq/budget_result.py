@@ -205,16 +205,20 @@ class BudgetResult:
         writer.writerows(records)
         return text.getvalue()
 
+    def verdicts(self) -> list[str]:
+        """Return the culprit of each budget, and how much of its error is bias, in a sentence each."""
+        return [f"{', '.join(pair)}: {_verdict(self[pair])}" for pair in self.pairs()]
+
     def findings(self) -> list[str]:
-        """Return the culprit of each budget, and what a reader must not miss."""
+        """Return what a reader must not miss: warnings, failed trials, shares that do not add up."""
         found = list(self.warnings)
-        for trajectory, estimator in self.pairs():
-            b, of = self[trajectory, estimator], f"{trajectory}, {estimator}"
-            found.append(f"{of}: {_verdict(b)}")
-            if b.failed:
-                found.append(f"{of}: {b.failed} of {self.trials} pairs of trials failed and are left out.")
-            if not b.closes:
-                found.append(f"{of}: the shares do not add up to the sample variance: take more trials.")
+        for pair in self.pairs():
+            if self[pair].failed:
+                found.append(
+                    f"{', '.join(pair)}: {self[pair].failed} of {self.trials} pairs of trials failed and are left out."
+                )
+            if not self[pair].closes:
+                found.append(f"{', '.join(pair)}: the shares do not add up to the sample variance: take more trials.")
         return found
 
     def _tables(self, pair: tuple[str, str]) -> list[tuple[list[str], list[list[str]]]]:
@@ -229,7 +233,7 @@ class BudgetResult:
         lines = [self._title()]
         for pair in self.pairs():
             lines += ["", ", ".join(pair), *(f"{text_table(*rows)}\n" for rows in self._tables(pair))]
-        return "\n".join([*lines, *self.findings()])
+        return "\n".join([*lines, *self.verdicts(), *(f"attention: {text}" for text in self.findings())])
 
     def _repr_html_(self) -> str:
         tables = [
@@ -237,7 +241,10 @@ class BudgetResult:
             for pair in self.pairs()
             for rows in self._tables(pair)
         ]
-        return "".join(tables) + f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in self.findings())}</ul>"
+        return (
+            "".join(tables)
+            + f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in [*self.verdicts(), *self.findings()])}</ul>"
+        )
 
 
 def _verdict(b: SourceBudget) -> str:
@@ -254,7 +261,7 @@ def _verdict(b: SourceBudget) -> str:
 
 
 def _name(name: str) -> str:
-    return name.replace("_", " ").replace("omega", "ω")
+    return name.replace("_", " ").replace("omega", "ω").replace("r cg", "r CG")
 
 
 def _plain(value: float) -> float | None:

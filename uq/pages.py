@@ -115,7 +115,7 @@ def _budget(result: BudgetResult) -> Page:
     each = "Shapley shares by component and of the tensor, and bias and dispersion in the mean square."
     return Page(
         "Budget of an inertia tensor's uncertainty",
-        [f"{result.trials:,} pairs of trials with seed {result.seed}. {BUDGET}"],
+        [f"{result.trials:,} pairs of trials with seed {result.seed}. {BUDGET}", " ".join(result.verdicts())],
         result.findings(),
         [Table(f"{of}: shares of the tensor's variance", *b.tensor_rows()) for _, of, b in pairs],
         [
@@ -129,7 +129,8 @@ def _budget(result: BudgetResult) -> Page:
                 *(("shares by component", b.component_rows(kind)) for kind in ("shapley", "first", "total")),
                 ("mean errors", b.mean_rows()),
             ]
-        ] + source_tables(result.provenance),
+        ]
+        + source_tables(result.provenance),
         [BUDGET_ASSUMPTION],
         result.provenance,
     )  # fmt: skip

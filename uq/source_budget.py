@@ -91,9 +91,10 @@ def _names(given: str | Sequence[str] | None) -> list[str]:
 
 
 def twinned(setup: Setup) -> Setup:
-    """Return the set-up with every source twice and a case for every choice of one or the other; then none, each alone.
+    """Return the set-up with every source twice: cases of none, each group and each source alone, then every choice.
 
-    Case ``w`` of the first 2^d has the sources ``w`` from the first draws and the twins of the others.
+    The last 2^d cases choose a source or its twin: case ``w`` of them has the sources ``w`` from the first draws and
+    the twins of the others. The first draws are those of the Monte Carlo's trials.
     """
     names = [source.name for source in setup.sources]
     mark = "′"
@@ -105,7 +106,7 @@ def twinned(setup: Setup) -> Setup:
         for w in range(2 ** len(names))
     )
     alone = (Case("none", frozenset()), *cases_of(setup.sources)[1:])
-    return replace(setup, sources=(*setup.sources, *twins), cases=(*choices, *alone))
+    return replace(setup, sources=(*setup.sources, *twins), cases=(*alone, *choices))
 
 
 class _Player(NamedTuple):
@@ -125,7 +126,7 @@ def budget_of(sources: Sequence[Source], errors: np.ndarray) -> SourceBudget:
     """
     d = len(sources)
     good = errors[np.isfinite(errors).all(axis=(1, 2))]
-    choices, none, alone = good[:, : 2**d], good[:, 2**d], good[:, 2**d + 1 :]
+    none, alone, choices = good[:, 0], good[:, 1 : -(2**d)], good[:, -(2**d) :]
     groups = dict.fromkeys(source.group for source in sources)
     of_groups = [_Player(g, sum(1 << k for k, s in enumerate(sources) if s.group == g)) for g in groups]
     of_sources = [_Player(source.name, 1 << k) for k, source in enumerate(sources)]
