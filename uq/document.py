@@ -55,9 +55,25 @@ class Table:
             raise ExperimentError(f"{self.path(key)} is {raw!r}: write three values with their units, one an axis")
         return np.array([_quantity(f"{self.path(key)}[{i}]", item, unit) for i, item in enumerate(raw)])
 
+    def numbers(self, key: str, shape: tuple[int, ...], default: Any = REQUIRED) -> Any:
+        """Return finite numbers without a unit, an array of this shape: the entries of a matrix, of a quaternion."""
+        raw = self.raw(key, default)
+        if key not in self.content:
+            return default
+        try:
+            values = np.array(raw, float) if _only_numbers(raw) else np.array(np.nan)
+        except ValueError:  # rows of unequal length
+            values = np.array(np.nan)
+        if values.shape != shape or not np.isfinite(values).all():
+            wanted = f"{shape[0]} rows of {shape[1]} finite numbers" if shape else "a finite number"
+            raise ExperimentError(f"{self.path(key)} is {raw!r}: write {wanted}")
+        return values
+
     def choice(self, key: str, choices: tuple[str, ...], default: Any = REQUIRED) -> Any:
-        """Return one of these words."""
+        """Return one of these words, or the default."""
         value = self.raw(key, default)
+        if key not in self.content:
+            return value
         if value not in choices:
             raise ExperimentError(f"{self.path(key)} is {value!r}: choose one of {', '.join(choices)}")
         return value
@@ -93,6 +109,13 @@ class Table:
         if unknown:
             known = ", ".join(sorted(self.used))
             raise ExperimentError(f"unknown key {self.path(unknown[0])}: the keys here are {known}")
+
+
+def _only_numbers(raw: object) -> bool:
+    """Whether a number, or lists of numbers: no strings, no truth values."""
+    if isinstance(raw, list):
+        return all(map(_only_numbers, raw))
+    return isinstance(raw, (int, float)) and not isinstance(raw, bool) and bool(abs(raw) < 1e300)
 
 
 def _label(index: int, item: object) -> str:

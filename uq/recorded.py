@@ -10,8 +10,9 @@ from identify.identification import Identification, identify
 from identify.run import Run, RunError
 from rig.bag import read
 from rig.channels import Recording as BagRecording
-from uq.experiment import Experiment, Recording
+from uq.experiment import Experiment
 from uq.provenance import provenance
+from uq.recording import Recording
 
 
 def load_run(path: str | Path, recording: Recording | None = None) -> Run:
@@ -26,7 +27,7 @@ def load_run(path: str | Path, recording: Recording | None = None) -> Run:
         RunError: its data cannot be used.
     """
     recording = recording or Recording()
-    bag = read(path, wrench=recording.wrench_topic, imu=recording.imu_topic)
+    bag = read(path, wrench=recording.wrench_topic, imu=recording.motion_topic)
     sign = {"on_body": 1.0, "on_sensor": -1.0}[wrench_meaning(bag, recording)]
     warnings: list[str] = []
     wrench_time, imu_time = _instants(bag, warnings)
@@ -95,7 +96,7 @@ def identify_files(
         r_cg=experiment.r_cg_from_q,
         sigma_r_cg=experiment.sigma_r_cg,
         estimator=spec,
-        remove_offsets=experiment.recording.remove_offsets if remove_offsets is None else remove_offsets,
+        remove_offsets=experiment.recording.offsets == "estimate" if remove_offsets is None else remove_offsets,
         mass=experiment.mass,
     )
     sign = (

@@ -19,6 +19,12 @@ POWER = re.compile(r"(\*\*|\^)(?!-?\d(\.\d)?([\s*/)]|$))|\d\s*(\*\*|\^)")
 """A power that no unit has: more than one digit, or of a power."""
 
 
+UNREADABLE = (
+    pint.PintError, tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError,
+)  # fmt: skip
+"""What pint raises for a text that it cannot read."""
+
+
 class UnitError(ValueError):
     """A value that is not a number with a unit of the asked dimension."""
 
@@ -45,11 +51,25 @@ def quantity(text: object, unit: str) -> float:
         value = float(number) * _factor(name.strip(), unit)
     except pint.DimensionalityError:
         raise UnitError(f"is {text!r}: write a unit of the same dimension as {unit}") from None
-    except (pint.PintError, tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError):
+    except UNREADABLE:
         raise UnitError(f'is {text!r}: write a number, a space and a unit, such as "1 {unit}"') from None
     if not math.isfinite(value):
         raise UnitError(f"is {text!r}: write a finite number and a unit")
     return value
+
+
+def scale(name: str, unit: str) -> float:
+    """Return how many ``unit`` one of the unit ``name`` is; ``g`` as an acceleration is standard gravity, not gram.
+
+    Raises:
+        UnitError: ``name`` is no unit, or of another dimension.
+    """
+    try:
+        return _factor("standard_gravity" if (name, unit) == ("g", "m/s^2") else name, unit)
+    except pint.DimensionalityError:
+        raise UnitError(f"is {name!r}: write the name of a unit of the same dimension as {unit}") from None
+    except UNREADABLE:
+        raise UnitError(f"is {name!r}: write the name of a unit, such as {unit}") from None
 
 
 @cache

@@ -1,0 +1,95 @@
+"""Sensor frames: rotations to the body frame, and the point where a moment is taken or an acceleration measured.
+
+Samples first, (n, 3), on plain arrays.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+TOLERANCE = 1e-3
+"""Departure of a written matrix from orthonormal that counts as rounding of its decimals."""
+
+
+def nearest_rotation(matrix: ArrayLike) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation nearest to a matrix that was written with few decimals (polar decomposition).
+
+    Args:
+        matrix: nearly a rotation, shape (3, 3).
+
+    Raises:
+        ValueError: another shape, a number that is not finite, not orthonormal within ``TOLERANCE``, or left-handed.
+    """
+    rows = np.asarray(matrix, float)
+    if rows.shape != (3, 3) or not np.isfinite(rows).all():
+        raise ValueError("is not three rows of three finite numbers: write them so")
+    if np.abs(rows @ rows.T - np.eye(3)).max() > TOLERANCE:
+        raise ValueError("is no rotation: its rows must be of unit length and at right angles")
+    if np.linalg.det(rows) < 0:
+        raise ValueError("is left-handed: change the sign of one axis, or swap two")
+    if np.array_equal(rows @ rows.T, np.eye(3)):
+        return rows
+    left, _, right = np.linalg.svd(rows)
+    return left @ right
+
+
+def from_quaternion(w: float, x: float, y: float, z: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation matrix of a unit quaternion ``w + x i + y j + z k``, scalar first by name.
+
+    Raises:
+        ValueError: its norm is not 1 within ``TOLERANCE``.
+    """
+    q = np.array([w, x, y, z], float)
+    norm = np.linalg.norm(q)
+    if not abs(norm - 1) <= TOLERANCE:
+        raise ValueError(f"has the norm {norm:.6g}: write a quaternion of norm 1")
+    w, x, y, z = q / norm
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def from_axes(text: str) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation of signed axes such as ``"-y, z, x"``: the body's x is the sensor's −y, its y the sensor's z.
+
+    Raises:
+        ValueError: not three axes with their signs, one axis twice, or left-handed.
+    """
+    words = [word.strip().lower() for word in text.split(",")]
+    names = [word.lstrip("+-").strip() for word in words]
+    if sorted(names) != ["x", "y", "z"] or any(len(word) - len(word.lstrip("+-")) > 1 for word in words):
+        raise ValueError('is not three signed axes: write each of x, y, z once, such as "-y, z, x"')
+    rows = np.zeros((3, 3))
+    for row, word, name in zip(rows, words, names, strict=True):
+        row["xyz".index(name)] = -1.0 if word.startswith("-") else 1.0
+    return nearest_rotation(rows)
+
+
+def moment_about(
+    moment: Float[np.ndarray, "n 3"], force: Float[np.ndarray, "n 3"], offset: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return the moment about Q of a wrench whose moment was taken about P: ``M_Q = M_P + p × F``, p from Q to P."""
+    return moment + np.cross(offset, force)
+
+
+def specific_force_at(
+    specific_force: Float[np.ndarray, "n 3"],
+    omega: Float[np.ndarray, "n 3"],
+    alpha: Float[np.ndarray, "n 3"],
+    offset: Float[np.ndarray, "3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Return the specific force [m/s²] at one point of the body from that at another.
+
+    It is ``f + alpha × ρ + omega × (omega × ρ)``.
+
+    Args:
+        specific_force: at the accelerometer [m/s²].
+        omega: angular velocity [rad/s].
+        alpha: angular acceleration [rad/s²].
+        offset: ρ, from the accelerometer to the point [m].
+    """
+    return specific_force + np.cross(alpha, offset) + np.cross(omega, np.cross(omega, offset))
