@@ -47,11 +47,12 @@ def _width(cell: str) -> int:
     return sum(not unicodedata.combining(character) for character in cell)
 
 
-def with_error(value: float, standard_error: float) -> str:
-    """Return a figure with its standard error, ``−30.644 ± 0.054``: two digits of the error, four decimals at most."""
+def with_error(value: float, standard_error: float, decimals: int = 4) -> str:
+    """Return a figure with its standard error, ``−30.644 ± 0.054``: two digits of the error, ``decimals`` at most."""
     if not math.isfinite(value):
         return "–"
     if not math.isfinite(standard_error):
         return f"{value:.3g}".replace("-", "−")
-    digits = 4 if standard_error <= 0 else min(max(1 - math.floor(math.log10(standard_error)), 0), 4)
+    digits = 1 - math.floor(math.log10(standard_error)) if standard_error > 0 else decimals
+    digits = min(max(digits, 0), decimals)
     return f"{round(value, digits) + 0.0:.{digits}f} ± {standard_error:.{digits}f}".replace("-", "−")

@@ -8,6 +8,7 @@ from typing import Any
 
 _WHERE = {
     "Centre": "centre",
+    "BudgetResult": "budget_result",
     "Experiment": "experiment",
     "ExperimentError": "experiment",
     "MonteCarloResult": "campaign",
@@ -15,12 +16,15 @@ _WHERE = {
     "SimulatedRun": "simulation",
     "Source": "sources",
     "centre_file": "centre",
+    "budget": "source_budget",
     "identify_files": "recorded",
     "import_table": "imports",
     "load_run": "recorded",
     "montecarlo": "campaign",
     "paper": "barreto2016",
+    "shapley": "sensitivity",
     "simulate": "simulation",
+    "sobol": "sensitivity",
 }
 __all__ = list(_WHERE)
 

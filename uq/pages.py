@@ -4,14 +4,15 @@
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any
 
 from identify.centre import Centre
 from identify.identification import Identification
-from uq import plots
+from uq import budget_plot, plots
 from uq.barreto2016 import PaperResult
+from uq.budget_result import BudgetResult
 from uq.campaign import MonteCarloResult
 from uq.page_parts import (
     Drawing,
@@ -22,6 +23,7 @@ from uq.page_parts import (
     paper_figures,
     run_table,
     source_tables,
+    stem,
     summary,
 )
 from uq.residual_plot import residuals
@@ -123,6 +125,55 @@ def _centre(result: Centre) -> Page:
     )  # fmt: skip
 
 
+@page.register
+def _budget(result: BudgetResult) -> Page:
+    pairs = [(pair, ", ".join(pair), result[pair]) for pair in result.pairs()]
+    overview = "The whole tensor: Shapley shares of its variance, and how much of its mean squared error is bias."
+    each = "Shapley shares by component and of the tensor, and bias and dispersion in the mean square."
+    return Page(
+        "Budget of an inertia tensor's uncertainty",
+        [f"{result.trials:,} pairs of trials with seed {result.seed}. {BUDGET}", " ".join(result.verdicts())],
+        result.findings(),
+        [Table(f"{of}: shares of the tensor's variance", *b.tensor_rows()) for _, of, b in pairs],
+        [
+            Drawing("budget", budget_plot.overview(result), overview),
+            *(Drawing(stem("budget", *pair), budget_plot.shares(b), f"{of}: {each}") for pair, of, b in pairs),
+        ],
+        [
+            Table(f"{of}: {title}", *rows)
+            for _, of, b in pairs
+            for title, rows in [
+                *(("shares by component", b.component_rows(kind)) for kind in ("shapley", "first", "total")),
+                ("mean errors", b.mean_rows()),
+            ]
+        ]
+        + source_tables(result.provenance),
+        [BUDGET_ASSUMPTION],
+        result.provenance,
+    )  # fmt: skip
+
+
+def joined(first: Page, *others: Page) -> Page:
+    """Return one page with the content of several; title, assumptions and provenance stand as the first has them."""
+    pages = (first, *others)
+    parts: dict[str, Any] = {}
+    for name in ("computed", "findings", "tables", "figures", "details", "assumptions"):
+        items = [item for one in pages for item in getattr(one, name)]
+        parts[name] = [item for k, item in enumerate(items) if item not in items[:k]]
+    return replace(first, **parts)
+
+
+BUDGET = (
+    "In each pair every source is drawn twice, and the tensor is estimated for every choice of one draw or the other. "
+    "First order: the share of the variance that a source causes by itself; total: with its interactions; Shapley: "
+    "interactions shared in equal parts, so that the shares add up to one. The tensor's variance is the sum over its "
+    "nine entries. Closure: what the shares add up to over the ordinary sample variance. The figure after ± is a "
+    "standard error. Every figure is in budget.csv."
+)
+BUDGET_ASSUMPTION = (
+    "Shares are of the variance, the dispersion about the mean; the mean error (bias) of a source alone stands in a "
+    "table of its own, since biases of several sources need not add up."
+)
 UNCERTAINTY = (
     "The standard uncertainty combines the residuals (correlated in time), the scatter between runs where it is "
     "larger, and the stated uncertainty of the centre of gravity. The bias is the expected mean error from the gyro's "

@@ -16,7 +16,7 @@ import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from uq.pages import Page, page
+from uq.pages import Page, joined, page
 
 DPI = 300
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
@@ -32,8 +32,10 @@ def report(result: Any) -> str:
     return _html(content, {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures})
 
 
-def write(result: Any, out: Path) -> None:
+def write(result: Any, out: Path, *more: Any) -> None:
     """Write ``result.json`` (``centre.json`` of a centre), ``report.html`` and the figures (SVG and PNG) into a folder.
+
+    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV of theirs is a file of its own.
 
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
     of the same name is replaced; other files stay.
@@ -42,7 +44,7 @@ def write(result: Any, out: Path) -> None:
         OSError: the folder cannot be made or written.
         TypeError: there is no report for this kind of result.
     """
-    content = files(result)
+    content = files(result, *more)
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
         for name, data in content.items():
@@ -51,13 +53,16 @@ def write(result: Any, out: Path) -> None:
             os.replace(Path(folder, name), out / name)
 
 
-def files(result: Any) -> dict[str, bytes]:
-    """Return the content of a result's files by name."""
-    content = page(result)
+def files(result: Any, *more: Any) -> dict[str, bytes]:
+    """Return the content of a result's files by name, together with that of ``more``."""
+    content = joined(page(result), *map(page, more))
     svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
     return {
-        getattr(result, "file_name", "result.json"): _json(result.to_dict()).encode(),
+        getattr(result, "file_name", "result.json"): _json(
+            result.to_dict() | {other.name: other.to_dict() for other in more}
+        ).encode(),
         "report.html": _html(content, svg).encode(),
+        **{f"{one.name}.csv": one.csv().encode() for one in (result, *more) if hasattr(one, "csv")},
         **{f"{name}.svg": data for name, data in svg.items()},
         **{f"{drawing.name}.png": _render(drawing.figure, "png") for drawing in content.figures},
     }

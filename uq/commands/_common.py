@@ -70,13 +70,13 @@ def add_part_options(parser: argparse.ArgumentParser, without: str = "the stretc
         )  # fmt: skip
 
 
-def finish(result: Any, out: Path | None) -> None:
-    """Print a result and write its files, if there is a folder for them."""
-    print(result)
+def finish(result: Any, out: Path | None, *more: Any) -> None:
+    """Print results and write their files, if there is a folder for them."""
+    print(*(result, *more), sep="\n\n")
     if out is not None:
         from uq.report import write
 
-        write(result, out)
+        write(result, out, *more)
         name = getattr(result, "file_name", "result.json")
         print(f"\n{name}, report.html and figures are in {out}")
 

@@ -4,10 +4,12 @@ import argparse
 import sys
 from pathlib import Path
 
+from uq.budget_result import BudgetResult
 from uq.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, montecarlo
 from uq.checkpoint import Checkpoint
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.experiment import Experiment, ExperimentError
+from uq.source_budget import budget
 from uq.units import UnitError, quantity
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -38,6 +40,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
     )
+    parser.add_argument(
+        "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
+        help="who causes what: shares of every source and group, from this many pairs of trials (1000)",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -62,7 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
             _say("error: interrupted; the same command goes on from there")
             return 130
         for name, result in results.items():
-            _finish(name, result, folders[name])
+            more = [] if arguments.budget is None else [_budget(name, experiments[name], arguments)]
+            _finish(name, result, folders[name], *more)
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
                 checkpoint.remove()
@@ -102,10 +109,23 @@ def _goal(arguments: argparse.Namespace) -> dict:
         raise ExperimentError(f"--tolerance {error}") from None
 
 
-def _finish(name: str, result: MonteCarloResult, folder: Path | None) -> None:
+def _budget(name: str, experiment: Experiment, arguments: argparse.Namespace) -> BudgetResult:
+    with ProgressBar() as bar:
+        return budget(
+            experiment,
+            trials=arguments.budget,
+            seed=arguments.seed,
+            trajectories=arguments.trajectory,
+            estimators=arguments.estimator,
+            dtype=arguments.dtype,
+            progress=lambda trajectory, *trials: bar(f"{name} {trajectory} budget".strip(), *trials),
+        )
+
+
+def _finish(name: str, result: MonteCarloResult, folder: Path | None, *more: BudgetResult) -> None:
     if name:
         print(f"\nbody {name}\n")
-    finish(result, folder)
+    finish(result, folder, *more)
 
 
 def _say(line: str) -> None:

@@ -1,0 +1,74 @@
+"""Shares of a variance with their standard errors, from what each trial says of the effects."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Indices(NamedTuple):
+    """Shares of the variance by player and output, and of all outputs together."""
+
+    value: np.ndarray
+    """(players, outputs)."""
+    standard_error: np.ndarray
+    """(players, outputs)."""
+    generalised: np.ndarray
+    """Shares of the trace of the outputs' covariance, (players,): Lamboni, Monod, Makowski 2011,
+    doi:10.1016/j.ress.2010.09.002; Gamboa, Janon, Klein, Lagnoux 2014, doi:10.1214/14-EJS895."""
+    generalised_standard_error: np.ndarray
+    """(players,)."""
+
+    @property
+    def sum(self) -> tuple[np.ndarray, float]:
+        """Sum over the players: by output, and of all outputs together."""
+        return self.value.sum(0), float(self.generalised.sum())
+
+
+def shares(effects: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> Indices:
+    """Return the shares that trials with unbiased estimates of effects and variance give.
+
+    A share is a ratio of means, so that its standard error is that of the mean of its influence values ``(effect -
+    share × variance) / mean variance`` (delta method), trials being independent. Its own bias falls as 1/trials.
+
+    Args:
+        effects: one estimate a trial, (trials, players, outputs).
+        variance: one estimate of each output's variance a trial, (trials, outputs).
+        weights: what each output counts in the generalised share, (outputs,).
+    """
+    value, error = ratio(effects, variance[:, None])
+    whole, whole_error = ratio(effects @ weights, (variance @ weights)[:, None])
+    return Indices(value, error, whole, whole_error)
+
+
+def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ratio of means over the leading axis, trials, with its standard error; NaN where below is nought."""
+    n = len(above)
+    if n < 2:
+        nothing = np.full(np.broadcast_shapes(above.shape[1:], below.shape[1:]), np.nan)
+        return nothing, nothing
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(below.mean(0) > 0, below.mean(0), np.nan)
+        value = above.mean(0) / mean
+        influence = (above - value * below) / mean
+    return value, influence.std(0, ddof=1) / np.sqrt(n)
+
+
+def mean(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean over trials and its standard error; NaN of fewer than two trials."""
+    if len(values) < 2:
+        nothing = np.full(values.shape[1:], np.nan)
+        return nothing, nothing
+    return values.mean(0), values.std(0, ddof=1) / np.sqrt(len(values))
+
+
+def plain_variance(outputs: np.ndarray) -> np.ndarray:
+    """Return each trial's part in the ordinary sample variance of the outputs, averaged over alike cases.
+
+    Args:
+        outputs: (trials, cases, outputs), every case with the distribution of Y.
+
+    Returns:
+        (trials, outputs), whose mean is the sample variance.
+    """
+    n = len(outputs)
+    return ((outputs - outputs.mean(0)) ** 2).mean(1) * (n / max(n - 1, 1))
