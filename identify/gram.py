@@ -55,34 +55,33 @@ def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[
     return Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
 
 
+def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Float[Array, "13 *n"]:
+    """Return the features of ``omega + offset`` from those of omega: linear in them, exact."""
+    one, w, squares, (w12, w13, w23), a = phi[:1], phi[1:4], phi[4:7], phi[7:10], phi[10:13]
+    b1, b2, b3 = offset
+    each = offset.reshape(3, *[1] * (phi.ndim - 1))
+    crossed = jnp.stack(
+        [
+            w12 + b1 * w[1] + b2 * w[0] + one[0] * b1 * b2,
+            w13 + b1 * w[2] + b3 * w[0] + one[0] * b1 * b3,
+            w23 + b2 * w[2] + b3 * w[1] + one[0] * b2 * b3,
+        ]
+    )
+    return jnp.concatenate([one, w + one * each, squares + 2 * each * w + one * each**2, crossed, a])
+
+
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
     """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
-
-    def shifted(phi):  # the features of omega + offset, linear in the features of omega
-        w, squares, (w12, w13, w23), a = phi[1:4], phi[4:7], phi[7:10], phi[10:13]
-        one = phi[0]
-        b1, b2, b3 = offset
-        square = squares + 2 * offset * w + one * offset**2
-        crossed = jnp.stack(
-            [
-                w12 + b1 * w[1] + b2 * w[0] + one * b1 * b2,
-                w13 + b1 * w[2] + b3 * w[0] + one * b1 * b3,
-                w23 + b2 * w[2] + b3 * w[1] + one * b2 * b3,
-            ]
-        )
-        return jnp.concatenate([one[None], w + one * offset, square, crossed, a])
-
-    return jax.vmap(shifted, out_axes=1)(jnp.eye(N_FEATURES, dtype=offset.dtype))
+    return offset_features(jnp.eye(N_FEATURES, dtype=offset.dtype), offset)
 
 
 def with_offsets(sums: Sums, omega: Float[Array, "3"], force: Float[Array, "3"], moment: Float[Array, "3"]) -> Sums:
     """Return the sums that would have come of samples with these constants added to omega, force and moment."""
-    shift = shift_omega(omega)
     totals = sums.gram[:, 0]
     return Sums(
-        shift @ sums.gram @ shift.T,
-        shift @ (sums.force + jnp.outer(totals, force)),
-        shift @ (sums.moment + jnp.outer(totals, moment)),
+        offset_features(offset_features(sums.gram, omega).T, omega),
+        offset_features(sums.force + jnp.outer(totals, force), omega),
+        offset_features(sums.moment + jnp.outer(totals, moment), omega),
     )
 
 
@@ -113,10 +112,15 @@ def solve_normal(matrix: Float[Array, "6 6"], right: Float[Array, "6"]) -> Estim
 def _inverse_and_solution(
     matrix: Float[Array, "6 6"], right: Float[Array, "6"]
 ) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
-    lower = jnp.linalg.cholesky(matrix)
-    identity = jnp.eye(6, dtype=matrix.dtype)
-    solved = jax.scipy.linalg.cho_solve((lower, True), jnp.concatenate([identity, right[:, None]], axis=1))
-    return solved[:, :6], solved[:, 6]
+    """By elimination: a positive definite matrix needs no pivots, and plain arithmetic is fast in a batch; else NaN."""
+    table = jnp.concatenate([matrix, jnp.eye(6, dtype=matrix.dtype), right[:, None]], axis=1)
+    definite = jnp.ones((), bool)
+    for k in range(6):
+        definite &= table[k, k] > 0
+        row = table[k] / table[k, k]
+        table = (table - jnp.outer(table[:, k], row)).at[k].set(row)
+    table = jnp.where(definite, table, jnp.nan)
+    return table[:, 6:12], table[:, 12]
 
 
 @_inverse_and_solution.defjvp

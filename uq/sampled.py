@@ -20,6 +20,7 @@ from identify.gram import Sums, solve, sums_of
 from identify.inertia import Body
 from identify.regressor import features
 from identify.trajectory import Motion
+from uq.collapsed import CollapsedSetup, collapsed_trial
 from uq.coloured import draw_coloured
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import Columns, Platform, gyro_map
@@ -87,8 +88,12 @@ def prepare_any(
     return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
 
 
-def any_trial(setup: Setup | SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
+def any_trial(
+    setup: Setup | SampledSetup | CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]
+) -> TrialEstimates:
     """Run one trial; see :func:`uq.trial.trial`."""
+    if isinstance(setup, CollapsedSetup):
+        return collapsed_trial(setup, key, index)
     return sampled_trial(setup, key, index) if isinstance(setup, SampledSetup) else trial(setup, key, index)
 
 
