@@ -352,7 +352,7 @@ def test_without_an_accelerometer_a_level_rest_will_do_and_a_tilted_one_will_not
         identify_files([write(folder / "bare.mcap", bare)], declare(short, **declared))
     run = simulate(dataclasses.replace(short, sources=()), "T1")
     rest = np.repeat([0], 1600)
-    index = np.r_[rest, : len(run.run.t), rest]
+    index = np.r_[rest, : len(run.run.t)]
     weight = np.array(short.mass * short.gravity) * run.rotation[index][:, 2, :]
     level = Signals(
         np.arange(len(index)) / 400.0, run.run.force[index] - weight, run.run.moment[index], run.run.omega[index],

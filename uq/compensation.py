@@ -47,7 +47,7 @@ def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Ru
 
 def _check_level(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> None:
     """Refuse a level that the moment at rest contradicts; a tilt and an offset look alike in it."""
-    rest = rest_of(run, rests)
+    rest = rest_of(run, rests[:1])
     if rest is None:
         raise RunError(
             f"{run.name} has neither accelerometer nor two seconds of level rest before the motion: the weight removed "
