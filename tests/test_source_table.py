@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from uq.campaign import montecarlo
 from uq.document import ExperimentError
 from uq.experiment import Experiment
 from uq.simulation import simulate
+from uq.sources import CONSTANT, FIXED, NOISE, SIGNALS
 
 EXAMPLES = Path(__file__).parent.parent / "docs" / "experiments"
 BIAS = source("s", "F", "bias", sigma=["1 N"] * 3)
@@ -171,8 +173,6 @@ def many():
 
 
 def test_the_example_has_every_kind_of_source_and_runs(many):
-    from uq.sources import CONSTANT, FIXED, NOISE
-
     assert {s.kind for s in many.sources} >= {kind for _, kind in CONSTANT} | {*NOISE, *FIXED}
     assert {s.target for s in many.sources} == {target for target, _ in CONSTANT}
     result = montecarlo(many, trials=2, estimators="smoothed")
@@ -196,3 +196,28 @@ def test_a_file_of_samples_is_found_beside_the_experiment(tmp_path, many):
     np.testing.assert_allclose(many.sigma_r_cg, 1e-3 * rows.std(0))
     with pytest.raises(ExperimentError, match="not a readable file beside the experiment"):
         Experiment.from_dict(document, tmp_path)
+
+
+def test_every_example_of_the_documentation_is_read():
+    text = (EXAMPLES.parent / "sources.md").read_text("utf-8")
+    examples = [tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, re.S)]
+    assert len(examples) >= 6
+    for example in examples:
+        experiment(*example["source"], correlations=example.get("correlation", []))
+
+
+def test_every_kind_is_documented():
+    text = (EXAMPLES.parent / "sources.md").read_text("utf-8")
+    rows = [
+        re.findall(r"`(\w+)`", cell)
+        for line in text.splitlines()
+        if line.startswith("| `")
+        for cell in line.split("|")[1:3]
+    ]
+    said = {
+        (target, kind)
+        for targets, kinds in zip(rows[::2], rows[1::2], strict=True)
+        for target in targets
+        for kind in kinds
+    }
+    assert said >= {*CONSTANT, *((target, kind) for target in SIGNALS for kind in NOISE + FIXED)}

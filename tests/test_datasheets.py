@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from uq.datasheet import datasheet
+from uq.datasheets import datasheet
 from uq.distributions import Normal, Rectangular, StudentT, Triangular, UShaped
 from uq.units import UnitError
 
