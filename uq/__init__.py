@@ -7,16 +7,9 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
-    "Centre": "centre",
-    "BudgetResult": "budget_result",
-    "Experiment": "experiment",
-    "ExperimentError": "experiment",
-    "MonteCarloResult": "campaign",
-    "PaperResult": "barreto2016",
-    "SimulatedRun": "simulation",
-    "Source": "sources",
-    "centre_file": "centre",
     "budget": "source_budget",
+    "centre_file": "centre",
+    "datasheet": "datasheets",
     "identify_files": "recorded",
     "import_table": "imports",
     "load_run": "recorded",
@@ -25,6 +18,22 @@ _WHERE = {
     "shapley": "sensitivity",
     "simulate": "simulation",
     "sobol": "sensitivity",
+    "BudgetResult": "budget_result",
+    "Centre": "centre",
+    "CurvilinearTrapezoid": "distributions",
+    "Empirical": "distributions",
+    "Experiment": "experiment",
+    "ExperimentError": "experiment",
+    "MonteCarloResult": "campaign",
+    "MultivariateNormal": "distributions",
+    "Normal": "distributions",
+    "PaperResult": "barreto2016",
+    "Rectangular": "distributions",
+    "SimulatedRun": "simulation",
+    "Source": "sources",
+    "StudentT": "distributions",
+    "Triangular": "distributions",
+    "UShaped": "distributions",
 }
 __all__ = list(_WHERE)
 
