@@ -17,9 +17,11 @@ from identify.precision import check_precision
 from identify.tables import html_table, text_table, with_error
 from identify.trajectory import Motion, sample
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
+from uq.measurement import Platform
 from uq.provenance import provenance
+from uq.sampled import SampledSetup, any_trial, needs_samples, prepare_any
 from uq.sources import BLOCK
-from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates, prepare, trial
+from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates
 
 GRAM_METRE = 1e3
 """g·m² in a kg·m²."""
@@ -214,7 +216,8 @@ def montecarlo(
         estimators: name or names of the estimators; None for all. Those that run together use the same samples.
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         sampling: ``"conditioned"`` draws the load cell's white noise as the sums that it leaves, given the gyro's
-            draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`).
+            draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`). Sources
+            that need every sample (:mod:`uq.sampled`) have it sample by sample, whatever is asked.
         batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
@@ -228,6 +231,8 @@ def montecarlo(
         raise ExperimentError(f"unknown sampling '{sampling}': choose one of {', '.join(get_args(Sampling))}")
     if batch is not None and batch < 1:
         raise ExperimentError(f"batch of {batch}: ask for one or more")
+    if needs_samples(experiment.sources, experiment.mixing):
+        sampling = "samples"
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
     devices = list(devices or jax.devices())
@@ -263,8 +268,8 @@ def prepare_setup(
     *,
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
-) -> Setup:
-    """Return what :func:`uq.trial.trial` needs for one trajectory of an experiment.
+) -> Setup | SampledSetup:
+    """Return what :func:`uq.sampled.any_trial` needs for one trajectory of an experiment.
 
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
@@ -282,15 +287,33 @@ def prepare_setup(
                 f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {len(t)}: "
                 "raise its duration or rate"
             )
-    return prepare(motion, body, experiment.sources, fitted, dtype=dtype, sampling=sampling)
+    return prepare_any(
+        motion,
+        body,
+        platform_of(experiment, spec),
+        experiment.sources,
+        fitted,
+        mixing=experiment.mixing,
+        dtype=dtype,
+        sampling=sampling,
+    )
 
 
 def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     """Return a trajectory's true motion at its samples."""
-    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
+    platform = platform_of(experiment, spec)
     return sample(
-        spec.trajectory, jnp.asarray(samples(spec)), r_cg_from_still=still, gravity=np.array(experiment.gravity)
+        spec.trajectory,
+        jnp.asarray(samples(spec)),
+        r_cg_from_still=platform.r_cg_from_still,
+        gravity=platform.gravity,
     )
+
+
+def platform_of(experiment: Experiment, spec: TrajectorySpec) -> Platform:
+    """Return what carries the body on a trajectory."""
+    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
+    return Platform(spec.trajectory, np.array(experiment.gravity), still)
 
 
 def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
@@ -305,7 +328,7 @@ def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
 
 
 def run_trials(
-    setup: Setup,
+    setup: Setup | SampledSetup,
     trials: int,
     seed: int,
     devices: Sequence[jax.Device],
@@ -330,9 +353,9 @@ def _stretch(batch: int) -> int:
 
 
 @eqx.filter_jit
-def _batch(setup: Setup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
+def _batch(setup: Setup | SampledSetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
     def on_one_device(setup, key, mine):
-        one = lambda index: trial(setup, key, index)  # noqa: E731
+        one = lambda index: any_trial(setup, key, index)  # noqa: E731
         return jax.lax.map(one, mine, batch_size=None if batch == 1 else batch)
 
     arrays, static = eqx.partition(setup, eqx.is_array)

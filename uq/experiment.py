@@ -22,7 +22,8 @@ from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.document import ExperimentError, Table
 from uq.recording import Recording, parse_recording
-from uq.sources import TARGET_UNITS, Source, stream_number
+from uq.source_table import parse_sources
+from uq.sources import Mixing, Source
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
@@ -62,9 +63,13 @@ class Experiment:
     trajectories: Mapping[str, TrajectorySpec]
     estimators: tuple[EstimatorSpec, ...]
     sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...] = ()
+    """Sources that are correlated."""
     recording: Recording = field(default_factory=Recording)
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The file's content, for the provenance of results."""
+    folder: Path = field(default=Path("."), repr=False)
+    """Where the file is, and files of samples beside it."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
@@ -86,13 +91,13 @@ class Experiment:
         except tomllib.TOMLDecodeError as error:
             raise ExperimentError(f"not TOML {source}: {error}") from None
         try:
-            return cls.from_dict(document)
+            return cls.from_dict(document, Path(source).parent)
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
     @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> "Experiment":
-        """Build an experiment from the content of a file; see :meth:`load`."""
+    def from_dict(cls, document: Mapping[str, Any], folder: str | Path = ".") -> "Experiment":
+        """Build an experiment from the content of a file, whose samples are in ``folder``; see :meth:`load`."""
         top = Table("", document)
         r_cg_from_q, mass, inertia = top.table("body", _body)
         gravity, r_cg_from_omb = top.table("platform", _platform, {})
@@ -100,21 +105,21 @@ class Experiment:
             name: _trajectory(Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
         }
         estimators = top.tables("estimator", _estimator)
-        sources = top.tables("source", _source)
+        sources, mixing = parse_sources(top, Path(folder))
         recording = top.table("recording", parse_recording, {})
         top.finish()
-        for kind, names in (("estimator", [e.name for e in estimators]), ("source", [s.name for s in sources])):
-            if len(set(names)) < len(names):
-                twice = next(name for name in names if names.count(name) > 1)
-                raise ExperimentError(f"two entries named '{twice}' in [[{kind}]]: give each its own name")
-        _check_names(sources)
-        if recording.estimator is not None and recording.estimator not in [e.name for e in estimators]:
+        names = [estimator.name for estimator in estimators]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ExperimentError(f"two entries named '{twice}' in [[estimator]]: give each its own name")
+        if recording.estimator is not None and recording.estimator not in names:
             raise ExperimentError(
                 f"unknown estimator '{recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
         return cls(
-            r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, recording, document
-        )
+            r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, mixing, recording,
+            document, Path(folder),
+        )  # fmt: skip
 
     @property
     def body(self) -> Body:
@@ -161,17 +166,17 @@ class Experiment:
     def inputs(self) -> dict[str, Any]:
         """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
         values = self._in_si()
-        same = bool(self.document) and Experiment.from_dict(self.document)._in_si() == values
+        same = bool(self.document) and Experiment.from_dict(self.document, self.folder)._in_si() == values
         return {"experiment": dict(self.document) if same else None, "resolved": values}
 
     def _in_si(self) -> dict[str, Any]:
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "document"}
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("document", "folder")}
         return _plain(parts)
 
     @property
     def sigma_r_cg(self) -> np.ndarray:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
-        squares = [np.square(source.sigma) for source in self.sources if source.target == "r_cg"]
+        squares = [np.square(source.standard_deviation) for source in self.sources if source.target == "r_cg"]
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
 
 
@@ -267,35 +272,6 @@ def _estimator(table: Table) -> EstimatorSpec:
     return EstimatorSpec(name, differentiator, band, window, lowpass)
 
 
-def _source(table: Table) -> Source:
-    name = table.typed("name", str)
-    target = table.choice("target", tuple(TARGET_UNITS))
-    kind = table.choice("kind", ("precision", "bias"))
-    sigma = table.vector("sigma", TARGET_UNITS[target])
-    table.choice("distribution", ("normal",), "normal")
-    group = table.typed("group", str)
-    reference = table.typed("reference", str, "")
-    table.finish()
-    if (sigma < 0).any():
-        axis = int(np.argmax(sigma < 0))
-        raise ExperimentError(f"{table.path('sigma')}[{axis}] is {table.content['sigma'][axis]!r}: write zero or more")
-    if group == "total":
-        raise ExperimentError(f"{table.path('group')} is 'total', which means all sources: write another name")
-    if target == "r_cg" and kind == "precision":
-        raise ExperimentError(f"{table.path('kind')} is 'precision': r_cg is one draw an experiment, write \"bias\"")
-    return Source(name, target, kind, group, sigma, reference)
-
-
-def _check_names(sources: tuple[Source, ...]) -> None:
-    """Refuse names that would be mistaken for one another: a source's for a group's, or two of one random stream."""
-    groups, streams = {source.group for source in sources}, {stream_number(s.name): s.name for s in sources}
-    for source in sources:
-        if source.name in groups:
-            raise ExperimentError(f"'{source.name}' names a source and a group: rename one")
-        if (other := streams[stream_number(source.name)]) != source.name:
-            raise ExperimentError(f"sources '{source.name}' and '{other}' have one random stream: rename one")
-
-
 def _plain(value: Any) -> Any:
     """Return a value as numbers, strings, lists and dicts, for JSON."""
     if isinstance(value, Mapping):
@@ -304,7 +280,9 @@ def _plain(value: Any) -> Any:
         return {"class": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
-    return np.asarray(value).tolist() if isinstance(value, (np.ndarray, np.generic, jax.Array)) else value
+    if isinstance(value, (np.ndarray, np.generic, jax.Array)):
+        return _plain(np.asarray(value).tolist())
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def samples(spec: TrajectorySpec) -> np.ndarray:

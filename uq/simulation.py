@@ -10,16 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from identify.dynamics import acceleration_at, wrench
-from identify.inertia import Body
+from identify.dynamics import acceleration_at
 from identify.precision import check_precision
 from identify.run import Run
-from identify.trajectory import Motion
+from identify.trajectory import Motion, exponential
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
-from uq.campaign import true_motion
+from uq.campaign import platform_of, true_motion
+from uq.errors import errors_of
 from uq.experiment import Experiment
-from uq.sources import BLOCK, Source, draw_bias, draw_block
+from uq.sampled import Record, SampledSetup, draw_noise, prepare_samples, sensed, smooth_signals
+from uq.sources import draw_constants
 
 NANOSECONDS = 1_000_000_000
 
@@ -77,42 +78,26 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     """
     name, spec = experiment.select(trajectory)
     warnings = check_precision("float64")
-    body = experiment.body
-    motion = true_motion(experiment, spec)
-    force, moment, at_q = _true_signals(body, motion)
-    noise = {target: _noise(experiment.sources, target, seed, trial, len(motion.t)) for target in ("F", "M", "omega")}
+    motion, body, platform = true_motion(experiment, spec), experiment.body, platform_of(experiment, spec)
+    setup = prepare_samples(motion, body, platform, experiment.sources, (), mixing=experiment.mixing)
+    record, specific_force, rotation = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
     run = Run(
         np.asarray(motion.t),
-        np.asarray(force) + noise["F"],
-        np.asarray(moment) + noise["M"],
-        np.asarray(motion.omega.T) + noise["omega"],
+        np.asarray(record.wrench[:3].T),
+        np.asarray(record.wrench[3:].T),
+        np.asarray(record.omega.T),
         name=f"simulated {name}",
         warnings=tuple(warnings),
     )
-    return SimulatedRun(run, np.asarray(at_q), np.asarray(motion.rotation), name, seed, trial)
-
-
-@jax.jit
-def _true_signals(body: Body, motion: Motion) -> tuple[Array, Array, Array]:
-    """Force and moment at Q, and specific force at Q, each (n, 3)."""
-    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(body, motion.omega, motion.alpha, motion.specific_force_cg)
-    to_q = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-body.r_cg_from_q, motion.omega, motion.alpha)
-    return true.force, true.moment, motion.specific_force_cg.T + to_q
-
-
-def _noise(sources: tuple[Source, ...], target: str, seed: int, trial: int, n: int) -> np.ndarray:
-    """The sum of a target's errors, (n, 3)."""
-    key, index = jax.random.key(seed), jnp.asarray(trial)
-    total = np.zeros((n, 3))
-    for source in sources:
-        if source.target == target and source.kind == "bias":
-            total += np.asarray(draw_bias(source, key, index, jnp.dtype(float)))
-        elif source.target == target:
-            drawn = _all_blocks(source, key, index, -(-n // BLOCK))
-            total += np.concatenate(np.asarray(drawn), axis=1).T[:n]
-    return total
+    return SimulatedRun(run, np.asarray(specific_force), np.asarray(rotation), name, seed, trial)
 
 
 @eqx.filter_jit
-def _all_blocks(source: Source, key: Array, index: Array, count: int) -> Array:
-    return jax.lax.map(lambda block: draw_block(source, key, index, block, jnp.dtype(float)), jnp.arange(count))
+def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
+    """What the sensors say, the true specific force at Q, and the true attitude."""
+    errors = errors_of(setup.sources, draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype))
+    record = sensed(setup, smooth_signals(setup, errors), draw_noise(setup, key, trial), [True] * len(setup.sources))
+    rotation = exponential(errors.tilt) @ motion.rotation
+    q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
+    acceleration = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
+    return record, acceleration + (setup.platform.gravity + errors.gravity) * rotation[:, 2, :], rotation

@@ -1,11 +1,14 @@
-"""Error sources as data: what they perturb, how, and in which group they count.
+"""Error sources as data: what they perturb, how, and in which group they count; their draws.
 
-A draw depends on (seed, source name, trial, block) alone: never on the batch size, the number of devices, the other
-sources, or where a run was resumed.
+A source is *constant* (one draw an experiment: a bias, a scale factor, a delay …), *noise* (fresh at each sample) or
+*fixed* (saturation, quantisation: nothing to draw). A draw depends on (seed, source name, trial, block) alone: never on
+the batch size, the number of devices, the other sources, or where a run was resumed; but sources declared correlated
+are drawn together.
 """
 
 import zlib
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -13,30 +16,126 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-Target = Literal["F", "M", "omega", "r_cg"]
-Kind = Literal["precision", "bias"]
+from uq.distributions import Distribution, Empirical, Normal
+
+Target = Literal[
+    "F", "M", "wrench", "omega", "r_cg", "gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"
+]
+Kind = Literal[
+    "precision", "bias", "drift", "scale", "cross_talk", "misalignment", "delay", "coloured", "saturation",
+    "quantisation",
+]  # fmt: skip
 Index = Int[Array, ""] | int
 
-TARGET_UNITS = {"F": "N", "M": "N*m", "omega": "rad/s", "r_cg": "m"}
 BLOCK = 4000
 """Samples in a block of draws; always this, since the draws depend on it."""
 
+TARGET_UNITS = {
+    "F": "N", "M": "N*m", "omega": "rad/s", "r_cg": "m", "gravity": "m/s^2", "r_cg_from_omb": "m", "tilt": "rad",
+    "displaced_air": "kg", "entrained_air": "kg",
+}  # fmt: skip
+"""Unit of each target's bias."""
+
+SIGNALS: tuple[Target, ...] = ("F", "M", "omega")
+"""The measured signals; the other targets are constants of the rig, of the body or of the whole load cell."""
+
+NOISE: tuple[Kind, ...] = ("precision", "coloured")
+"""Fresh at each sample."""
+FIXED: tuple[Kind, ...] = ("saturation", "quantisation")
+"""Nothing is drawn, and the signals are no smooth function of them."""
+CONSTANT: Mapping[tuple[Target, Kind], tuple[int, ...]] = {
+    **{(target, kind): (3,) for target in SIGNALS for kind in ("bias", "drift", "scale")},
+    ("wrench", "cross_talk"): (6, 6),
+    ("wrench", "misalignment"): (3,),
+    ("omega", "misalignment"): (3,),
+    ("omega", "delay"): (),
+    ("r_cg", "bias"): (3,),
+    ("gravity", "bias"): (),
+    ("r_cg_from_omb", "bias"): (3,),
+    ("tilt", "bias"): (3,),
+    ("displaced_air", "bias"): (),
+    ("entrained_air", "bias"): (),
+}  # fmt: skip
+"""What is drawn once an experiment, and the shape of its draw."""
+
 
 class Source(eqx.Module):
-    """One independent, zero-mean error source."""
+    """One error source. A constant's draw is ``mean + sigma * shape``; noise is ``sigma * shape`` at each sample."""
 
     name: str = eqx.field(static=True)
     """Its name, from which its random stream is keyed."""
     target: Target = eqx.field(static=True)
-    """The quantity it adds to."""
+    """The quantity that errs."""
     kind: Kind = eqx.field(static=True)
-    """``precision``: fresh at each sample; ``bias``: one draw per experiment."""
+    """How: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see docs/sources.md."""
     group: str = eqx.field(static=True)
     """The group it counts in, such as ``load_cell``."""
-    sigma: Float[Array | np.ndarray, "3"]
-    """Standard deviation on each axis, in the target's SI unit."""
+    sigma: Float[Array | np.ndarray, "..."]
+    """Scale of the draw on each axis, in SI: the standard deviation, but for Student's t."""
     reference: str = eqx.field(static=True, default="")
     """Where the figure comes from."""
+    mean: Float[Array | np.ndarray, "..."] | float = 0.0
+    """Expectation of a constant's draw, in SI: an effect that is known but not corrected."""
+    shape: Distribution = Normal(0.0, 1.0)
+    """Distribution of the draw in units of ``sigma``, about its mean."""
+    settings: Mapping[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
+    """Figures that are not drawn, in SI: Allan parameters, a limit, a step, where the air's centre is."""
+
+    @property
+    def standard_deviation(self) -> Any:
+        """Standard deviation of the draw on each axis, in SI."""
+        return self.sigma * self.shape.standard_deviation
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is drawn once an experiment."""
+        return (self.target, self.kind) in CONSTANT
+
+    @property
+    def noise(self) -> bool:
+        """Whether it is fresh at each sample."""
+        return self.kind in NOISE
+
+    @property
+    def smooth(self) -> bool:
+        """Whether the signals are a smooth function of what it draws: all but saturation and quantisation."""
+        return self.kind not in FIXED
+
+
+class Mixing(eqx.Module):
+    """Normal sources that are correlated: axes of one, or several."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    axes: tuple[int, ...] = eqx.field(static=True)
+    """How many numbers each source draws."""
+    correlation: Float[Array | np.ndarray, "k k"]
+    """Between all these numbers, in the order of the names."""
+
+    def mixed(self, drawn: Mapping[str, Float[Array, "..."]]) -> dict[str, Float[Array, "..."]]:
+        """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are."""
+        here = [name for name in self.names if name in drawn]
+        if not here:
+            return dict(drawn)
+        rows = [drawn[name].reshape(axes, -1) for name, axes in zip(self.names, self.axes, strict=True) if name in here]
+        joint = self._root(here).astype(rows[0].dtype) @ jnp.concatenate(rows)
+        parts = jnp.split(joint, np.cumsum([len(row) for row in rows])[:-1])
+        return {**drawn, **{name: part.reshape(drawn[name].shape) for name, part in zip(here, parts, strict=True)}}
+
+    def _root(self, here: Sequence[str]) -> Float[Array, "k k"]:
+        """The triangular root of the correlations of those that are here; nearly so if some go together wholly."""
+        ends = np.cumsum(self.axes)
+        kept = [np.arange(e - n, e) for name, n, e in zip(self.names, self.axes, ends, strict=True) if name in here]
+        index = np.concatenate(kept)
+        small = 16 * float(jnp.finfo(float).eps)
+        root = jnp.linalg.cholesky(jnp.asarray(self.correlation)[np.ix_(index, index)] + small * jnp.eye(len(index)))
+        return root / jnp.linalg.norm(root, axis=1, keepdims=True)
+
+
+def mixed(drawn: dict[str, Array], mixing: Sequence[Mixing]) -> dict[str, Array]:
+    """Return draws by name, correlated as declared."""
+    for mix in mixing:
+        drawn = mix.mixed(drawn)
+    return drawn
 
 
 def stream_number(name: str) -> int:
@@ -49,21 +148,48 @@ def stream(source: Source, key: Key[Array, ""]) -> Key[Array, ""]:
     return jax.random.fold_in(key, stream_number(source.name))
 
 
-def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: jnp.dtype) -> Float[Array, "3"]:
-    """Return a bias source's one draw of a trial."""
-    trial_key = jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), 0)
-    return jnp.asarray(source.sigma, dtype) * jax.random.normal(trial_key, (3,), dtype)
+def block_key(source: Source, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
+    """Return the key of a source's draws in one block of a trial."""
+    return jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), block)
 
 
-def draw_block(
-    source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: jnp.dtype
-) -> Float[Array, "3 4000"]:
-    """Return a precision source's draws for one block of samples of a trial, component first."""
-    block_key = jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), block)
-    return jnp.asarray(source.sigma, dtype)[:, None] * jax.random.normal(block_key, (3, BLOCK), dtype)
+def draw_constants(
+    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, dtype: Any
+) -> dict[str, Float[Array, "..."]]:
+    """Return the one draw of each constant source of a trial, in SI, by name."""
+    constant = [source for source in sources if source.constant]
+    drawn = {s.name: s.shape.draw(block_key(s, key, trial, 0), np.shape(s.sigma), dtype) for s in constant}
+    drawn = mixed(drawn, mixing)
+    return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
 
 
-def draw_sums(source: Source, key: Key[Array, ""], trial: Index, size: int) -> Float[Array, "{size} 3"]:
+def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> Float[Array, "..."]:
+    """Return the one draw of a constant source that is correlated with no other."""
+    return draw_constants([source], (), key, trial, dtype)[source.name]
+
+
+def draw_blocks(
+    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, block: Index, dtype: Any
+) -> list[Float[Array, "3 4000"]]:
+    """Return the draws of precision sources for one block of samples of a trial, component first."""
+    drawn = mixed({s.name: _standard_block(s, block_key(s, key, trial, block), dtype) for s in sources}, mixing)
+    return [jnp.asarray(s.sigma, dtype)[:, None] * drawn[s.name] for s in sources]
+
+
+def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 4000"]:
+    """Return one block of a precision source that is correlated with no other."""
+    return draw_blocks([source], (), key, trial, block, dtype)[0]
+
+
+def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 4000"]:
+    if isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2:  # rows: axes that go together
+        return source.shape.draw(key, (BLOCK, 3), dtype).T
+    return source.shape.draw(key, (3, BLOCK), dtype)
+
+
+def draw_sums(
+    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, size: int
+) -> list[Float[Array, "{size} 3"]]:
     """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
-    sums_key = jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), 0)
-    return jax.random.normal(sums_key, (size, 3)) * jnp.asarray(source.sigma)[None]
+    drawn = mixed({s.name: jax.random.normal(block_key(s, key, trial, 0), (size, 3)).T for s in sources}, mixing)
+    return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

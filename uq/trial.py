@@ -3,10 +3,13 @@
 A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`): the noise-free sums are known, and what
 the gyro's noise changes in the features is summed apart from them. Every case (all sources, one group, one source) and
 every estimator is solved from the sums of the same draws, over the samples where all estimators have a derivative.
+Constant errors are linear maps of these sums (:mod:`uq.measurement`).
 
 White normal noise of the load cell enters through sums that are linear in it, so that, given the gyro's draws, these
 sums are normal with a known covariance. ``sampling="conditioned"`` draws them from it; ``"samples"`` draws the noise of
-every sample. Both have the same distribution.
+every sample. Both have the same distribution. Noise of other distributions is always drawn sample by sample.
+
+Sources that no sums can tell (delay, saturation, quantisation, coloured noise) need every sample: :mod:`uq.sampled`.
 """
 
 from collections.abc import Sequence
@@ -19,12 +22,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
 from identify.differentiate import derivative
-from identify.dynamics import wrench
-from identify.gram import Sums, solve, sums_of, with_offsets
+from identify.gram import Sums, solve
 from identify.inertia import Body
 from identify.regressor import ALPHA, features
 from identify.trajectory import Motion
-from uq.sources import BLOCK, Source, draw_bias, draw_block, draw_sums
+from uq.distributions import Normal
+from uq.errors import Errors, errors_of_cases, perturbed
+from uq.measurement import OF_THE_GYRO, Columns, Platform, element_map, noisy_elements, true_elements
+from uq.sources import BLOCK, Mixing, Source, draw_blocks, draw_constants, draw_sums
 
 Sampling = Literal["conditioned", "samples"]
 
@@ -53,9 +58,10 @@ class Signals(NamedTuple):
     block: Int[Array, "*blocks"]
     """Number of the block."""
     features: Float[Array, "*blocks features 4000"]
-    """The shared features, then each estimator's alpha; zero where a sample does not count."""
-    wrench: Float[Array, "*blocks 6 4000"]
-    """Force [N] and moment [N·m]."""
+    """What the estimators share, then each one's alpha; zero where a sample does not count. Shared are the features, or
+    with errors that map the angular velocity the elements of :func:`uq.measurement.true_elements`."""
+    wrench: Float[Array, "*blocks columns 4000"]
+    """Force [N] and moment [N·m], then the other functions of :class:`uq.measurement.Columns`."""
     valid: Float[Array, "*blocks 4000"]
     """1 where every estimator has a derivative, else 0."""
 
@@ -64,12 +70,19 @@ class Setup(eqx.Module):
     """Everything that a trial needs besides its key: one trajectory, one body, its sources and estimators."""
 
     body: Body
+    platform: Platform
     signals: Signals
     sums: Sums
     """Noise-free sums over all features."""
+    other: Float[Array, "features other"]
+    """Sums of the features with the columns that follow the wrench."""
     sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
+    columns: Columns = eqx.field(static=True)
+    whole: bool = eqx.field(static=True)
+    """Whether errors map the angular velocity, so that sums of whole products with the noise are kept."""
     dtype: np.dtype = eqx.field(static=True)
     """Precision of draws and features; sums and solutions have the default precision."""
     sampling: Sampling = eqx.field(static=True)
@@ -97,31 +110,40 @@ def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:
 def prepare(
     motion: Motion,
     body: Body,
+    platform: Platform,
     sources: Sequence[Source],
     estimators: Sequence[Estimator],
     *,
+    mixing: Sequence[Mixing] = (),
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
 ) -> Setup:
     """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator."""
-    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(
-        body, motion.omega, motion.alpha, motion.specific_force_cg
-    )
-    n, halo = len(motion.t), _halo(estimators)
-    index = jnp.arange(n)
-    valid = ((index >= halo) & (index < n - halo)).astype(float)
+    columns = Columns.of(sources)
+    whole = bool(perturbed(sources) & OF_THE_GYRO)
+    t = motion.t - motion.t[0]
+    shared = true_elements(motion.omega, motion.alpha, t) if whole else features(motion.omega, motion.alpha)[:SHARED]
+    valid = valid_samples(len(t), estimators)
     alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
-    phi = jnp.concatenate([features(motion.omega, motion.alpha)[:SHARED], *alphas]) * valid[None]
-    both = jnp.concatenate(true)
-    sums = sums_of(phi, both[:3], both[3:])
-    count = -(-n // BLOCK)
+    phi = jnp.concatenate([shared, *alphas]) * valid[None]
+    wrench = columns.sampled(body, motion)
+    force, moment, other = jnp.split(phi @ wrench.T, (3, 6), axis=1)
     signals = Signals(
-        jnp.arange(count),
+        jnp.arange(-(-len(t) // BLOCK)),
         _blocks(phi.astype(dtype)),
-        _blocks(both.astype(dtype)),
+        _blocks(wrench.astype(dtype)),
         _blocks(valid[None].astype(dtype))[:, 0],
     )
-    return Setup(body, signals, sums, tuple(sources), tuple(estimators), cases_of(sources), np.dtype(dtype), sampling)
+    return Setup(
+        body, platform, signals, Sums(phi @ phi.T, force, moment), other, tuple(sources), tuple(mixing),
+        tuple(estimators), cases_of(sources), columns, whole, np.dtype(dtype), sampling,
+    )  # fmt: skip
+
+
+def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[Array, " n"]:
+    """Return 1 where every estimator has a derivative, else 0."""
+    index, halo = jnp.arange(n), _halo(estimators)
+    return ((index >= halo) & (index < n - halo)).astype(float)
 
 
 def _halo(estimators: Sequence[Estimator]) -> int:
@@ -148,10 +170,10 @@ def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEsti
         The estimates of every estimator and case, from the same draws.
     """
     plan = _plan(setup)
-    biases = {s.name: draw_bias(s, key, index, setup.dtype).astype(float) for s in setup.sources if s.kind == "bias"}
+    draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
+    errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
     drawn = _visit_blocks(setup, plan, key, index)
-    cell = _conditioned(setup, plan, drawn, key, index) if setup.sampling == "conditioned" else drawn.cell
-    sums, r_cg = _problems(setup, plan, biases, drawn, cell)
+    sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, drawn, key, index))
     estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
     return TrialEstimates(estimate.inertia, estimate.ok)
 
@@ -161,8 +183,10 @@ class _Plan(NamedTuple):
 
     gyro: tuple[Source, ...]
     """Precision sources of omega."""
-    cell: tuple[Source, ...]
-    """Precision sources of force and moment."""
+    sampled: tuple[Source, ...]
+    """Precision sources of force and moment that are drawn sample by sample."""
+    conditioned: tuple[Source, ...]
+    """Those whose sums are drawn."""
     variants: tuple[frozenset[str], ...]
     """The sets of gyro sources that act together in some case; not the empty one."""
 
@@ -170,10 +194,14 @@ class _Plan(NamedTuple):
 def _plan(setup: Setup) -> _Plan:
     precision = [source for source in setup.sources if source.kind == "precision"]
     gyro = tuple(source for source in precision if source.target == "omega")
-    cell = tuple(source for source in precision if source.target in ("F", "M"))
+    cell = [source for source in precision if source.target in ("F", "M")]
+    in_sums = [setup.sampling == "conditioned" and isinstance(source.shape, Normal) for source in cell]
     names = frozenset(source.name for source in gyro)
     variants = dict.fromkeys(active for case in setup.cases if (active := case.sources & names))
-    return _Plan(gyro, cell, tuple(variants))
+    sampled, conditioned = (
+        tuple(s for s, drawn in zip(cell, in_sums, strict=True) if drawn is which) for which in (False, True)
+    )
+    return _Plan(gyro, sampled, conditioned, tuple(variants))
 
 
 class _Drawn(NamedTuple):
@@ -183,47 +211,45 @@ class _Drawn(NamedTuple):
     """Of the changes with the true features."""
     with_changes: Float[Array, "changes changes"]
     """Of the changes with each other."""
-    with_wrench: Float[Array, "changes 6"]
-    """Of the changes with the true wrench."""
-    cell: Float[Array, "all columns"]
-    """Of true features and changes with the load cell's noise, three columns a source; none when conditioned."""
+    with_wrench: Float[Array, "changes columns"]
+    """Of the changes with the true wrench and the columns that follow it."""
+    cell: Float[Array, "all noise"]
+    """Of true features and changes with the load cell's noise that is drawn by sample, three columns a source."""
 
 
 def _visit_blocks(setup: Setup, plan: _Plan, key, index) -> _Drawn:
     """Scan over the blocks, drawing gyro noise one block ahead so that the differentiators see across the seams."""
     halo = _halo(setup.estimators)
 
-    def gyro(block):
-        return [draw_block(source, key, index, block, setup.dtype) for source in plan.gyro]
+    def draw(sources, block):
+        return draw_blocks(sources, setup.mixing, key, index, block, setup.dtype)
 
     def visit(carry, signals):
         before, now, sums = carry
-        after = gyro(signals.block + 1)
+        after = draw(plan.gyro, signals.block + 1)
         sums = _add(sums, block_sums(before, now, after, signals))
         return ([noise[:, -halo:] for noise in now], after, sums), None
 
     def block_sums(before, now, after, signals):
         wide = [jnp.concatenate([a, b, c[:, :halo]], axis=1) for a, b, c in zip(before, now, after, strict=True)]
-        drawn = plan.cell if setup.sampling == "samples" else ()
-        cell = [draw_block(source, key, index, signals.block, setup.dtype) for source in drawn]
-        noise = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *cell])
-        return _block_sums(setup.estimators, plan, signals, wide, noise)
+        noise = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *draw(plan.sampled, signals.block)])
+        return _block_sums(setup, plan, signals, wide, noise)
 
     head, last = jax.tree.map(lambda x: x[:-1], setup.signals), jax.tree.map(lambda x: x[-1], setup.signals)
     edge = [jnp.zeros((3, halo), setup.dtype) for _ in plan.gyro]
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(block_sums, edge, gyro(0), edge, last))
-    (before, now, sums), _ = jax.lax.scan(visit, (edge, gyro(0), zero), head)
+    first = draw(plan.gyro, 0)
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(block_sums, edge, first, edge, last))
+    (before, now, sums), _ = jax.lax.scan(visit, (edge, first, zero), head)
     return _add(sums, block_sums(before, now, edge, last))
 
 
-def _block_sums(estimators, plan: _Plan, signals: Signals, wide, cell) -> _Drawn:
+def _block_sums(setup: Setup, plan: _Plan, signals: Signals, wide, cell) -> _Drawn:
     """Sums of one block: ``wide`` holds each gyro source's noise with a halo on either side, ``cell`` the wrench's."""
     true = signals.features
-    halo, taps = _halo(estimators), [e.taps.astype(true.dtype) for e in estimators]
     changes = [jnp.zeros((0, BLOCK), true.dtype)]
     for variant in plan.variants:
         noise = sum(w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant)
-        changes.append(_changes(true[1:4], noise, halo, taps) * signals.valid[None])
+        changes.append(_changes(setup, true, noise) * signals.valid[None])
     change = jnp.concatenate(changes)
     everything = change @ jnp.concatenate([true, change, signals.wrench, cell]).T
     with_true, with_changes, with_wrench, with_cell = jnp.split(
@@ -232,14 +258,18 @@ def _block_sums(estimators, plan: _Plan, signals: Signals, wide, cell) -> _Drawn
     return _Drawn(with_true, with_changes, with_wrench, jnp.concatenate([true @ cell.T, with_cell]))
 
 
-def _changes(omega, noise, halo: int, taps) -> Array:
-    """What noise in omega (3, halo + block + halo) adds to each feature but 1."""
+def _changes(setup: Setup, true, noise) -> Array:
+    """What noise in omega (3, halo + block + halo) adds to each feature but 1; or the noisy elements."""
+    halo, omega = _halo(setup.estimators), true[1:4]
     inner = noise[:, halo : halo + BLOCK]
+    taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
+    alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
+    if setup.whole:
+        return jnp.concatenate([noisy_elements(omega, true[SHARED], inner), *alphas])
     (w1, w2, _), (e1, e2, e3) = omega, inner
     _, noisy2, noisy3 = omega + inner
     squares = (2 * omega + inner) * inner
     crossed = jnp.stack([w1 * e2 + e1 * noisy2, w1 * e3 + e1 * noisy3, w2 * e3 + e2 * noisy3])
-    alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
     return jnp.concatenate([inner, squares, crossed, *alphas])
 
 
@@ -247,53 +277,63 @@ def _add(sums, more):
     return jax.tree.map(lambda total, part: total + part.astype(total.dtype), sums, more)
 
 
-def _conditioned(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> Float[Array, "all columns"]:
-    """Draw the sums of features and changes with the load cell's noise, given these features and changes."""
+class _AllSums(NamedTuple):
+    """Sums over true features and changes alike."""
+
+    gram: Float[Array, "all all"]
+    wrench: Float[Array, "all columns"]
+    noise: Float[Array, "all sources 3"]
+    """With the load cell's noise, first of the sources drawn by sample, then of those whose sums are drawn."""
+
+
+def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
     gram = jnp.block([[setup.sums.gram, drawn.with_true.T], [drawn.with_true, drawn.with_changes]])
+    true = jnp.concatenate([setup.sums.force, setup.sums.moment, setup.other], axis=1)
+    conditioned = jnp.zeros((len(gram), 0))
+    if plan.conditioned:
+        root = _root(gram)
+        draws = draw_sums(plan.conditioned, setup.mixing, key, index, len(gram))
+        conditioned = jnp.concatenate([root @ one for one in draws], axis=1)
+    noise = jnp.concatenate([drawn.cell, conditioned], axis=1).reshape(len(gram), -1, 3)
+    return _AllSums(gram, jnp.concatenate([true, drawn.with_wrench]), noise)
+
+
+def _root(gram: Array) -> Array:
+    """A square root of the covariance that sums with white noise of unit variance have."""
     scale = jnp.sqrt(jnp.diag(gram))
     inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
     nearly_singular = max(1e-12, 64 * len(gram) * float(jnp.finfo(gram.dtype).eps))  # alphas of alike differentiators
     correlation = gram * jnp.outer(inverse, inverse) + nearly_singular * jnp.eye(len(gram))
-    root = scale[:, None] * jnp.linalg.cholesky(correlation)
-    columns = [root @ draw_sums(source, key, index, len(gram)) for source in plan.cell]
-    return jnp.concatenate([jnp.zeros((len(gram), 0)), *columns], axis=1)
+    return scale[:, None] * jnp.linalg.cholesky(correlation)
 
 
-def _problems(setup: Setup, plan: _Plan, biases, drawn: _Drawn, cell) -> tuple[Sums, Array]:
+def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
     """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
-    of_cases, size, width = setup.cases, len(setup.sums.gram), len(plan.cell)
-    gyro = frozenset(source.name for source in plan.gyro)
-    variant = np.array([[frozenset(), *plan.variants].index(case.sources & gyro) for case in of_cases])
-    gram, both, noise = (part[variant] for part in _variant_sums(setup.sums, plan, drawn, cell))
-    on = [[[float(s.name in c.sources and s.target == t) for t in "FM"] for s in plan.cell] for c in of_cases]
-    noise = noise.reshape(len(of_cases), size, width, 3)
-    added = jnp.einsum("cskj,ckt->cstj", noise, np.reshape(on, (len(of_cases), width, 2)))
-    both = both + added.reshape(both.shape)
+    cell, gyro = (*plan.sampled, *plan.conditioned), frozenset(source.name for source in plan.gyro)
+    on = [[[float(s.name in case.sources and s.target == t) for t in "FM"] for s in cell] for case in setup.cases]
+    acting = [[float(variant == case.sources & gyro) for variant in plan.variants] for case in setup.cases]
 
-    def offset(target):
-        names = [s.name for s in setup.sources if s.kind == "bias" and s.target == target]
-        mask = np.array([[float(name in c.sources) for name in names] for c in of_cases]).reshape(
-            len(of_cases), len(names)
-        )
-        return mask @ jnp.stack([biases[name] for name in names]) if names else jnp.zeros((len(of_cases), 3))
+    def of_case(errors, on, acting):
+        noise = jnp.einsum("akj,kt->atj", sums.noise, on).reshape(-1, 6)
+        measured = sums.wrench @ setup.columns.map(setup.body, setup.platform, errors).T + noise
+        measured = measured + jnp.outer(sums.gram[:, 0], errors.cell_bias)
+        elements = element_map(errors, whole=setup.whole)
+        maps = [_placed(setup, elements, acting, k) for k in range(len(setup.estimators))]
+        own = [Sums(m @ sums.gram @ m.T, m @ measured[:, :3], m @ measured[:, 3:]) for m in maps]
+        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *own)
 
-    shifted = []
-    for k in range(len(setup.estimators)):
-        own = np.r_[0:SHARED, SHARED + 3 * k : SHARED + 3 * k + 3]
-        sums = Sums(gram[:, own][:, :, own], both[:, own, :3], both[:, own, 3:])
-        shifted.append(jax.vmap(with_offsets)(sums, offset("omega"), offset("F"), offset("M")))
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *shifted), setup.body.r_cg_from_q[None] + offset("r_cg")
+    count = len(setup.cases)
+    problems = jax.vmap(of_case, out_axes=1)(
+        errors, np.reshape(on, (count, len(cell), 2)), np.reshape(acting, (count, len(plan.variants)))
+    )
+    return problems, setup.body.r_cg_from_q[None] + errors.r_cg
 
 
-def _variant_sums(true: Sums, plan: _Plan, drawn: _Drawn, cell) -> tuple[Array, Array, Array]:
-    """Gram matrix, sums with the true wrench and sums with the cell's noise; without gyro noise, then each variant."""
-    size = len(true.gram)
-    both = jnp.concatenate([true.force, true.moment], axis=1)
-    grams, wrenches, noises = [true.gram], [both], [cell[:size]]
-    for k in range(len(plan.variants)):
-        part = slice(k * (size - 1), (k + 1) * (size - 1))
-        linear = jnp.zeros((size, size)).at[1:].set(drawn.with_true[part])
-        grams.append((true.gram + linear + linear.T).at[1:, 1:].add(drawn.with_changes[part, part]))
-        wrenches.append(both.at[1:].add(drawn.with_wrench[part]))
-        noises.append(cell[:size].at[1:].add(cell[size:][part]))
-    return jnp.stack(grams), jnp.stack(wrenches), jnp.stack(noises)
+def _placed(setup: Setup, elements: Array, acting: Array, estimator: int) -> Float[Array, "13 all"]:
+    """Place an estimator's map of its elements where these stand among all true features and changes."""
+    shared = len(setup.sums.gram) - 3 * len(setup.estimators)
+    changed = 21 if setup.whole else SHARED - 1
+    own = lambda first: np.r_[0:first, first + 3 * estimator : first + 3 * estimator + 3]  # noqa: E731
+    true = jnp.zeros((13, len(setup.sums.gram))).at[:, own(shared)].set(elements[:, : shared + 3])
+    change = jnp.zeros((13, changed + 3 * len(setup.estimators))).at[:, own(changed)].set(elements[:, shared + 3 :])
+    return jnp.concatenate([true, jnp.kron(acting[None], change)], axis=1)
