@@ -232,16 +232,7 @@ def prepare_setup(
     motion = true_motion(experiment, spec)
     t = motion.t
     body = experiment.body
-    fitted = [_fitted(e, spec.rate) for e in estimators]
-    for estimator in fitted:
-        needed = 2 * len(estimator.taps) + 2
-        if len(estimator.taps) > BLOCK:
-            raise ExperimentError(f"estimator '{estimator.name}' has more than {2 * BLOCK} points: give a higher band")
-        if len(t) < needed:
-            raise ExperimentError(
-                f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {len(t)}: "
-                "raise its duration or rate"
-            )
+    fitted = fitted_estimators(estimators, spec, len(t))
     return prepare_any(
         motion,
         body,
@@ -252,6 +243,25 @@ def prepare_setup(
         dtype=dtype,
         sampling=sampling,
     )
+
+
+def fitted_estimators(estimators: Sequence[EstimatorSpec], spec: TrajectorySpec, n: int) -> list[Estimator]:
+    """Return estimators with their taps for a trajectory of ``n`` samples.
+
+    Raises:
+        ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
+    """
+    fitted = [_fitted(e, spec.rate) for e in estimators]
+    for estimator in fitted:
+        needed = 2 * len(estimator.taps) + 2
+        if len(estimator.taps) > BLOCK:
+            raise ExperimentError(f"estimator '{estimator.name}' has more than {2 * BLOCK} points: give a higher band")
+        if n < needed:
+            raise ExperimentError(
+                f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {n}: "
+                "raise its duration or rate"
+            )
+    return fitted
 
 
 def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
