@@ -56,6 +56,7 @@ class Checkpoint:
             fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self.lock)
+            self.lock = -1
             raise ExperimentError(f"another campaign writes in {self.folder}: wait for it, or choose another") from None
         self.digest, head = _digest(identity), self.folder / "campaign.json"
         if head.exists():
