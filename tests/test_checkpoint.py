@@ -163,6 +163,7 @@ def test_two_campaigns_do_not_share_a_checkpoint(experiment, tmp_path):
 def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
     content = document()
     content["trajectory"] = {"T1": content["trajectory"]["T1"] | {"duration": "3 s", "ramp": "0.45 s"}}
+    content["source"] = [source for source in content["source"] if source["target"] == "M"]
     experiment = Experiment.from_dict(content)
     options = {"trials": 4000, "adaptive": True, "estimators": "central"}
 
