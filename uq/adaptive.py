@@ -20,7 +20,7 @@ from scipy.stats import t as student
 
 from identify.precision import check_precision
 from identify.tables import html_table, text_table
-from uq.coverage import CoverageInterval, numerical_tolerance, shortest_interval, symmetric_interval
+from uq.coverage import CoverageInterval, Value, numerical_tolerance, shortest_interval, symmetric_interval
 from uq.distributions import Distribution
 from uq.linear import Model
 from uq.regions import Draws, covariance_of, distance, quantile
@@ -36,7 +36,7 @@ class Goal:
 
     digits: int = 2
     """Significant decimal digits of the standard uncertainties that are to be stable (7.9.2)."""
-    tolerance: float | np.ndarray | None = None
+    tolerance: Value = None
     """The numerical tolerance itself, in the outputs' unit, instead of digits."""
     probability: float = 0.95
     """Coverage probability of the intervals."""
@@ -167,7 +167,7 @@ class Propagation:
     @property
     def standard_uncertainty(self) -> np.ndarray:
         """Standard deviation of the trials, of the measurand's shape."""
-        return np.sqrt(np.diag(self.covariance)).reshape(self.estimate.shape)
+        return np.asarray(np.sqrt(np.diag(self.covariance)).reshape(self.estimate.shape))
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows: estimate, standard uncertainty, both intervals, tolerance."""
@@ -195,7 +195,7 @@ def propagate_distributions(
     inputs: Mapping[str, Distribution],
     *,
     digits: int = 2,
-    tolerance: float | np.ndarray | None = None,
+    tolerance: Value = None,
     probability: float = 0.95,
     joint: bool = False,
     seed: int = 0,
@@ -237,7 +237,7 @@ def propagate_distributions(
     return Propagation(
         len(draws),
         seed,
-        finite.mean(0),
+        np.asarray(finite.mean(0)),
         covariance_of(finite.reshape(len(finite), -1)),
         symmetric_interval(finite, probability),
         shortest_interval(finite, probability),

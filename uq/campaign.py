@@ -105,14 +105,14 @@ def montecarlo(
     chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
-    names = _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
+    wanted = _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
+    specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit = trials
     kept = Checkpoint(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> Trials:
-        spec = experiment.select(name)[1]
-        setup = prepare_setup(experiment, spec, chosen, dtype=dtype, sampling=sampling)
+        setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling)
         if kept is None:
             return Trials(setup, seed, devices, batch)
         done = kept.load(name, limit)
@@ -123,27 +123,35 @@ def montecarlo(
             kept.open(_identity(experiment, chosen, devices, settings))
         runs, stability = {}, None
         if goal is None:
-            for name in names:
+            for name in specs:
                 runs[name] = start(name)
                 runs[name].reach(trials, _named(progress, name))
         else:
-            runs = {name: start(name) for name in names}
+            runs = {name: start(name) for name in specs}
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
     finally:
         if kept is not None:
             kept.close()
     truth = np.asarray(experiment.body.inertia)
-    errors, breakdowns = {}, {}
-    for name, run in runs.items():
-        estimates = run.estimates(trials)
-        errors[name] = np.asarray(estimates.inertia) - truth
-        breakdowns[name] = {
-            e.name: breakdown(run.setup.cases, errors[name][:, k], np.asarray(estimates.ok)[:, k])
-            for k, e in enumerate(chosen)
-        }
+    breakdowns, errors = _statistics(runs, [e.name for e in chosen], trials, truth)
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]
     return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability)
+
+
+def _statistics(
+    runs: Mapping[str, Trials], estimators: Sequence[str], trials: int, truth: np.ndarray
+) -> tuple[dict[str, dict[str, Breakdown]], dict[str, np.ndarray]]:
+    """Breakdowns by trajectory and estimator, and every trial's errors by trajectory."""
+    breakdowns, errors = {}, {}
+    for name, run in runs.items():
+        inertia, ok = map(np.asarray, run.estimates(trials))
+        errors[name] = inertia - truth
+        breakdowns[name] = {
+            estimator: breakdown(run.setup.cases, errors[name][:, k], ok[:, k])
+            for k, estimator in enumerate(estimators)
+        }
+    return breakdowns, errors
 
 
 def _goal(digits: int, tolerance: float | None, trials: int) -> Goal:

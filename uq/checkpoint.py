@@ -5,6 +5,7 @@ the estimates as NumPy arrays. Files are written beside their place and moved in
 leaves whole parts only. Nothing is used of a folder in which anything does not fit.
 """
 
+import contextlib
 import fcntl
 import hashlib
 import io
@@ -42,6 +43,7 @@ class Checkpoint:
         self.folder, self.say, self.every = Path(folder), say, every
         self.pending: list[tuple[Path, bytes]] = []
         self.digest, self.written, self.lock = "", 0.0, -1
+        self.made: list[Path] = []
 
     def open(self, identity: Mapping[str, Any]) -> None:
         """Make the folder that of one campaign, or see that it is.
@@ -50,21 +52,23 @@ class Checkpoint:
             ExperimentError: the folder is in use, damaged, or of another campaign.
             OSError: it cannot be read or written.
         """
+        made = [folder for folder in (self.folder, *self.folder.parents) if not folder.exists()]
         self.folder.mkdir(parents=True, exist_ok=True)
         self.lock = os.open(self.folder / "lock", os.O_CREAT | os.O_RDWR, 0o644)
         try:
             fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self.lock)
+            self.lock = -1
             raise ExperimentError(f"another campaign writes in {self.folder}: wait for it, or choose another") from None
-        self.digest, head = _digest(identity), self.folder / "campaign.json"
+        digest, head = _digest(identity), self.folder / "campaign.json"
         if head.exists():
-            self._compare(head, dict(identity))
+            self._compare(head, dict(identity), digest)
         elif any(self.folder.glob("*.part")):
             raise ExperimentError(f"no campaign.json in {self.folder}: {_delete(self.folder)}")
         else:
-            _write(head, json.dumps({"format": FORMAT, "digest": self.digest, "campaign": identity}, indent=1).encode())
-        self.written = time.monotonic()
+            _write(head, json.dumps({"format": FORMAT, "digest": digest, "campaign": identity}, indent=1).encode())
+        self.digest, self.made, self.written = digest, made, time.monotonic()
 
     def load(self, trajectory: str, trials: int) -> list[TrialEstimates]:
         """Return the stretches of a trajectory that are done, from its first trial on.
@@ -100,20 +104,26 @@ class Checkpoint:
         self.pending, self.written = [], time.monotonic()
 
     def close(self) -> None:
-        """Write what waits and leave the folder to others."""
-        if self.lock >= 0:
-            try:
-                if self.digest:
-                    self.flush()
-            finally:
-                os.close(self.lock)
-                self.lock = -1
+        """Write what waits and leave the folder to others; gone again if there is nothing in it to go on from."""
+        if self.lock < 0:
+            return
+        try:
+            if self.digest:
+                self.flush()
+                if not any(self.folder.glob("*.part")):
+                    self.remove()
+        finally:
+            os.close(self.lock)
+            self.lock = -1
 
     def remove(self) -> None:
-        """Delete the folder: the campaign's result is written."""
+        """Delete the folder, and those above it that were made for it if they are empty."""
         shutil.rmtree(self.folder, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            for folder in self.made[1:]:
+                folder.rmdir()
 
-    def _compare(self, head: Path, identity: dict[str, Any]) -> None:
+    def _compare(self, head: Path, identity: dict[str, Any], wanted: str) -> None:
         try:
             content = json.loads(head.read_text("utf-8"))
             version, digest, found = content["format"], content["digest"], content["campaign"]
@@ -123,7 +133,7 @@ class Checkpoint:
             raise ExperimentError(f"{head} has the format {version}, not {FORMAT}: {_delete(self.folder)}")
         if digest != _digest(found):
             raise ExperimentError(f"{head} is edited: {_delete(self.folder)}")
-        if digest != self.digest:
+        if digest != wanted:
             given = json.loads(json.dumps(identity))
             other = [key for key in {**found, **given} if found.get(key) != given.get(key)]
             raise ExperimentError(

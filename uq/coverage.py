@@ -5,7 +5,7 @@ Regions of several outputs together are in :mod:`uq.regions`; how many trials ar
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,8 @@ from jaxtyping import Float
 from identify.tables import html_table, text_table
 
 Kind = Literal["symmetric", "shortest"]
+Value = Any
+"""A number or an array of numbers."""
 SUBSAMPLES = 16
 """Parts into which the trials are cut for the standard errors of the shortest interval."""
 
@@ -68,7 +70,7 @@ def shortest_interval(draws: Float[np.ndarray, "trials *outputs"], probability: 
     return _by_output("shortest", draws, probability, _shortest)
 
 
-def numerical_tolerance(uncertainty: float | np.ndarray, digits: int = 2) -> np.ndarray:
+def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
     """Return the numerical tolerance of a standard uncertainty (JCGM 101, 7.9.2).
 
     ``u`` with ``digits`` significant decimal digits is ``c 10^l`` with an integer c; the tolerance is ``10^l / 2``.
@@ -159,22 +161,22 @@ class Verdict:
     @property
     def low_holds(self) -> np.ndarray:
         """Whether the lower ends agree."""
-        return np.abs(self.d_low) <= self.tolerance
+        return np.asarray(np.abs(self.d_low) <= self.tolerance)
 
     @property
     def high_holds(self) -> np.ndarray:
         """Whether the upper ends agree."""
-        return np.abs(self.d_high) <= self.tolerance
+        return np.asarray(np.abs(self.d_high) <= self.tolerance)
 
     @property
     def holds(self) -> np.ndarray:
         """Whether both ends do: the law is validated."""
-        return self.low_holds & self.high_holds
+        return np.asarray(self.low_holds & self.high_holds)
 
     @property
     def enough_trials(self) -> np.ndarray:
         """Whether the Monte Carlo is as accurate as 8.2 asks of it: its own tolerance a fifth of δ."""
-        return self.resolution <= self.tolerance / 5
+        return np.asarray(self.resolution <= self.tolerance / 5)
 
     def reasons(self) -> list[str]:
         """Return a sentence for each output: that the law holds, or which end fails and why."""
@@ -202,13 +204,13 @@ class Verdict:
 
 
 def validate(
-    low: float | np.ndarray,
-    high: float | np.ndarray,
+    low: Value,
+    high: Value,
     interval: CoverageInterval,
     *,
-    uncertainty: float | np.ndarray | None = None,
+    uncertainty: Value = None,
     digits: int = 1,
-    tolerance: float | np.ndarray | None = None,
+    tolerance: Value = None,
 ) -> Verdict:
     """Compare a law's coverage intervals with a Monte Carlo's (JCGM 101, 8.1).
 
@@ -236,7 +238,7 @@ def validate(
         np.asarray(low - interval.low),
         np.asarray(high - interval.high),
         np.broadcast_to(np.asarray(tolerance, float), interval.low.shape),
-        2 * np.maximum(interval.low_standard_error, interval.high_standard_error),
+        np.asarray(2 * np.maximum(interval.low_standard_error, interval.high_standard_error)),
     )
 
 

@@ -82,7 +82,7 @@ class AxesRegion:
     """Share of the trials turned by more than 45°: nearer to the axes with other names than to their own."""
 
 
-def ellipsoidal_region(draws: Draws, probability: float = 0.95) -> EllipsoidalRegion:
+def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> EllipsoidalRegion:
     """Return the ellipsoidal coverage region of the trials (JCGM 102, 7.7.2).
 
     Raises:
@@ -97,7 +97,7 @@ def ellipsoidal_region(draws: Draws, probability: float = 0.95) -> EllipsoidalRe
     return EllipsoidalRegion(probability, centre, covariance, factor, _share(np.concatenate(inside)))
 
 
-def smallest_region(draws: Draws, probability: float = 0.95, *, most: int = 4000, seed: int = 0) -> SmallestRegion:
+def smallest_region(draws: np.ndarray, probability: float = 0.95, *, most: int = 4000, seed: int = 0) -> SmallestRegion:
     """Return the smallest coverage region of the trials.
 
     The density is estimated by normal kernels on half of the trials (Scott's bandwidth); the level is the quantile
@@ -105,7 +105,7 @@ def smallest_region(draws: Draws, probability: float = 0.95, *, most: int = 4000
     then counted on the last quarter.
 
     Args:
-        draws: outputs of the trials.
+        draws: outputs of the trials, (trials, outputs).
         probability: coverage probability.
         most: kernels at most, for the time that it takes.
         seed: of the points from which the volume is estimated.
@@ -136,7 +136,7 @@ def axes_region(inertia: Float[np.ndarray, "trials 6"], probability: float = 0.9
     Raises:
         ValueError: as for :func:`ellipsoidal_region`.
     """
-    inertia = _checked(inertia, probability)
+    inertia = _finite(inertia, probability)
     mean = np.asarray(principal(jnp.asarray(inertia.mean(0)))[1])
     axes = np.asarray(jax.vmap(principal)(jnp.asarray(inertia))[1])
     turned = axes @ mean.T  # rows: a trial's axes, by their components along the mean tensor's
@@ -162,7 +162,16 @@ def quantile(values: Float[np.ndarray, " trials"], probability: float) -> Figure
     return Figure(float(ordered[min(place, len(ordered) - 1)]), float(scatter * spacing))
 
 
-def _checked(draws: Draws, probability: float) -> Draws:
+def _checked(draws: np.ndarray, probability: float) -> Draws:
+    """Return the trials that are finite, if there are enough and no output follows from the others."""
+    draws = _finite(draws, probability)
+    scale = draws.std(0)
+    if not (scale > 0).all() or np.linalg.cond(np.corrcoef(draws, rowvar=False).reshape(len(scale), -1)) > 1e12:
+        raise ValueError("Argument `draws` must have outputs that are independent, but one follows from the others.")
+    return draws
+
+
+def _finite(draws: np.ndarray, probability: float) -> Draws:
     """Return the trials that are finite, if there are enough."""
     draws = np.asarray(draws, float)
     if not 0 < probability < 1:
@@ -174,9 +183,6 @@ def _checked(draws: Draws, probability: float) -> Draws:
         raise ValueError(
             f"Argument `draws` must hold {40 * draws.shape[1]} finite trials or more, but has {len(draws)}."
         )
-    scale = draws.std(0)
-    if not (scale > 0).all() or np.linalg.cond(np.corrcoef(draws, rowvar=False).reshape(len(scale), -1)) > 1e12:
-        raise ValueError("Argument `draws` must have outputs that are independent, but one follows from the others.")
     return draws
 
 
