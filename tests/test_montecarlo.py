@@ -142,6 +142,7 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
         simulate(one, "T1", seed=0, trial=3).run,
         r_cg=np.asarray(short.r_cg_from_q + r_cg_draw),
         estimator=one.estimators[0],
+        offsets="none",
     )
     np.testing.assert_allclose(found.inertia, result.inertia[3, 0, 0], atol=1e-12 * short.inertia.max())
 
