@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
-from uq.sampled import SampledSetup, any_trial
-from uq.trial import Setup, TrialEstimates
+from uq.sampled import AnySetup, any_trial
+from uq.trial import TrialEstimates
 
 Keep = Callable[[int, TrialEstimates], None]
 """Called with the number of a stretch's first trial and its estimates."""
 
 
 def run_trials(
-    setup: Setup | SampledSetup,
+    setup: AnySetup,
     trials: int,
     seed: int,
     devices: Sequence[jax.Device],
@@ -34,7 +34,7 @@ class Trials:
 
     def __init__(
         self,
-        setup: Setup | SampledSetup,
+        setup: AnySetup,
         seed: int,
         devices: Sequence[jax.Device],
         batch: int = 1,
@@ -82,7 +82,7 @@ def _stretch(batch: int) -> int:
 
 
 @eqx.filter_jit
-def _batch(setup: Setup | SampledSetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
+def _batch(setup: AnySetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
     def on_one_device(setup, key, mine):
         one = lambda index: any_trial(setup, key, index)  # noqa: E731
         return jax.lax.map(one, mine, batch_size=None if batch == 1 else batch)

@@ -18,10 +18,10 @@ from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.measurement import Platform
 from uq.provenance import provenance
 from uq.result import MonteCarloResult
-from uq.sampled import SampledSetup, needs_samples, prepare_any
+from uq.sampled import AnySetup, needs_samples, prepare_any
 from uq.sources import BLOCK
 from uq.statistics import GRAM_METRE, Breakdown, Statistics, breakdown
-from uq.trial import Estimator, Sampling, Setup
+from uq.trial import Estimator, Sampling
 
 __all__ = [
     "GRAM_METRE",
@@ -37,6 +37,9 @@ __all__ = [
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
+
+COLLAPSED_BATCH = 1000
+"""Trials that a device computes at a time when they hold no samples."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the trajectory's name, the trials done and the trials asked for."""
@@ -74,19 +77,20 @@ def montecarlo(
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         sampling: ``"conditioned"`` draws the load cell's white noise as the sums that it leaves, given the gyro's
             draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trial`). Sources
-            that need every sample (:mod:`uq.sampled`) have it sample by sample, whatever is asked.
+            that need every sample (:mod:`uq.sampled`) have it sample by sample. ``"collapsed"`` draws the sums that
+            the gyro's noise leaves, too, an approximation that costs nothing per sample (:mod:`uq.collapsed`).
         adaptive: run blocks of trials until estimate, standard uncertainty and 95 % coverage interval of every
             component, with all sources together, are stable for every trajectory and estimator (:mod:`uq.adaptive`).
         digits: significant digits of the standard uncertainties that are to be stable, if adaptive.
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
-        batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
+        batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere, 1000 if collapsed.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
 
     Raises:
         ExperimentError: no trials, no such trajectory or estimator, nothing to estimate from, a goal that cannot be,
-            or a checkpoint that is damaged or of another campaign.
+            sources that ``sampling`` cannot draw, or a checkpoint that is damaged or of another campaign.
     """
     trials = (MOST_TRIALS if adaptive else TRIALS) if trials is None else trials
     goal = _goal(digits, tolerance, trials) if adaptive else None
@@ -96,12 +100,16 @@ def montecarlo(
         raise ExperimentError(f"unknown sampling '{sampling}': choose one of {', '.join(get_args(Sampling))}")
     if batch is not None and batch < 1:
         raise ExperimentError(f"batch of {batch}: ask for one or more")
-    if needs_samples(experiment.sources, experiment.mixing):
+    if sampling != "collapsed" and needs_samples(experiment.sources, experiment.mixing):
         sampling = "samples"
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
+    if sampling == "collapsed" and dtype != "float64":
+        raise ExperimentError(
+            "sums are drawn (collapsed) in float64 only: leave dtype at float64, with JAX's float64 on"
+        )
     devices = list(devices or jax.devices())
-    batch = batch or (1 if devices[0].platform == "cpu" else 64)
+    batch = batch or (COLLAPSED_BATCH if sampling == "collapsed" else _batch_on(devices[0]))
     chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
@@ -219,6 +227,10 @@ def _identity(
     }
 
 
+def _batch_on(device: jax.Device) -> int:
+    return 1 if device.platform == "cpu" else 64
+
+
 def _names(given: str | Sequence[str] | None) -> list[str]:
     """Names without repeats."""
     return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
@@ -231,7 +243,7 @@ def prepare_setup(
     *,
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
-) -> Setup | SampledSetup:
+) -> AnySetup:
     """Return what :func:`uq.sampled.any_trial` needs for one trajectory of an experiment.
 
     Raises:

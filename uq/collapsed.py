@@ -17,15 +17,14 @@ from jaxtyping import Array, Float, Int, Key
 from identify.gram import Sums, normal_equations, solve_normal, with_offsets
 from identify.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from uq.distributions import Normal
+from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases
-from uq.gram_moments import covariance, gram_moments, mean, own_products, unpack
+from uq.gram_moments import GramMoments, covariance, gram_moments, mean, own_products, unpack
 from uq.measurement import cell_map
-from uq.sources import Mixing, Source, block_key, draw_constants
+from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
 from uq.trial import Case, Setup, TrialEstimates
 
-
-class CollapsedError(ValueError):
-    """Sources whose effect is not that of normal sums."""
+REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
 
 
 class CollapsedSetup(eqx.Module):
@@ -51,20 +50,20 @@ def collapse(setup: Setup) -> CollapsedSetup:
     """Return what collapsed trials need of a prepared run in float64.
 
     Raises:
-        CollapsedError: a source whose effect the sums' moments do not tell.
+        ExperimentError: a source whose effect the sums' moments do not tell.
     """
     white = [source for source in setup.sources if source.kind == "precision"]
     other = [source.name for source in white if not isinstance(source.shape, Normal)]
     if other or setup.whole or setup.columns.time or setup.columns.motion:
         what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
-        raise CollapsedError(f"the sums cannot be drawn, since {what}: draw samples instead")
+        raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
     gyro = [source for source in white if source.target == "omega"]
     if any(set(mix.names) & {source.name for source in gyro} for mix in setup.mixing):
-        raise CollapsedError("the sums cannot be drawn, since the gyro's noise is correlated: draw samples instead")
+        raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
     acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in setup.cases]
     variants = list(dict.fromkeys([(), *acting]))
     variances = [sum((jnp.asarray(s.sigma) ** 2 for s in gyro if s.name in names), jnp.zeros(3)) for names in variants]
-    means, roots = _moments(setup, jnp.stack(variances))
+    means, roots = _means_and_roots(gram_moments(setup), jnp.stack(variances))
     return CollapsedSetup(
         setup.body.r_cg_from_q, setup.sources, setup.mixing, setup.cases, means, roots,
         np.array([variants.index(names) for names in acting]),
@@ -72,13 +71,8 @@ def collapse(setup: Setup) -> CollapsedSetup:
     )  # fmt: skip
 
 
-def _moments(setup: Setup, variances: Array) -> tuple[Array, Array]:
-    moments = gram_moments(setup)
-    return _mean_and_root(moments, variances)
-
-
 @eqx.filter_jit
-def _mean_and_root(moments, variances):
+def _means_and_roots(moments: GramMoments, variances: Array) -> tuple[Array, Array]:
     def of_variant(variance):
         matrix = covariance(moments, variance)
         scale = jnp.sqrt(jnp.diag(matrix))
@@ -116,12 +110,12 @@ def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array
     gyro = [source for source in setup.sources if source.kind == "precision" and source.target == "omega"]
     sums = setup.mean
     if gyro:
-        z = jax.random.normal(block_key(gyro[0], key, index, 0), setup.mean.shape[1:])
+        z = jax.random.normal(block_key(stream_number(gyro[0].name), key, index, 0), setup.mean.shape[1:])
         sums = sums + setup.root @ z
     cell = [source for source in setup.sources if source.kind == "precision" and source.target in ("F", "M")]
     noise = jnp.zeros((setup.estimators, 6))
     if cell:
-        noise = jax.random.normal(block_key(cell[0], key, index, 0), noise.shape)
+        noise = jax.random.normal(block_key(stream_number(cell[0].name), key, index, 0), noise.shape)
     found = [_estimates(setup, sums[setup.variant], k, noise[k], errors) for k in range(setup.estimators)]
     return TrialEstimates(jnp.stack([e.inertia for e in found]), jnp.stack([e.ok for e in found]))
 

@@ -159,7 +159,7 @@ def _visit(signals: Array, valid: Array, responses: Array, chunk: int) -> GramMo
     alphas = responses @ responses.T
     correlated = _assemble(estimators, dict(zip(needed, products, strict=True)), alphas)
     omega, of_estimators, wrench = jnp.split(signals * valid[None], [3, 3 + 3 * estimators])
-    phi = jnp.concatenate([features(omega, of_estimators)[:SHARED] * valid[None], of_estimators])
+    phi = jnp.concatenate([features(omega, omega)[:SHARED] * valid[None], of_estimators])
     return GramMoments(pack(sums_of(phi, wrench[:3], wrench[3:])), totals, correlated, alphas)
 
 

@@ -20,8 +20,9 @@ from identify.gram import Sums, solve, sums_of
 from identify.inertia import Body
 from identify.regressor import features
 from identify.trajectory import Motion
-from uq.collapsed import CollapsedSetup, collapsed_trial
+from uq.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trial
 from uq.coloured import draw_coloured
+from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import Columns, Platform, gyro_map
 from uq.sources import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants
@@ -53,6 +54,9 @@ class SampledSetup(eqx.Module):
         return (len(self.t) - 1) / (self.t[-1] - self.t[0])
 
 
+AnySetup = Setup | SampledSetup | CollapsedSetup
+
+
 class Record(NamedTuple):
     """What the sensors say, component first."""
 
@@ -81,16 +85,21 @@ def prepare_any(
     mixing: Sequence[Mixing] = (),
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
-) -> Setup | SampledSetup:
-    """Return what a trial needs: sums where they tell all that the sources do, else every sample."""
+) -> AnySetup:
+    """Return what a trial needs: sums where they tell all that the sources do, else every sample.
+
+    Raises:
+        ExperimentError: the sums are to be drawn, and their moments do not tell what the sources do.
+    """
+    if sampling == "collapsed" and needs_samples(sources, mixing):
+        raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
     if needs_samples(sources, mixing):
         return prepare_samples(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype)
-    return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
+    setup = prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
+    return collapse(setup) if sampling == "collapsed" else setup
 
 
-def any_trial(
-    setup: Setup | SampledSetup | CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]
-) -> TrialEstimates:
+def any_trial(setup: AnySetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
     """Run one trial; see :func:`uq.trial.trial`."""
     if isinstance(setup, CollapsedSetup):
         return collapsed_trial(setup, key, index)

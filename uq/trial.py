@@ -9,6 +9,8 @@ White normal noise of the load cell enters through sums that are linear in it, s
 sums are normal with a known covariance. ``sampling="conditioned"`` draws them from it; ``"samples"`` draws the noise of
 every sample. Both have the same distribution. Noise of other distributions is always drawn sample by sample.
 
+``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.collapsed`.
+
 Sources that no sums can tell (delay, saturation, quantisation, coloured noise) need every sample: :mod:`uq.sampled`.
 """
 
@@ -31,7 +33,7 @@ from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import OF_THE_GYRO, Columns, Platform, element_map, noisy_elements, true_elements
 from uq.sources import BLOCK, Mixing, Source, draw_blocks, draw_constants, draw_sums
 
-Sampling = Literal["conditioned", "samples"]
+Sampling = Literal["conditioned", "samples", "collapsed"]
 
 SHARED = ALPHA.start
 """Features that all estimators share: all but alpha."""

@@ -31,6 +31,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
     )
     parser.add_argument(
+        "--collapsed", action="store_true", help="draw sums over samples instead of samples: much faster, nearly exact"
+    )
+    parser.add_argument(
         "--adaptive", action="store_true", help="run until mean, uncertainty and 95 %% interval are stable"
     )
     parser.add_argument(
@@ -87,6 +90,7 @@ def _campaign(
             trajectories=arguments.trajectory,
             estimators=arguments.estimator,
             dtype=arguments.dtype,
+            sampling="collapsed" if arguments.collapsed else "conditioned",
             checkpoint=checkpoint,
             progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
             **goal,
