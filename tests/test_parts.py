@@ -266,3 +266,15 @@ def test_a_clock_of_its_own_is_brought_to_the_log(generator):
     bare = channel(np.zeros_like(stamp), log, None)
     (found, _), _ = instants((channel(stamp, log), bare), None)
     assert np.abs(found - 10**18 - stamp * (1 + 40e-6)).max() < 20_000
+
+
+def test_the_declared_clock_is_taken_whatever_it_says(short, tmp_path, marked):
+    """Stamps that run backwards: the log's times without the key, a refusal with it."""
+    signals = marked[1]
+    wild = signals.t.copy()
+    wild[4000:] -= 0.1
+    path = write(
+        tmp_path / "wild.mcap", Signals(wild, signals.force, signals.moment, signals.omega, signals.specific_force)
+    )
+    with pytest.raises(RunError, match=r"time of the wrench in wild\.mcap runs backwards at sample 4000"):
+        identify_files([path], declare(short, time="header"))
