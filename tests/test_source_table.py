@@ -14,6 +14,7 @@ from identify.identification import identify
 from uq.campaign import montecarlo
 from uq.document import ExperimentError
 from uq.experiment import Experiment
+from uq.report import write as write_report
 from uq.simulation import simulate
 from uq.sources import CONSTANT, FIXED, NOISE, SIGNALS
 
@@ -172,7 +173,7 @@ def many():
     return Experiment.load(EXAMPLES / "many-errors.toml")
 
 
-def test_the_example_has_every_kind_of_source_and_runs(many):
+def test_the_example_has_every_kind_of_source_and_runs(many, tmp_path):
     assert {s.kind for s in many.sources} >= {kind for _, kind in CONSTANT} | {*NOISE, *FIXED}
     assert {s.target for s in many.sources} == {target for target, _ in CONSTANT}
     result = montecarlo(many, trials=2, estimators="smoothed")
@@ -180,6 +181,7 @@ def test_the_example_has_every_kind_of_source_and_runs(many):
     provenance = result.to_dict()["provenance"]
     assert provenance["experiment"] == many.document
     json.dumps(provenance, allow_nan=False)
+    write_report(result, tmp_path / "out")  # also from another folder than that of the file of samples
     run = simulate(many).run
     steps = np.asarray(run.force) / [0.05, 0.05, 0.1]
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)

@@ -100,13 +100,12 @@ class Experiment:
             ExperimentError: as for :meth:`load`, or a name that is no folder's.
             OSError: the file cannot be read.
         """
-        document = _read(source)
+        document, folder = _read(source), Path(source).parent
         bodies = _bodies(document)
         for name in bodies:
             if not BODY_NAME.fullmatch(name):
                 raise ExperimentError(f"[body.{name}] in {source}: write a name of letters, digits, _ and -")
         try:
-            folder = Path(source).parent
             return {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()} or {
                 "": cls.from_dict(document, folder)
             }
