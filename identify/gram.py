@@ -98,11 +98,30 @@ def solve(sums: Sums, r_cg: Float[Array, "3"]) -> Estimate:
 
     Never raises, also inside a batch: what cannot be solved is NaN and ``ok`` is False.
     """
-    matrix, right = normal_equations(sums, r_cg)
-    lower = jnp.linalg.cholesky(matrix)
-    identity = jnp.eye(6, dtype=matrix.dtype)
-    solved = jax.scipy.linalg.cho_solve((lower, True), jnp.concatenate([identity, right[:, None]], axis=1))
-    inverse, inertia = solved[:, :6], solved[:, 6]
+    return solve_normal(*normal_equations(sums, r_cg))
+
+
+def solve_normal(matrix: Float[Array, "6 6"], right: Float[Array, "6"]) -> Estimate:
+    """Return the tensor from its normal equations; what cannot be solved is NaN and ``ok`` is False."""
+    inverse, inertia = _inverse_and_solution(matrix, right)
     condition = jnp.linalg.norm(matrix) * jnp.linalg.norm(inverse)
     ok = jnp.all(jnp.isfinite(inertia)) & (condition < CONDITION_LIMIT)
     return Estimate(jnp.where(ok, inertia, jnp.nan), condition, ok)
+
+
+@jax.custom_jvp
+def _inverse_and_solution(
+    matrix: Float[Array, "6 6"], right: Float[Array, "6"]
+) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
+    lower = jnp.linalg.cholesky(matrix)
+    identity = jnp.eye(6, dtype=matrix.dtype)
+    solved = jax.scipy.linalg.cho_solve((lower, True), jnp.concatenate([identity, right[:, None]], axis=1))
+    return solved[:, :6], solved[:, 6]
+
+
+@_inverse_and_solution.defjvp
+def _of_changes(primals, tangents):
+    """Derivatives of every order are products of the solution's own parts, cheaper than those of the factorisation."""
+    inverse, inertia = _inverse_and_solution(*primals)
+    matrix, right = tangents
+    return (inverse, inertia), (-inverse @ matrix @ inverse, inverse @ (right - matrix @ inertia))
