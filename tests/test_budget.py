@@ -106,11 +106,11 @@ def test_standard_errors_cover_the_closed_form(linear, closed):
 
 
 @pytest.mark.study
-def test_standard_errors_cover_the_closed_form_at_1000_pairs(short, closed):
-    experiment = only(short, *LINEAR)
-    twins, errors = run(experiment, 200_000)
-    found = coverage(errors, twins, closed, 1000)
-    print("coverage of 200 budgets of 1,000 pairs:", found)
+def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(short, closed):
+    """200 budgets of 200 pairs."""
+    twins, errors = run(only(short, *LINEAR), 40_000)
+    found = coverage(errors, twins, closed, 200)
+    print("coverage of 200 budgets of 200 pairs:", found)
     assert 0.90 <= found <= 0.99
 
 
@@ -321,6 +321,7 @@ def test_the_command_adds_the_budget_to_the_report(tmp_path, capsys):
     changed = document()
     changed["trajectory"] = {"T1": changed["trajectory"]["T1"]}
     changed["source"] = [s for s in changed["source"] if s["name"] in ("M_bias", "r_cg")]
+    changed["estimator"], changed["recording"] = changed["estimator"][:1], {}
     file = tmp_path / "experiment.toml"
     file.write_text(toml(changed), "utf-8")
     out = tmp_path / "out"
