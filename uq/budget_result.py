@@ -164,6 +164,8 @@ class BudgetResult:
     trials: int
     """Pairs of trials."""
     seed: int
+    choices: int
+    """Choices of one draw or the other that each pair is solved with."""
     budgets: Mapping[str, Mapping[str, SourceBudget]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
@@ -191,6 +193,7 @@ class BudgetResult:
         return {
             "trials": self.trials,
             "seed": self.seed,
+            "choices": self.choices,
             "figures": list(self.figures()),
             "failed_trials": {f"{t}, {e}": self[t, e].failed for t, e in self.pairs()},
             "warnings": list(self.warnings),
@@ -226,8 +229,7 @@ class BudgetResult:
         return [b.tensor_rows(), b.component_rows(), b.mean_rows()]
 
     def _title(self) -> str:
-        d = len(self[self.pairs()[0]].sources.players)
-        return f"Budget, {self.trials:,} pairs of trials × {2**d} choices of sources, seed {self.seed}"
+        return f"Budget, {self.trials:,} pairs of trials × {self.choices} choices of draws, seed {self.seed}"
 
     def __repr__(self) -> str:
         lines = [self._title()]

@@ -23,6 +23,14 @@ class Indices(NamedTuple):
         """Sum over the players: by output, and of all outputs together."""
         return self.value.sum(0), float(self.generalised.sum())
 
+    def widened(self, variance: np.ndarray, generalised: np.ndarray) -> "Indices":
+        """Return the same with these variances added to those of the standard errors."""
+        error = np.sqrt(self.standard_error**2 + variance)
+        return self._replace(
+            standard_error=error,
+            generalised_standard_error=np.sqrt(self.generalised_standard_error**2 + generalised),
+        )
+
 
 def shares(effects: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> Indices:
     """Return the shares that trials with unbiased estimates of effects and variance give.

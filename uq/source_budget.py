@@ -2,7 +2,7 @@
 
 Every source is drawn twice, under its own name and under a twin's, and each pair of trials is solved with every choice
 of one or the other. Two choices that differ by swapping some sources say what variance these sources cause
-(:mod:`uq.subsets`); as the sources' draws are shared by all choices, only the gyro's cost anything, twice. The engine
+(:mod:`uq.designs`); as the sources' draws are shared by all choices, only the gyro's cost anything, twice. The engine
 of the Monte Carlo does it all: the sources, and the cases in which they act, are its inputs.
 """
 
@@ -16,13 +16,14 @@ import numpy as np
 from identify.precision import check_precision
 from uq.budget_result import BudgetResult, Effects, MeanSquare, SourceBudget
 from uq.campaign import Progress, Statistics, prepare_setup, run_trials
+from uq.designs import Design, PairEffects, walk_variance
 from uq.experiment import Experiment, ExperimentError
 from uq.indices import mean, plain_variance, ratio, shares
 from uq.provenance import provenance
-from uq.sources import Source
-from uq.subsets import MOST_PLAYERS, effects_of_swaps, walsh
-from uq.trial import Case, Setup, cases_of
+from uq.sampled import SampledSetup
+from uq.trial import Case, Setup
 
+AnySetup = Setup | SampledSetup
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 """How often each packed component stands in the tensor: the sum of the variances of its nine entries, the trace of
 their covariance, does not hang on the body frame's axes."""
@@ -47,7 +48,8 @@ def budget(
     source or group makes alone. Each figure has its standard error.
 
     Args:
-        experiment: body, platform, trajectories, sources, estimators; at most ten sources.
+        experiment: body, platform, trajectories, sources, estimators. Sources that are correlated count as one. With
+            more than ten, Shapley shares come from random walks over the choices, whose scatter is in their errors.
         trials: pairs of trials, at least 2.
         seed: seed of every draw.
         trajectories: name or names of the trajectories; None for all.
@@ -58,14 +60,12 @@ def budget(
         progress: called after each stretch of pairs.
 
     Raises:
-        ExperimentError: too few trials, no source or too many, no such trajectory or estimator.
+        ExperimentError: too few trials, no source, no such trajectory or estimator.
     """
     if trials < 2:
         raise ExperimentError(f"{trials} trials of a budget: ask for two or more")
-    if not 0 < len(experiment.sources) <= MOST_PLAYERS:
-        raise ExperimentError(
-            f"{len(experiment.sources)} error sources in the experiment: a budget takes one to {MOST_PLAYERS}"
-        )
+    if not any(source.smooth for source in experiment.sources):
+        raise ExperimentError("no [[source]] in the experiment from which anything is drawn: add one")
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
     devices = list(devices or jax.devices())
@@ -76,13 +76,13 @@ def budget(
     budgets: dict[str, dict[str, SourceBudget]] = {}
     for name in _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
-        setup = twinned(prepare_setup(experiment, spec, chosen, dtype=dtype))
+        twins = twinned(prepare_setup(experiment, spec, chosen, dtype=dtype))
         report = None if progress is None else lambda done, asked, name=name: progress(f"{name} budget", done, asked)
-        estimates = run_trials(setup, trials, seed, devices, batch, report)
+        estimates = run_trials(twins.setup, trials, seed, devices, batch, report)
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
-        budgets[name] = {e.name: budget_of(experiment.sources, errors[:, k]) for k, e in enumerate(chosen)}
+        budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, batch=batch)
-    return BudgetResult(trials, seed, budgets, tuple(warned), record)
+    return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warned), record)
 
 
 def _names(given: str | Sequence[str] | None) -> list[str]:
@@ -90,62 +90,100 @@ def _names(given: str | Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 
-def twinned(setup: Setup) -> Setup:
-    """Return the set-up with every source twice: cases of none, each group and each source alone, then every choice.
-
-    The last 2^d cases choose a source or its twin: case ``w`` of them has the sources ``w`` from the first draws and
-    the twins of the others. The first draws are those of the Monte Carlo's trials.
-    """
-    names = [source.name for source in setup.sources]
-    mark = "′"
-    while any(name + mark in names for name in names):
-        mark += "′"
-    twins = tuple(replace(source, name=source.name + mark) for source in setup.sources)
-    choices = tuple(
-        Case(f"choice:{w}", frozenset(name if w >> k & 1 else name + mark for k, name in enumerate(names)))
-        for w in range(2 ** len(names))
-    )
-    alone = (Case("none", frozenset()), *cases_of(setup.sources)[1:])
-    return replace(setup, sources=(*setup.sources, *twins), cases=(*alone, *choices))
-
-
-class _Player(NamedTuple):
-    """Sources that count together."""
+class Player(NamedTuple):
+    """Sources that count together: one, those correlated with it, or a group."""
 
     name: str
-    sources: int
-    """Which, as a subset's number."""
+    sources: frozenset[str]
+    draws: int
+    """Which of the independent draws are theirs, as a subset's number; saturation and quantisation draw nothing."""
 
 
-def budget_of(sources: Sequence[Source], errors: np.ndarray) -> SourceBudget:
-    """Return the budget that errors of all cases of :func:`twinned` give.
+class Twinned(NamedTuple):
+    """A set-up with every source twice."""
+
+    setup: AnySetup
+    """Its cases are none, each group's player alone, each source's alone, then the choices of one draw or the other."""
+    sources: tuple[Player, ...]
+    groups: tuple[Player, ...]
+    design: Design
+
+
+def twinned(setup: AnySetup) -> Twinned:
+    """Return the set-up with a twin of every source, and the cases that a budget needs.
+
+    A choice has the sources of some draws from the first draws, which are those of the Monte Carlo's trials, and the
+    twins of the others.
+    """
+    mark = "′"
+    while any(s.name + mark in {other.name for other in setup.sources} for s in setup.sources):
+        mark += "′"
+    draws = _independent(setup)
+    sources = _players({s.name: s.name for s in setup.sources}, setup, draws)
+    groups = _players({s.name: s.group for s in setup.sources}, setup, draws)
+    design = Design.of(len(draws), [[p.draws for p in sources], [p.draws for p in groups]])
+    alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *sources))]
+    fixed = {source.name for source in setup.sources if not source.smooth}
+
+    def choice(w: int) -> Case:
+        own = [n if w >> k & 1 else n + mark for k, names in enumerate(draws) for n in names]
+        return Case(f"choice:{w}", frozenset([*fixed, *own]))
+
+    doubled = replace(
+        setup,
+        sources=(*setup.sources, *(replace(s, name=s.name + mark) for s in setup.sources)),
+        mixing=(*setup.mixing, *(replace(m, names=tuple(n + mark for n in m.names)) for m in setup.mixing)),
+        cases=(*alone, *map(choice, design.choices)),
+    )
+    return Twinned(doubled, sources, groups, design)
+
+
+def _independent(setup: AnySetup) -> list[frozenset[str]]:
+    """The sources that are drawn, each with those that are correlated with it."""
+    joint = {name: frozenset(mix.names) for mix in setup.mixing for name in mix.names}
+    return list(dict.fromkeys(joint.get(s.name, frozenset([s.name])) for s in setup.sources if s.smooth))
+
+
+def _players(label: Mapping[str, str], setup: AnySetup, draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:
+    """The sources of one label, joined with those of another where correlation joins them."""
+    sets = [frozenset([s.name for s in setup.sources if label[s.name] == one]) for one in dict.fromkeys(label.values())]
+    for names in draws:
+        joined = frozenset().union(*(one for one in sets if one & names))
+        sets = list(dict.fromkeys(joined if one & names else one for one in sets))
+    found = []
+    for names in sets:
+        name = " + ".join(dict.fromkeys(label[s.name] for s in setup.sources if s.name in names))
+        found.append(Player(name, names, sum(1 << k for k, own in enumerate(draws) if own <= names)))
+    return tuple(found)
+
+
+def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
+    """Return the budget that the errors of all cases give.
 
     Args:
-        sources: the experiment's.
-        errors: estimate minus truth, (trials, cases, 6) [kg·m²]; trials with a NaN are left out.
+        twins: the set-up whose cases they are.
+        errors: estimate minus truth, (pairs, cases, 6) [kg·m²]; pairs with a NaN are left out.
     """
-    d = len(sources)
     good = errors[np.isfinite(errors).all(axis=(1, 2))]
-    none, alone, choices = good[:, 0], good[:, 1 : -(2**d)], good[:, -(2**d) :]
-    groups = dict.fromkeys(source.group for source in sources)
-    of_groups = [_Player(g, sum(1 << k for k, s in enumerate(sources) if s.group == g)) for g in groups]
-    of_sources = [_Player(source.name, 1 << k) for k, source in enumerate(sources)]
-    squares = (walsh(d) @ choices) ** 2
-    variance = (effects_of_swaps([], d) @ squares)[:, 0]
+    size, g = len(twins.design.choices), len(twins.groups)
+    none, alone, choices = good[:, 0], good[:, 1:-size], good[:, -size:]
+    of_sources, of_groups = (twins.design.effects(choices, game) for game in (0, 1))
     return SourceBudget(
-        _effects(of_sources, squares, variance, alone[:, len(groups) :]),
-        _effects(of_groups, squares, variance, alone[:, : len(groups)]),
+        _effects(twins.sources, of_sources, alone[:, g:]),
+        _effects(twins.groups, of_groups, alone[:, :g]),
         none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
-        _mean_square(choices.mean(1), variance),
-        *ratio(variance, plain_variance(choices)),
+        _mean_square(choices.mean(1), of_sources.variance),
+        *ratio(of_sources.variance, plain_variance(choices)),
         len(errors) - len(good),
     )
 
 
-def _effects(players: Sequence[_Player], squares: np.ndarray, variance: np.ndarray, alone: np.ndarray) -> Effects:
-    k, d = len(players), squares.shape[1].bit_length() - 1
-    effects = effects_of_swaps([player.sources for player in players], d) @ squares
-    first, total, shapley = (shares(effects[:, i * k : (i + 1) * k], variance, WEIGHTS) for i in range(3))
+def _effects(players: Sequence[Player], found: PairEffects, alone: np.ndarray) -> Effects:
+    first, total, shapley = (shares(e, found.variance, WEIGHTS) for e in (found.first, found.total, found.shapley))
+    if found.walks is not None:
+        of_walks = walk_variance(found.walks, found.variance)
+        whole = walk_variance((found.walks @ WEIGHTS)[..., None], (found.variance @ WEIGHTS)[:, None])[:, 0]
+        shapley = shapley.widened(of_walks, whole)
     statistics: Mapping[str, Statistics] = {p.name: Statistics.of(alone[:, i]) for i, p in enumerate(players)}
     return Effects(tuple(player.name for player in players), first, total, shapley, statistics)
 
