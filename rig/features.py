@@ -115,7 +115,8 @@ def _on_grid(stamp: NDArray[np.int64], values: Array, grid: Array) -> Array:
     return np.stack([np.interp(grid, time, column) for column in smooth], axis=1)
 
 
-RECALL = 5.0  # seconds after which the accelerometer has the say on where gravity is
+RECALL = 20.0  # seconds after which the accelerometer has the say on where gravity is
+LARGEST_BIAS = 0.02  # rad/s of mean angular velocity that is taken for the gyro's bias
 
 
 def carried_gravity(step: float, omega: Array, specific: Array) -> Array:
@@ -126,6 +127,8 @@ def carried_gravity(step: float, omega: Array, specific: Array) -> Array:
     size = float(np.median(np.linalg.norm(specific, axis=1)))
     g = specific[: max(1, round(0.5 / step))].mean(axis=0).tolist()
     found = np.empty_like(specific)
+    drift = omega.mean(axis=0)
+    omega = omega - drift if float(np.linalg.norm(drift)) < LARGEST_BIAS else omega
     share = step / RECALL
     for i, ((p, q, r), (fx, fy, fz)) in enumerate(zip(omega.tolist(), specific.tolist(), strict=True)):
         x, y, z = g
