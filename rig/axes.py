@@ -1,6 +1,6 @@
 """Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -71,18 +71,26 @@ def scales(features: Features, *, weight: bool) -> Scales:
     """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
     tried = [one.applied(features) for one in hypotheses()]
     force = min(mechanics.variance_left(one, FORCE_TERMS, FORCE) for one in tried)
-    moment = min(mechanics.variance_left(one, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for one in tried)
     mean = float(np.linalg.norm(features.mean(FORCE)))
-    if not weight:
-        return Scales(force, moment, np.inf, np.inf)
     mass = mean / max(float(np.linalg.norm(features.mean(SPECIFIC))), 1e-9)
-    return Scales(force, moment, max(OFFSET * mean, features.noise[0] / 2), LARGEST_LEVER * mass)
+    priors = (max(OFFSET * mean, features.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
+    given = Scales(force, np.inf, *priors)
+    quiet = [_fitted(one, given)[1] for one in tried]
+    return replace(given, moment=min(mechanics.variance_left(one, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for one in quiet))
+
+
+def _fitted(features: Features, given: Scales) -> tuple[mechanics.Fit, Features]:
+    """The force's fit, and the features with the fitted force for the measured one, whose noise would mislead."""
+    fit = mechanics.solve(features, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
+    change = np.eye(len(features.gram))
+    change[FORCE] = np.einsum("p,pij->ij", fit.values, FORCE_TERMS)
+    return fit, replace(features, gram=change @ features.gram @ change.T)
 
 
 def chi_square(features: Features, given: Scales, *, admissible: bool = True) -> float:
     """How badly both equations fit; ``admissible``: with what mass and moments of inertia below zero cost."""
-    force = mechanics.solve(features, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
-    moment = mechanics.solve(features, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=given.moment)
+    force, quiet = _fitted(features, given)
+    moment = mechanics.solve(quiet, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=given.moment)
     total = force.misfit + moment.misfit
     if not admissible:
         return total

@@ -26,8 +26,7 @@ LEAST_GRAVITY = 2.0  # m/s² of mean specific force: in flight, or without accel
 TURNED = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
 LEAST_SHIFT = 3e-3  # metres
 SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
-UNEXPLAINED = 0.15  # of the moment's changes, and three times white noise: more is no rigid body
-WHITE = 0.014  # variance of white noise at 400 Hz after the filter
+UNEXPLAINED = 0.15  # of the changes, or three times white noise: more left over is no rigid body
 ZERO_LEVER = 5e-3  # metres: times the weight, the moment that may be the load cell's zero
 
 
@@ -92,8 +91,10 @@ class _Case:
         """All findings, the gravest first."""
         weight = weigh(self.sums, self.known.mass)
         given = scales(self.sums, weight=self.known.weighed and not weight.missing)
-        yield from self._axes(best_axes(self.sums, given))
-        if not self.known.weighed:
+        force, moment = self._explained(FORCE, given.force), self._explained(MOMENT, given.moment)
+        if force or moment:
+            yield from self._axes(best_axes(self.sums, given))
+        if not self.known.weighed or not (force and moment):
             return
         if weight.missing:
             yield Finding("weight", self.wrench, f"{weight.reason}: {weight.cure(self.sums, given, self._body())}")
@@ -101,15 +102,14 @@ class _Case:
         yield from self._units(weight)
         yield from self._partly_missing(weight, given)
         given = scales(self.sums, weight=True)
-        if self._explained(given):
-            yield from self._turned(given)
-            yield from self._point()
+        yield from self._turned(given)
+        yield from self._point()
 
-    def _explained(self, given: Scales) -> bool:
-        """Whether some rigid body explains the moment: where hands are on it, fine points are not judged."""
-        white = self.sums.noise[1] ** 2 * WHITE
-        changes = float(np.trace(self.sums.covariance(MOMENT))) / 3
-        return given.moment < max(9 * white, UNEXPLAINED**2 * changes)
+    def _explained(self, part: slice, left: float) -> bool:
+        """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
+        white = self.sums.noise[part.start // 3] ** 2 * self.sums.white
+        changes = float(np.trace(self.sums.covariance(part))) / 3
+        return left < max(9 * white, UNEXPLAINED**2 * changes)
 
     # Axes and signs
 
@@ -166,7 +166,7 @@ class _Case:
         return matrix if before is None else matrix @ before
 
     def _guilty(self, before: Features, matrix: Array) -> str:
-        """Which of the two is turned against the body, by the declared centre of gravity; '' where that does not tell."""
+        """Which of the two is turned against the body, by the declared centre of gravity; '' where it does not tell."""
         if self.known.r_cg is None:
             return ""
         as_wrench, as_imu = self._misplaced(before.turned(wrench=matrix)), self._misplaced(before.turned(imu=matrix.T))
@@ -193,7 +193,7 @@ class _Case:
             yield Finding(
                 "weight",
                 self.wrench,
-                f"the force changes as that of about {mass:.2g} kg, but {part:.0%} of its weight is missing throughout: "
+                f"the force changes as that of some {mass:.2g} kg, but {part:.0%} of its weight is missing throughout: "
                 f"{weight.cure(self.sums, given, self._body())}",
             )
 
@@ -283,6 +283,6 @@ class _Case:
             "point",
             self.wrench,
             f"force and moment put the centre of gravity {1e3 * np.linalg.norm(shift[certain]):.1f} mm from the "
-            f"declared one: moment taken at another point than Q? set wrench_point = [{where}] in [recording]{unknown}, "
-            "or correct body.r_cg_from_q",
+            f"declared one: moment taken at another point than Q? set wrench_point = [{where}] in [recording]"
+            f"{unknown}, or correct body.r_cg_from_q",
         )

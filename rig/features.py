@@ -29,12 +29,14 @@ class Features:
 
     The features: force [N], moment [N·m], specific force [m/s²], angular acceleration [rad/s²], the six products of the
     angular velocities [rad²/s²], gravity as the gyro carries it along [m/s²], one. ``noise``: standard deviation of
-    what the filter took off the force [N] and the moment [N·m].
+    what the filter took off the force [N] and the moment [N·m]; ``white``: what it leaves of
+    white noise's variance.
     """
 
     gram: Array
     instants: float
     noise: tuple[float, float] = (0.0, 0.0)
+    white: float = 0.0
 
     def mean(self, which: slice) -> Array:
         """The mean of some features."""
@@ -58,7 +60,7 @@ class Features:
         """The features with some of them multiplied."""
         change = np.ones(WIDTH)
         change[which] = factor
-        noise = tuple(size * change[part.start] for size, part in zip(self.noise, (FORCE, MOMENT), strict=True))
+        noise = self.noise[0] * change[FORCE.start], self.noise[1] * change[MOMENT.start]
         return replace(self, gram=self.gram * np.outer(change, change), noise=noise)
 
 
@@ -102,8 +104,9 @@ def features(wrench: WrenchChannel, imu: ImuChannel) -> Features | None:
     kept = [np.convolve(column, taps, mode="valid") for column, taps in zip(smooth.T, filters, strict=True)]
     rows = np.stack(kept, axis=1)[:: max(1, round(STEP / step))]
     rough = smooth[half : len(smooth) - half, :6] - np.stack(kept[:6], axis=1)
-    noise = tuple(float(np.sqrt((rough[:, part] ** 2).mean())) for part in (FORCE, MOMENT))
-    return Features(rows.T @ rows / len(rows), len(rows) * STEP / (2 * np.sqrt(np.pi) * SMOOTHING), noise)
+    noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
+    width = 2 * np.sqrt(np.pi) * SMOOTHING
+    return Features(rows.T @ rows / len(rows), len(rows) * STEP / width, noise, step / width)
 
 
 def _on_grid(stamp: NDArray[np.int64], values: Array, grid: Array) -> Array:

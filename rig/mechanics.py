@@ -122,7 +122,7 @@ def solve(features: Features, terms: Array, answer: slice, *, variance: float, p
 
 
 def variance_left(features: Features, terms: Array, answer: slice) -> float:
-    """Variance per component that a fit leaves [unit²], no less than one in a hundred of the signal's changes squared."""
+    """Variance per component that a fit leaves [unit²], at least ``LEAST_MISFIT`` of its changes, squared."""
     changes = float(np.trace(features.covariance(answer))) / 3
     left = solve(features, terms, answer, variance=1.0).misfit / (3 * features.instants)
     free = max(1 - len(terms) / (3 * features.instants), 0.1)

@@ -234,9 +234,12 @@ def gravity_shows(channel: ImuChannel) -> bool:
     return float(np.median(np.abs(magnitude - middle))) < STEADY * middle
 
 
+LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
+
+
 def _axes(channel: ImuChannel) -> Iterator[Finding]:
     """Gravity must turn as the gyro says: look for the axis order and signs under which it does."""
-    if not gravity_shows(channel):
+    if not gravity_shows(channel) or turns(channel)[0] < LEAST_TILT:
         return
     fits = [(likeness(channel, order, signs), order, signs) for order, signs in rotations()]
     as_is = next(fit for fit, order, signs in fits if order == (0, 1, 2) and signs == (1, 1, 1))

@@ -74,9 +74,10 @@ class Body:
 
 
 def _removed(sums: Features, given: Scales, body: Body) -> str:
-    """Whether the moment has the weight that the force has not: some turning with gravity that nothing else explains."""
+    """Whether the moment has the weight that the force has not: it turns with gravity as nothing else explains."""
     plain, weighed = (
-        mechanics.solve(sums, terms, MOMENT, variance=given.moment) for terms in (MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT)
+        mechanics.solve(sums, terms, MOMENT, variance=given.moment)
+        for terms in (MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT)
     )
     if plain.misfit - weighed.misfit > DECISIVE:
         return REMOVED_FROM_FORCE
@@ -108,7 +109,7 @@ def _reason(mass: float, whose: str) -> str:
 
 
 def _follows(sums: Features, mass: float) -> bool:
-    """Whether the force points as the specific force does, in some order of the axes: then it is a weight, if in another unit."""
+    """Whether the force points as the specific force does, in some order of the axes: a weight, if in another unit."""
     force, specific = sums.mean(FORCE), sums.mean(SPECIFIC)
     size = float(np.linalg.norm(force) * np.linalg.norm(specific))
     best = max(float(force @ one.matrix @ specific) for one in hypotheses()) / max(size, 1e-12)
@@ -121,7 +122,8 @@ def least_trace(sums: Features) -> float:
     tried = [one.applied(sums) for one in hypotheses()]
     left = [mechanics.variance_left(one, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for one in tried]
     best = tried[int(np.argmin(left))]
-    heaviest = float(np.linalg.norm(sums.mean(FORCE)) + 4 * sums.noise[0]) / max(np.linalg.norm(sums.mean(SPECIFIC)), 1.0)
+    gravity = max(float(np.linalg.norm(sums.mean(SPECIFIC))), 1.0)
+    heaviest = (float(np.linalg.norm(sums.mean(FORCE))) + 4 * sums.noise[0]) / gravity
     priors = np.concatenate([[LARGEST_ARM] * 3, [np.inf] * 9, [LARGEST_ARM * heaviest] * 3])
     fit = mechanics.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(left), priors=priors)
     spread = np.sqrt(max(float(fit.covariance[INERTIA_AT, INERTIA_AT][:3, :3].sum()), 0.0))
