@@ -1,6 +1,6 @@
 """Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -48,14 +48,15 @@ def hypotheses() -> list[Hypothesis]:
     return sorted(found, key=lambda one: one.cost)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scales:
-    """What chi-squares are measured in: variances left in force and moment, and the priors of offsets and lever."""
+    """The units of chi-square: variances left in force and moment, priors of offset and lever; terms of the moment."""
 
     force: float
     moment: float
     offset: float
     lever: float
+    terms: Array = field(default_factory=lambda: MOMENT_TERMS_WITH_WEIGHT)
 
     @property
     def priors(self) -> Array:
@@ -67,16 +68,16 @@ LARGEST_LEVER = 0.5  # metres between IMU and centre of gravity, as a standard d
 OFFSET = 0.1  # of the mean force that may be the load cell's zero, as a standard deviation
 
 
-def scales(features: Features, *, weight: bool) -> Scales:
+def scales(features: Features, *, weight: bool, terms: Array = MOMENT_TERMS_WITH_WEIGHT) -> Scales:
     """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
     tried = [one.applied(features) for one in hypotheses()]
     force = min(mechanics.variance_left(one, FORCE_TERMS, FORCE) for one in tried)
     mean = float(np.linalg.norm(features.mean(FORCE)))
     mass = mean / max(float(np.linalg.norm(features.mean(SPECIFIC))), 1e-9)
     priors = (max(OFFSET * mean, features.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
-    given = Scales(force, np.inf, *priors)
+    given = Scales(force, np.inf, *priors, terms)
     quiet = [_fitted(one, given)[1] for one in tried]
-    return replace(given, moment=min(mechanics.variance_left(one, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for one in quiet))
+    return replace(given, moment=min(mechanics.variance_left(one, terms, MOMENT) for one in quiet))
 
 
 def _fitted(features: Features, given: Scales) -> tuple[mechanics.Fit, Features]:
@@ -90,7 +91,7 @@ def _fitted(features: Features, given: Scales) -> tuple[mechanics.Fit, Features]
 def chi_square(features: Features, given: Scales, *, admissible: bool = True) -> float:
     """How badly both equations fit; ``admissible``: with what mass and moments of inertia below zero cost."""
     force, quiet = _fitted(features, given)
-    moment = mechanics.solve(quiet, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=given.moment)
+    moment = mechanics.solve(quiet, given.terms, MOMENT, variance=given.moment)
     total = force.misfit + moment.misfit
     if not admissible:
         return total

@@ -101,7 +101,7 @@ class _Case:
             return
         yield from self._units(weight)
         yield from self._partly_missing(weight, given)
-        given = scales(self.sums, weight=True)
+        given = scales(self.sums, weight=True, terms=mechanics.MOMENT_TERMS)
         yield from self._turned(given)
         yield from self._point()
 
@@ -109,7 +109,7 @@ class _Case:
         """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
         white = self.sums.noise[part.start // 3] ** 2 * self.sums.white
         changes = float(np.trace(self.sums.covariance(part))) / 3
-        return left < max(9 * white, UNEXPLAINED**2 * changes)
+        return bool(left < max(9 * white, UNEXPLAINED**2 * changes))
 
     # Axes and signs
 

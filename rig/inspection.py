@@ -70,15 +70,17 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
     """
     contents = bag.load(path)
     report = Inspection(os.fspath(path))
+    channels: list[WrenchChannel | ImuChannel] = []
     for topic, pieces in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if pieces.type_name == WRENCH else contents.imu(topic)
+        channels.append(channel)
         report.channels.append(_describe(channel, pieces.type_name))
         if len(channel.stamp) >= 10:
             report.findings += findings(channel)
         else:
             report.findings.append(Finding("short", topic, f"only {len(channel.stamp)} samples: record longer"))
     if judge is None:
-        report.findings = _without_echo([*report.findings, *_together(contents)])
+        report.findings = _without_echo([*report.findings, *_together(channels)])
     else:
         report.findings = [f for f in report.findings if f.kind not in ("unit", "axes")] + judge(os.fspath(path))
     report.findings += _end(contents.metadata)
@@ -86,12 +88,11 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
     return report
 
 
-def _together(contents: bag.Contents) -> list[Finding]:
+def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
     """What wrench and motion say of each other, where there is one of each."""
-    topics = {name: [t for t, pieces in contents.topics.items() if pieces.type_name == name] for name in (WRENCH, IMU)}
-    if any(len(found) != 1 for found in topics.values()):
-        return []
-    return detect(contents.wrench(topics[WRENCH][0]), contents.imu(topics[IMU][0]))
+    wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
+    imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
+    return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
 
 
 def _without_echo(found: list[Finding]) -> list[Finding]:

@@ -43,7 +43,7 @@ class Weight:
 
     def too_light(self, sums: Features) -> bool:
         """Whether a body of this mass and this tensor would be lighter than air."""
-        return self.density(sums) < AIR
+        return bool(self.density(sums) < AIR)
 
     def cure(self, sums: Features, given: Scales, body: "Body") -> str:
         """What was done to the force, as far as the run tells, and the line that undoes it."""
@@ -114,7 +114,7 @@ def _follows(sums: Features, mass: float) -> bool:
     size = float(np.linalg.norm(force) * np.linalg.norm(specific))
     best = max(float(force @ one.matrix @ specific) for one in hypotheses()) / max(size, 1e-12)
     changes = float(np.sqrt(np.trace(sums.covariance(FORCE)) / max(np.trace(sums.covariance(SPECIFIC)), 1e-12)))
-    return best > np.cos(np.radians(4)) and changes < 4 * mass
+    return bool(best > np.cos(np.radians(4)) and changes < 4 * mass)
 
 
 def least_trace(sums: Features) -> float:

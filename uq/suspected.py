@@ -13,12 +13,13 @@ from uq.experiment import Experiment
 NANOSECONDS = 1e9
 
 
-def suspected(run: Run, experiment: Experiment) -> list[Finding]:
+def suspected(run: Run, experiment: Experiment, *, undone: bool = False) -> list[Finding]:
     """Judge the longest whole stretch of a run that was read as the experiment declares.
 
     Args:
         run: wrench on the body about Q and motion, in B; without an accelerometer nothing is found.
         experiment: mass and centre of gravity, where stated, and what was declared already.
+        undone: whether weight that a driver took off was put back.
     """
     if run.specific_force is None:
         return []
@@ -28,12 +29,13 @@ def suspected(run: Run, experiment: Experiment) -> list[Finding]:
         return []
     wrench = WrenchChannel(run.name, "body", stamp, stamp, run.force[part], run.moment[part])
     imu = ImuChannel(run.name, "body", stamp, stamp, run.omega[part], run.specific_force[part])
-    return [*units(imu), *detect(wrench, imu, declaration(run, experiment))]
+    return [*units(imu), *detect(wrench, imu, declaration(run, experiment, undone=undone))]
 
 
-def declaration(run: Run, experiment: Experiment) -> Declared:
+def declaration(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
     """What the experiment says of the body and of how the run was recorded."""
     recording = experiment.recording
+    removed = recording.compensated in ("gravity", "gravity_from_force") and not undone
     return Declared(
         mass=experiment.mass,
         r_cg=np.asarray(experiment.r_cg_from_q),
@@ -42,13 +44,15 @@ def declaration(run: Run, experiment: Experiment) -> Declared:
         wrench_point=recording.wrench_point,
         wrench_rotation=recording.wrench_rotation_to_body,
         imu_rotation=recording.imu_rotation_to_body,
-        weighed=recording.zero != "loaded",
+        weighed=recording.zero != "loaded" and not removed,
     )
 
 
 def warned(run: Run, experiment: Experiment) -> tuple[str, ...]:
     """The findings as warnings of a result."""
-    return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in suspected(run, experiment))
+    return tuple(
+        f"suspicious {replace(finding, topic=run.name)}" for finding in suspected(run, experiment, undone=True)
+    )
 
 
 def _longest(run: Run) -> slice:
