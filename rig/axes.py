@@ -1,6 +1,6 @@
 """Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -48,14 +48,15 @@ def hypotheses() -> list[Hypothesis]:
     return sorted(found, key=lambda one: one.cost)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scales:
-    """What chi-squares are measured in: variances left in force and moment, and the priors of offsets and lever."""
+    """The units of chi-square: variances left in force and moment, priors of offset and lever; terms of the moment."""
 
     force: float
     moment: float
     offset: float
     lever: float
+    terms: Array = field(default_factory=lambda: MOMENT_TERMS_WITH_WEIGHT)
 
     @property
     def priors(self) -> Array:
@@ -67,22 +68,30 @@ LARGEST_LEVER = 0.5  # metres between IMU and centre of gravity, as a standard d
 OFFSET = 0.1  # of the mean force that may be the load cell's zero, as a standard deviation
 
 
-def scales(features: Features, *, weight: bool) -> Scales:
+def scales(features: Features, *, weight: bool, terms: Array = MOMENT_TERMS_WITH_WEIGHT) -> Scales:
     """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
     tried = [one.applied(features) for one in hypotheses()]
     force = min(mechanics.variance_left(one, FORCE_TERMS, FORCE) for one in tried)
-    moment = min(mechanics.variance_left(one, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for one in tried)
     mean = float(np.linalg.norm(features.mean(FORCE)))
-    if not weight:
-        return Scales(force, moment, np.inf, np.inf)
     mass = mean / max(float(np.linalg.norm(features.mean(SPECIFIC))), 1e-9)
-    return Scales(force, moment, max(OFFSET * mean, features.noise[0] / 2), LARGEST_LEVER * mass)
+    priors = (max(OFFSET * mean, features.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
+    given = Scales(force, np.inf, *priors, terms)
+    quiet = [_fitted(one, given)[1] for one in tried]
+    return replace(given, moment=min(mechanics.variance_left(one, terms, MOMENT) for one in quiet))
+
+
+def _fitted(features: Features, given: Scales) -> tuple[mechanics.Fit, Features]:
+    """The force's fit, and the features with the fitted force for the measured one, whose noise would mislead."""
+    fit = mechanics.solve(features, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
+    change = np.eye(len(features.gram))
+    change[FORCE] = np.einsum("p,pij->ij", fit.values, FORCE_TERMS)
+    return fit, replace(features, gram=change @ features.gram @ change.T)
 
 
 def chi_square(features: Features, given: Scales, *, admissible: bool = True) -> float:
     """How badly both equations fit; ``admissible``: with what mass and moments of inertia below zero cost."""
-    force = mechanics.solve(features, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
-    moment = mechanics.solve(features, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=given.moment)
+    force, quiet = _fitted(features, given)
+    moment = mechanics.solve(quiet, given.terms, MOMENT, variance=given.moment)
     total = force.misfit + moment.misfit
     if not admissible:
         return total

@@ -29,12 +29,14 @@ class Features:
 
     The features: force [N], moment [N·m], specific force [m/s²], angular acceleration [rad/s²], the six products of the
     angular velocities [rad²/s²], gravity as the gyro carries it along [m/s²], one. ``noise``: standard deviation of
-    what the filter took off the force [N] and the moment [N·m].
+    what the filter took off the force [N] and the moment [N·m]; ``white``: what it leaves of
+    white noise's variance.
     """
 
     gram: Array
     instants: float
     noise: tuple[float, float] = (0.0, 0.0)
+    white: float = 0.0
 
     def mean(self, which: slice) -> Array:
         """The mean of some features."""
@@ -58,7 +60,7 @@ class Features:
         """The features with some of them multiplied."""
         change = np.ones(WIDTH)
         change[which] = factor
-        noise = tuple(size * change[part.start] for size, part in zip(self.noise, (FORCE, MOMENT), strict=True))
+        noise = self.noise[0] * change[FORCE.start], self.noise[1] * change[MOMENT.start]
         return replace(self, gram=self.gram * np.outer(change, change), noise=noise)
 
 
@@ -102,8 +104,9 @@ def features(wrench: WrenchChannel, imu: ImuChannel) -> Features | None:
     kept = [np.convolve(column, taps, mode="valid") for column, taps in zip(smooth.T, filters, strict=True)]
     rows = np.stack(kept, axis=1)[:: max(1, round(STEP / step))]
     rough = smooth[half : len(smooth) - half, :6] - np.stack(kept[:6], axis=1)
-    noise = tuple(float(np.sqrt((rough[:, part] ** 2).mean())) for part in (FORCE, MOMENT))
-    return Features(rows.T @ rows / len(rows), len(rows) * STEP / (2 * np.sqrt(np.pi) * SMOOTHING), noise)
+    noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
+    width = 2 * np.sqrt(np.pi) * SMOOTHING
+    return Features(rows.T @ rows / len(rows), len(rows) * STEP / width, noise, step / width)
 
 
 def _on_grid(stamp: NDArray[np.int64], values: Array, grid: Array) -> Array:
@@ -115,7 +118,8 @@ def _on_grid(stamp: NDArray[np.int64], values: Array, grid: Array) -> Array:
     return np.stack([np.interp(grid, time, column) for column in smooth], axis=1)
 
 
-RECALL = 5.0  # seconds after which the accelerometer has the say on where gravity is
+RECALL = 20.0  # seconds after which the accelerometer has the say on where gravity is
+LARGEST_BIAS = 0.02  # rad/s of mean angular velocity that is taken for the gyro's bias
 
 
 def carried_gravity(step: float, omega: Array, specific: Array) -> Array:
@@ -126,6 +130,8 @@ def carried_gravity(step: float, omega: Array, specific: Array) -> Array:
     size = float(np.median(np.linalg.norm(specific, axis=1)))
     g = specific[: max(1, round(0.5 / step))].mean(axis=0).tolist()
     found = np.empty_like(specific)
+    drift = omega.mean(axis=0)
+    omega = omega - drift if float(np.linalg.norm(drift)) < LARGEST_BIAS else omega
     share = step / RECALL
     for i, ((p, q, r), (fx, fy, fz)) in enumerate(zip(omega.tolist(), specific.tolist(), strict=True)):
         x, y, z = g

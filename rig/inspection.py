@@ -5,13 +5,14 @@ The report of a whole file; the checks are in ``rig.suspicions``. A clean run gi
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from rig import bag
 from rig.channels import ImuChannel, WrenchChannel
+from rig.detective import detect
 from rig.schemas import IMU, WRENCH
 from rig.suspicions import Finding, findings, skew
 
@@ -53,8 +54,15 @@ class Inspection:
         return "\n".join(lines)
 
 
-def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """Look at every wrench and IMU topic of a run.
+Judge = Callable[[str], list[Finding]]
+
+
+def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Inspection:
+    """Look at every wrench and IMU topic of a run, each by itself, and at what one pair of them says together.
+
+    Args:
+        path: the run.
+        judge: who looks at units, signs and frames instead, knowing what was declared.
 
     Raises:
         RigError: the file is no MCAP, cut or damaged.
@@ -62,16 +70,35 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     """
     contents = bag.load(path)
     report = Inspection(os.fspath(path))
+    channels: list[WrenchChannel | ImuChannel] = []
     for topic, pieces in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if pieces.type_name == WRENCH else contents.imu(topic)
+        channels.append(channel)
         report.channels.append(_describe(channel, pieces.type_name))
         if len(channel.stamp) >= 10:
             report.findings += findings(channel)
         else:
             report.findings.append(Finding("short", topic, f"only {len(channel.stamp)} samples: record longer"))
+    if judge is None:
+        report.findings = _without_echo([*report.findings, *_together(channels)])
+    else:
+        report.findings = [f for f in report.findings if f.kind not in ("unit", "axes")] + judge(os.fspath(path))
     report.findings += _end(contents.metadata)
     _add_missing(contents, report)
     return report
+
+
+def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
+    """What wrench and motion say of each other, where there is one of each."""
+    wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
+    imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
+    return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
+
+
+def _without_echo(found: list[Finding]) -> list[Finding]:
+    """A mirrored IMU contradicts its own gyro, too: said once."""
+    mirrored = {finding.topic for finding in found if finding.kind == "mirror"}
+    return [finding for finding in found if finding.kind != "axes" or finding.topic not in mirrored]
 
 
 def _add_missing(contents: bag.Contents, report: Inspection) -> None:

@@ -122,7 +122,7 @@ def solve(features: Features, terms: Array, answer: slice, *, variance: float, p
 
 
 def variance_left(features: Features, terms: Array, answer: slice) -> float:
-    """Variance per component that a fit leaves [unit²], no less than one in a hundred of the signal's changes squared."""
+    """Variance per component that a fit leaves [unit²], at least ``LEAST_MISFIT`` of its changes, squared."""
     changes = float(np.trace(features.covariance(answer))) / 3
     left = solve(features, terms, answer, variance=1.0).misfit / (3 * features.instants)
     free = max(1 - len(terms) / (3 * features.instants), 0.1)
@@ -150,10 +150,14 @@ def negativity(fit: Fit, inertia: slice = INERTIA_AT) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """The centre of gravity from the point where the moment is taken, by r × F: r [m] and its covariance [m²]."""
+    """The centre of gravity from the point where the moment is taken, by r × F.
+
+    ``r`` [m], its covariance [m²], and the projector onto the directions along which it is not known.
+    """
 
     r: Array
     covariance: Array
+    blind: Array
 
 
 LEAST_SIGNAL = 0.5  # part of the force's changes that must be more than its noise, for a direction of r to count
@@ -187,7 +191,7 @@ def arm(features: Features, *, force: Array, moment: float, offset: float) -> Ar
     if known.any():
         directions = np.linalg.qr(scale @ axes[:, known])[0]
         blind = blind - directions @ directions.T
-    return Arm(r, covariance + blind)
+    return Arm(r, covariance + blind, blind)
 
 
 def force_noise(features: Features) -> Array:

@@ -46,7 +46,7 @@ def findings(channel: WrenchChannel | ImuChannel) -> Iterator[Finding]:
         yield from _held(channel.topic, name, values)
         yield from _saturated(channel.topic, name, values)
     if isinstance(channel, ImuChannel):
-        yield from _units(channel)
+        yield from units(channel)
         yield from _axes(channel)
 
 
@@ -159,43 +159,69 @@ def longest_run(flags: NDArray[np.bool_]) -> int:
     return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0
 
 
-def _units(channel: ImuChannel) -> Iterator[Finding]:
+def units(channel: ImuChannel) -> Iterator[Finding]:
+    """What seems to be in another unit than rad/s and m/s²."""
+    wrong = wrong_units(channel)
+    if "g" in wrong:
+        yield Finding(
+            "unit",
+            channel.topic,
+            f"acceleration is {wrong['g']:.3f} in the median: in g? it must be in m/s^2 (times {STANDARD_GRAVITY}): "
+            'set acceleration_unit = "g" in [recording]',
+        )
+    if "deg/s" in wrong:
+        yield Finding(
+            "unit",
+            channel.topic,
+            f"gravity turns {wrong['deg/s']:.0f} times less than the gyro says: in deg/s? it must be in rad/s: "
+            'set angular_velocity_unit = "deg/s" in [recording]',
+        )
+
+
+LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
+UNLIKE = 15.0  # times less turned than that; a lever arm or a filter makes two or three
+
+
+def wrong_units(channel: ImuChannel) -> dict[str, float]:
+    """The units that seem to be used instead, with the figure that tells: median acceleration, ratio of the turns."""
+    wrong = {}
     specific_force = float(np.nanmedian(np.linalg.norm(channel.linear_acceleration, axis=1)))
     if 0.8 < specific_force < 1.25:
-        yield Finding(
-            "unit",
-            channel.topic,
-            f"acceleration is {specific_force:.3f} in the median: in g? it must be in m/s^2 (times {STANDARD_GRAVITY})",
-        )
-    ratio = rate_ratio(channel) if gravity_shows(channel) else None
-    if ratio is not None and 40 < ratio < 80:
-        yield Finding(
-            "unit",
-            channel.topic,
-            f"gravity turns {ratio:.0f} times slower than the gyro says: in deg/s? it must be in rad/s",
-        )
+        wrong["g"] = specific_force
+    if gravity_shows(channel):
+        said, shown = turns(channel)
+        if said > LEAST_TURN and said > UNLIKE * shown:
+            wrong["deg/s"] = said / shown if shown > 0 else np.inf
+    return wrong
 
 
-def rate_ratio(channel: ImuChannel) -> float | None:
-    """Angular speed by the gyro over that by the turning of gravity in the body frame; 1 for a gyro in rad/s.
+WITHIN = 5.0  # seconds: slower turns may be a gyro's bias
 
-    Gravity fixed in space changes in the body frame by dg/dt = -omega × g. Both sides, integrated over windows, are
-    compared by least squares through the origin, with the specific force for g. None where the body turns too little.
+
+def turns(channel: ImuChannel) -> tuple[float, float]:
+    """By how much gravity turns in the body frame within five seconds [rad, rms]: as the gyro says; as it is seen.
+
+    Gravity fixed in space changes in the body frame by dg/dt = -ω × g.
     """
     time = (channel.stamp - channel.stamp[0]) * 1e-9
     g, omega = channel.linear_acceleration, channel.angular_velocity
     if len(time) < 100 or time[-1] <= 0:
-        return None
+        return 0.0, 0.0
+    size = max(float(np.median(np.linalg.norm(g, axis=1))), 1e-9)
     cross = -np.cross(omega, g)
     steps = np.diff(time)[:, None]
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (cross[1:] + cross[:-1]) * steps, axis=0)])
-    x, y = turned - turned.mean(axis=0), g - g.mean(axis=0)
-    power = float((x * x).sum())
-    projected = float((x * y).sum())
-    if power < 1e-12 or projected <= 0.0:
-        return None
-    likeness = projected / np.sqrt(power * float((y * y).sum()) + 1e-30)
-    return power / projected if likeness > 0.7 else None
+    width = min(len(time), max(1, round(WITHIN * len(time) / time[-1])))
+    said, seen = (float(np.sqrt(((x - _average(x, width)) ** 2).sum(axis=1).mean())) / size for x in (turned, g))
+    return said, seen
+
+
+def _average(x: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """The mean over ``width`` samples about each, over fewer at the ends."""
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(x, axis=0)])
+    low = np.maximum(np.arange(len(x)) - width // 2, 0)
+    high = np.minimum(np.arange(len(x)) + (width + 1) // 2, len(x))
+    return (total[high] - total[low]) / (high - low)[:, None]
 
 
 STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
@@ -208,9 +234,12 @@ def gravity_shows(channel: ImuChannel) -> bool:
     return float(np.median(np.abs(magnitude - middle))) < STEADY * middle
 
 
+LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
+
+
 def _axes(channel: ImuChannel) -> Iterator[Finding]:
     """Gravity must turn as the gyro says: look for the axis order and signs under which it does."""
-    if not gravity_shows(channel):
+    if not gravity_shows(channel) or turns(channel)[0] < LEAST_TILT:
         return
     fits = [(likeness(channel, order, signs), order, signs) for order, signs in rotations()]
     as_is = next(fit for fit, order, signs in fits if order == (0, 1, 2) and signs == (1, 1, 1))

@@ -25,6 +25,7 @@ from uq.motion import motion
 from uq.parts import Part, cut, on_clock
 from uq.provenance import provenance
 from uq.recording import Recording
+from uq.suspected import warned
 
 
 @dataclass(frozen=True)
@@ -195,10 +196,12 @@ def identify_files(
         offsets=experiment.recording.offsets,
         mass=experiment.mass,
     )
+    suspicious = [text for run in runs for text in warned(run, experiment)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
     inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
+        warnings=(*result.warnings, *suspicious),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**experiment.inputs(), inputs=inputs),
     )

@@ -2,15 +2,23 @@
 
 import argparse
 import json
+from collections.abc import Callable
 
 from rig.errors import RigError
+from rig.suspicions import Finding
 
-ERRORS = (RigError,)
+
+class MistakeError(Exception):
+    """A mistake in the experiment or in how it declares the run, in one line."""
+
+
+ERRORS = (RigError, MistakeError)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("run", nargs="+", help="recorded runs (MCAP)")
+    parser.add_argument("--experiment", metavar="E.toml", help="what the channels mean, mass, centre of gravity")
     parser.add_argument("--json", action="store_true", help="one line of JSON a run instead of text")
 
 
@@ -19,8 +27,35 @@ def run(arguments: argparse.Namespace) -> int:
     from rig.inspection import inspect
 
     suspicious = False
+    judge = None if arguments.experiment is None else _judge(arguments.experiment)
     for path in arguments.run:
-        report = inspect(path)
+        report = inspect(path, judge=judge)
         print(json.dumps(report.to_dict()) if arguments.json else report)
         suspicious = suspicious or bool(report.findings)
     return 1 if suspicious else 0
+
+
+def _judge(name: str) -> Callable[[str], list[Finding]]:
+    """Look at a run as its experiment declares it. Loads JAX, which plain ``inspect`` does without."""
+    from uq.commands import _common
+
+    _common.start_jax()
+    from identify.run import RunError
+    from uq.document import ExperimentError
+    from uq.experiment import Experiment
+    from uq.parts import cut
+    from uq.recorded import load
+    from uq.suspected import suspected
+
+    try:
+        experiment = Experiment.load(name)
+    except ExperimentError as error:
+        raise MistakeError(str(error)) from error
+
+    def judge(path: str) -> list[Finding]:
+        try:
+            return suspected(cut(load(path, experiment.recording, marks=False).run, None, ()), experiment)
+        except RunError as error:
+            raise MistakeError(str(error)) from error
+
+    return judge
