@@ -140,7 +140,6 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
     assert short.sources[4].name == "r_cg"
     found = identify(
         simulate(one, "T1", seed=0, trial=3).run,
-        offsets="none",
         r_cg=np.asarray(short.r_cg_from_q + r_cg_draw),
         estimator=one.estimators[0],
         offsets="none",

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 from source_lab import experiment, least_squares, simulated, source
 
-from uq import stretches
+from uq import batches
 from uq.campaign import montecarlo, platform_of, prepare_setup, true_motion
 from uq.errors import errors_of, errors_of_cases
 from uq.sampled import SampledSetup, any_trial, prepare_samples, sampled_trial, smooth_signals
@@ -288,10 +288,10 @@ def test_samples_in_float32_agree_and_numbers_do_not_compile_again():
     e = experiment(*NOISY, known("omega", "delay", "3 ms", {}), source("q", "F", "quantisation", step=["1 N"] * 3))
     double, single = (montecarlo(e, trials=40, dtype=d)["T", "smoothed"].total for d in ("float64", "float32"))
     np.testing.assert_allclose(double.three_sigma, single.three_sigma, rtol=5 / np.sqrt(40))
-    before = stretches._batch._cached._cache_size()
+    before = batches._batch._cached._cache_size()
     other = experiment(*NOISY, known("omega", "delay", "4 ms", {}), source("q", "F", "quantisation", step=["2 N"] * 3))
     montecarlo(other, trials=40)
-    assert stretches._batch._cached._cache_size() == before
+    assert batches._batch._cached._cache_size() == before
 
 
 # --- what is not linear ---

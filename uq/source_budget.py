@@ -76,7 +76,9 @@ def budget(
     budgets: dict[str, dict[str, SourceBudget]] = {}
     for name in _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
-        twins = twinned(prepare_setup(experiment, spec, chosen, dtype=dtype))
+        setup = prepare_setup(experiment, spec, chosen, dtype=dtype)
+        assert isinstance(setup, Setup | SampledSetup)  # noqa: S101
+        twins = twinned(setup)
         report = None if progress is None else lambda done, asked, name=name: progress(f"{name} budget", done, asked)
         estimates = run_trials(twins.setup, trials, seed, devices, batch, report)
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
