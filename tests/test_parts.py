@@ -273,8 +273,7 @@ def test_the_declared_clock_is_taken_whatever_it_says(short, tmp_path, marked):
     signals = marked[1]
     wild = signals.t.copy()
     wild[4000:] -= 0.1
-    path = write(
-        tmp_path / "wild.mcap", Signals(wild, signals.force, signals.moment, signals.omega, signals.specific_force)
-    )
+    run = Signals(wild, signals.force, signals.moment, signals.omega, signals.specific_force)
+    path = write(tmp_path / "wild.mcap", run, late=np.zeros(len(wild)))
     with pytest.raises(RunError, match=r"time of the wrench in wild\.mcap runs backwards at sample 4000"):
         identify_files([path], declare(short, time="header"))
