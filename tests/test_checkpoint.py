@@ -204,14 +204,15 @@ from small_campaign import document
 from uq.campaign import montecarlo
 from uq.checkpoint import Checkpoint
 from uq.experiment import Experiment
-result = montecarlo(Experiment.from_dict(document()), trials=5000, checkpoint=Checkpoint(sys.argv[1], every=0.2))
+experiment, checkpoint = Experiment.from_dict(document()), Checkpoint(sys.argv[1], every=0.1)
+result = montecarlo(experiment, trials=5000, trajectories="T1", estimators="central", checkpoint=checkpoint)
 np.savez(sys.argv[2], **result.errors)
 """
 
 
 @pytest.mark.study
 def test_ten_kills_at_random_moments(tmp_path):
-    """SIGKILL ten times, at a moment between the first part that a process writes and three seconds later."""
+    """SIGKILL ten times, at a moment between the first part that a process writes and a second later."""
     environment = {**os.environ, "PYTHONPATH": os.path.dirname(__file__)}
     generator = np.random.default_rng(12)
     folder = tmp_path / "checkpoint"
@@ -225,7 +226,7 @@ def test_ten_kills_at_random_moments(tmp_path):
         while len(list(folder.glob("*.part"))) == before:
             assert process.poll() is None, "the campaign ended before it was killed ten times"
             time.sleep(0.01)
-        time.sleep(generator.uniform(0, 3))
+        time.sleep(generator.uniform(0, 1))
         process.send_signal(signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL
         print(
