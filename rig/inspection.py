@@ -79,9 +79,10 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
             report.findings += findings(channel)
         else:
             report.findings.append(Finding("short", topic, f"only {len(channel.stamp)} samples: record longer"))
-    if judge is None:
+    sound = all(finding.kind in ("unit", "axes") for finding in report.findings)
+    if judge is None and sound:
         report.findings = _without_echo([*report.findings, *_together(channels)])
-    else:
+    elif judge is not None:
         report.findings = [f for f in report.findings if f.kind not in ("unit", "axes")] + judge(os.fspath(path))
     report.findings += _end(contents.metadata)
     _add_missing(contents, report)
@@ -89,7 +90,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
 
 
 def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
-    """What wrench and motion say of each other, where there is one of each."""
+    """What wrench and motion say of each other, where there is one of each and neither is faulty by itself."""
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
