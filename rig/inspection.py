@@ -79,9 +79,9 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
             report.findings += findings(channel)
         else:
             report.findings.append(Finding("short", topic, f"only {len(channel.stamp)} samples: record longer"))
-    sound = all(finding.kind in ("unit", "axes") for finding in report.findings)
+    sound = all(finding.kind == "unit" for finding in report.findings)
     if judge is None and sound:
-        report.findings = _without_echo([*report.findings, *_together(channels)])
+        report.findings += _together(channels)
     elif judge is not None:
         report.findings = [f for f in report.findings if f.kind not in ("unit", "axes")] + judge(os.fspath(path))
     report.findings += _end(contents.metadata)
@@ -94,12 +94,6 @@ def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
-
-
-def _without_echo(found: list[Finding]) -> list[Finding]:
-    """A mirrored IMU contradicts its own gyro, too: said once."""
-    mirrored = {finding.topic for finding in found if finding.kind == "mirror"}
-    return [finding for finding in found if finding.kind != "axes" or finding.topic not in mirrored]
 
 
 def _add_missing(contents: bag.Contents, report: Inspection) -> None:
