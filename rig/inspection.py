@@ -79,9 +79,10 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
             report.findings += findings(channel)
         else:
             report.findings.append(Finding("short", topic, f"only {len(channel.stamp)} samples: record longer"))
-    if judge is None:
-        report.findings = _without_echo([*report.findings, *_together(channels)])
-    else:
+    sound = all(finding.kind == "unit" for finding in report.findings)
+    if judge is None and sound:
+        report.findings += _together(channels)
+    elif judge is not None:
         report.findings = [f for f in report.findings if f.kind not in ("unit", "axes")] + judge(os.fspath(path))
     report.findings += _end(contents.metadata)
     _add_missing(contents, report)
@@ -89,16 +90,10 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
 
 
 def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
-    """What wrench and motion say of each other, where there is one of each."""
+    """What wrench and motion say of each other, where there is one of each and neither is faulty by itself."""
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
-
-
-def _without_echo(found: list[Finding]) -> list[Finding]:
-    """A mirrored IMU contradicts its own gyro, too: said once."""
-    mirrored = {finding.topic for finding in found if finding.kind == "mirror"}
-    return [finding for finding in found if finding.kind != "axes" or finding.topic not in mirrored]
 
 
 def _add_missing(contents: bag.Contents, report: Inspection) -> None:

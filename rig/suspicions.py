@@ -47,7 +47,7 @@ def findings(channel: WrenchChannel | ImuChannel) -> Iterator[Finding]:
         yield from _saturated(channel.topic, name, values)
     if isinstance(channel, ImuChannel):
         yield from units(channel)
-        yield from _axes(channel)
+        yield from axes(channel)
 
 
 def _columns(channel: WrenchChannel | ImuChannel) -> dict[str, NDArray[np.float64]]:
@@ -237,7 +237,7 @@ def gravity_shows(channel: ImuChannel) -> bool:
 LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
 
 
-def _axes(channel: ImuChannel) -> Iterator[Finding]:
+def axes(channel: ImuChannel) -> Iterator[Finding]:
     """Gravity must turn as the gyro says: look for the axis order and signs under which it does."""
     if not gravity_shows(channel) or turns(channel)[0] < LEAST_TILT:
         return

@@ -7,7 +7,7 @@ import numpy as np
 from identify.run import Run
 from rig.channels import ImuChannel, WrenchChannel
 from rig.detective import Declared, detect
-from rig.suspicions import Finding, units
+from rig.suspicions import Finding, axes, units
 from uq.experiment import Experiment
 
 NANOSECONDS = 1e9
@@ -29,6 +29,8 @@ def suspected(run: Run, experiment: Experiment, *, undone: bool = False) -> list
         return []
     wrench = WrenchChannel(run.name, "body", stamp, stamp, run.force[part], run.moment[part])
     imu = ImuChannel(run.name, "body", stamp, stamp, run.omega[part], run.specific_force[part])
+    if swapped := list(axes(imu)):
+        return [*units(imu), *swapped]
     return [*units(imu), *detect(wrench, imu, declaration(run, experiment, undone=undone))]
 
 
