@@ -7,12 +7,21 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
+    "CurvilinearTrapezoid": "distributions",
+    "Empirical": "distributions",
     "Experiment": "experiment",
     "ExperimentError": "experiment",
     "MonteCarloResult": "campaign",
+    "MultivariateNormal": "distributions",
+    "Normal": "distributions",
     "PaperResult": "barreto2016",
+    "Rectangular": "distributions",
     "SimulatedRun": "simulation",
     "Source": "sources",
+    "StudentT": "distributions",
+    "Triangular": "distributions",
+    "UShaped": "distributions",
+    "datasheet": "datasheets",
     "identify_files": "recorded",
     "load_run": "recorded",
     "montecarlo": "campaign",
