@@ -200,7 +200,7 @@ class _Freedom(NamedTuple):
         known = part * jnp.outer(self.known, self.known)[None]
         squares = jnp.einsum("si,aij,sj->as", self.joint, known, self.joint)
         variance = jnp.maximum(jnp.diag(covariance) - jnp.sum(part - known, axis=(1, 2)), 0)
-        freedom = jnp.min(jnp.where(self.joint > 0, self.freedom[None], jnp.inf), axis=1)
+        freedom = jnp.min(jnp.where(self.joint > 0, self.freedom[None], jnp.inf), axis=1, initial=jnp.inf)
         unknown = jnp.sum(squares**2 / freedom[None], axis=1)
         return jnp.sqrt(variance), jnp.where(unknown > 0, variance**2 / jnp.where(unknown > 0, unknown, 1), jnp.inf)
 
