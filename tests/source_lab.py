@@ -1,5 +1,7 @@
 """Small experiments with chosen sources, and an independent simulation of what each does, in plain NumPy."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -76,7 +78,7 @@ def simulated(e, *, gravity=0.0, cg=0.0, tilt=(0, 0, 0), displaced=(0.0, (0, 0, 
     wrench = (wrench + wrench @ (cross_talk * np.ones((6, 6))).T) * (1 + cell_scale * np.ones(6))
     wrench = wrench + cell_offset * np.ones(6) + np.outer(t, cell_slope * np.ones(6))
     if delay:
-        omega = np.array([spec.trajectory.omega(instant - delay) for instant in t])
+        omega = np.array(jax.vmap(spec.trajectory.omega)(jnp.asarray(t - delay)))
     said = Rotation.from_rotvec(gyro_turn).inv().apply(omega) * (1 + gyro_scale * np.ones(3))
     return wrench, said + gyro_offset * np.ones(3) + np.outer(t, gyro_slope * np.ones(3))
 

@@ -13,7 +13,7 @@ from identify.gram import accumulate, solve
 from identify.identification import identify
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r
-from uq import campaign as module
+from uq import stretches as module
 from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion
 from uq.experiment import ExperimentError
 from uq.simulation import simulate

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
-from uq.sources import BLOCK, Index, Source, block_key
+from uq.sources import BLOCK, Index, Source, block_key, stream_number
 
 PARAMETERS = ("white", "flicker", "random_walk")
 """N, B and K: angle random walk, bias instability and rate random walk, when the signal is an angular velocity."""
@@ -30,7 +30,8 @@ def draw_coloured(
 
 def _white(source: Source, key: Key[Array, ""], trial: Index, n: int, number: int, dtype: Any) -> Float[Array, "3 n"]:
     """Standard normal samples, block by block as all draws."""
-    own = lambda block: jax.random.fold_in(block_key(source, key, trial, block), number)  # noqa: E731
+    stream = stream_number(source.name)
+    own = lambda block: jax.random.fold_in(block_key(stream, key, trial, block), number)  # noqa: E731
     blocks = jax.lax.map(lambda block: jax.random.normal(own(block), (3, BLOCK), dtype), jnp.arange(-(-n // BLOCK)))
     return blocks.swapaxes(0, 1).reshape(3, -1)[:, :n]
 

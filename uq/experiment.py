@@ -5,6 +5,7 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -27,6 +28,7 @@ from uq.sources import Mixing, Source
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
+BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
 STANDARD_GRAVITY = 9.80665
 """Gravity where none is stated [m/s²]."""
 HIGHEST = 10_000.0
@@ -79,25 +81,39 @@ class Experiment:
             ExperimentError: the file is not TOML or its content is not an experiment.
             OSError: the file cannot be read.
         """
-        if str(source) in PRESETS:
-            text = resources.files("uq").joinpath("presets", f"{source}.toml").read_text("utf-8")
-        else:
-            try:
-                text = Path(source).read_text("utf-8")
-            except UnicodeDecodeError:
-                raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
-        try:
-            document = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ExperimentError(f"not TOML {source}: {error}") from None
+        document = _read(source)
         try:
             return cls.from_dict(document, Path(source).parent)
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
     @classmethod
+    def load_bodies(cls, source: str | Path) -> dict[str, "Experiment"]:
+        """Read an experiment file that may hold several bodies, ``[body.NAME]``: one experiment each, by its name.
+
+        The only body of a file with ``[body]`` has the name ``""``.
+
+        Raises:
+            ExperimentError: as for :meth:`load`, or a name that is no folder's.
+            OSError: the file cannot be read.
+        """
+        document, folder = _read(source), Path(source).parent
+        bodies = _bodies(document)
+        for name in bodies:
+            if not BODY_NAME.fullmatch(name):
+                raise ExperimentError(f"[body.{name}] in {source}: write a name of letters, digits, _ and -")
+        try:
+            return {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()} or {
+                "": cls.from_dict(document, folder)
+            }
+        except ExperimentError as error:
+            raise ExperimentError(f"{error} (in {source})") from None
+
+    @classmethod
     def from_dict(cls, document: Mapping[str, Any], folder: str | Path = ".") -> "Experiment":
         """Build an experiment from the content of a file, whose samples are in ``folder``; see :meth:`load`."""
+        if bodies := _bodies(document):
+            raise ExperimentError(f"several bodies in [body] ({', '.join(bodies)}): this takes a file with one [body]")
         top = Table("", document)
         r_cg_from_q, mass, inertia = top.table("body", _body)
         gravity, r_cg_from_omb = top.table("platform", _platform, {})
@@ -178,6 +194,28 @@ class Experiment:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
         squares = [np.square(source.standard_deviation) for source in self.sources if source.target == "r_cg"]
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
+
+
+def _read(source: str | Path) -> dict[str, Any]:
+    """Return the content of an experiment file or preset."""
+    if str(source) in PRESETS:
+        text = resources.files("uq").joinpath("presets", f"{source}.toml").read_text("utf-8")
+    else:
+        try:
+            text = Path(source).read_text("utf-8")
+        except UnicodeDecodeError:
+            raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ExperimentError(f"not TOML {source}: {error}") from None
+
+
+def _bodies(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables ``[body.NAME]``; none where ``[body]`` is itself a body."""
+    body = document.get("body")
+    several = isinstance(body, Mapping) and bool(body) and all(isinstance(part, Mapping) for part in body.values())
+    return dict(body) if isinstance(body, Mapping) and several and set(body) != {"inertia"} else {}
 
 
 def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:

@@ -6,6 +6,7 @@ instants that a differentiator joins. These sums over samples are taken once; th
 then follow in milliseconds.
 """
 
+from collections.abc import Sequence
 from functools import cache, partial
 from typing import NamedTuple
 
@@ -16,8 +17,8 @@ import numpy as np
 from jax.scipy.signal import fftconvolve
 from jaxtyping import Array, Float
 
-from identify.gram import Sums
-from identify.regressor import ALPHA
+from identify.gram import Sums, sums_of
+from identify.regressor import features
 from uq.trial import SHARED, Setup
 from uq.wick import WHITE, Kernel, Monomial, Term, correlations, terms
 
@@ -98,21 +99,41 @@ def gram_moments(setup: Setup, *, chunk: int = 4000) -> GramMoments:
         setup: the run as the Monte Carlo has it (:func:`uq.trial.prepare`), in float64.
         chunk: samples that are visited at a time.
     """
-    true, wrench = setup.signals.features.swapaxes(0, 1), setup.signals.wrench.swapaxes(0, 1)
-    signals = jnp.concatenate([true[1:4], true[ALPHA.start :], wrench]).astype(float)
-    flat = signals.reshape(len(signals), -1)
-    return _visit(flat, setup.signals.valid.ravel().astype(float), setup.sums, _responses(setup), chunk)
+    true, wrench = (part.swapaxes(0, 1) for part in (setup.signals.features, setup.signals.wrench))
+    alphas = true[-3 * len(setup.estimators) :]
+    signals = jnp.concatenate([true[1:4], alphas, wrench[:6]]).astype(float)
+    taps = [estimator.taps for estimator in setup.estimators]
+    valid = setup.signals.valid.ravel().astype(float)
+    return moments_of_signals(signals.reshape(len(signals), -1), valid, taps, chunk=chunk)
 
 
-def _responses(setup: Setup) -> Float[Array, "estimators lags"]:
+def moments_of_signals(
+    signals: Float[Array, "signals n"],
+    valid: Float[Array, " n"],
+    taps: Sequence[Array],
+    *,
+    chunk: int = 4000,
+) -> GramMoments:
+    """Visit samples once; see :func:`gram_moments`.
+
+    Args:
+        signals: noise-free omega, every estimator's alpha, force and moment.
+        valid: 1 for samples that count, else 0; none of those within the longest differentiator's reach of the ends.
+        taps: every estimator's differentiator.
+        chunk: samples that are visited at a time.
+    """
+    return _visit(signals, valid, _responses(taps), chunk)
+
+
+def _responses(taps: Sequence[Array]) -> Float[Array, "estimators lags"]:
     """Each differentiator's antisymmetric response over lags -2h … 2h, h the longest's reach."""
-    reach = max(len(estimator.taps) for estimator in setup.estimators)
-    halves = jnp.stack([jnp.pad(e.taps, (0, 2 * reach - len(e.taps))) for e in setup.estimators])
+    reach = max(map(len, taps))
+    halves = jnp.stack([jnp.pad(jnp.asarray(one), (0, 2 * reach - len(one))) for one in taps])
     return jnp.concatenate([-halves[:, ::-1], jnp.zeros((len(halves), 1)), halves], axis=1)
 
 
 @partial(jax.jit, static_argnames="chunk")
-def _visit(signals: Array, valid: Array, sums: Sums, responses: Array, chunk: int) -> GramMoments:
+def _visit(signals: Array, valid: Array, responses: Array, chunk: int) -> GramMoments:
     estimators = len(responses)
     layout, halo = _layout(estimators), responses.shape[1] // 2
     kernels = _kernels(responses)
@@ -137,7 +158,9 @@ def _visit(signals: Array, valid: Array, sums: Sums, responses: Array, chunk: in
     (totals, *products), _ = jax.lax.scan(visit, [jnp.zeros(s) for s in shapes], size * jnp.arange(count))
     alphas = responses @ responses.T
     correlated = _assemble(estimators, dict(zip(needed, products, strict=True)), alphas)
-    return GramMoments(pack(sums), totals, correlated, alphas)
+    omega, of_estimators, wrench = jnp.split(signals * valid[None], [3, 3 + 3 * estimators])
+    phi = jnp.concatenate([features(omega, omega)[:SHARED] * valid[None], of_estimators])
+    return GramMoments(pack(sums_of(phi, wrench[:3], wrench[3:])), totals, correlated, alphas)
 
 
 def _monomials(rows: Array, monomials: tuple[Monomial, ...]) -> Array:
@@ -223,26 +246,48 @@ def _mirrored(estimators: int) -> np.ndarray:
 
 def mean(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, " products"]:
     """Return the expected sums for white normal noise of omega of this variance [rad²/s²] on each axis."""
-    layout = _layout(len(moments.alphas))
-    number = {monomial: k for k, monomial in enumerate(layout.monomials)}
-    monomials = np.array([number[term.monomial] for term in layout.plain])
-    weights = _weights(layout.plain, moments.alphas, variance)
-    products = np.array([term.product for term in layout.plain])
-    return moments.sums.at[products].add(weights * moments.totals[monomials])
+    return moments.sums + _changes(moments, variance, _layout(len(moments.alphas)).plain)
 
 
-def covariance(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, "products products"]:
-    """Return the sums' covariance for white normal noise of omega of this variance [rad²/s²] on each axis."""
-    coefficients = _coefficients(moments, variance)
-    return coefficients @ moments.correlated @ coefficients.T
+def second_order_change(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, " products"]:
+    """Return what the mean's second order in the noise adds to the noise-free sums: the textbook's ``½ tr(H Σ)``."""
+    plain = _layout(len(moments.alphas)).plain
+    return _changes(moments, variance, tuple(term for term in plain if sum(term.weight.powers) == 1))
 
 
-def first_order_covariance(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, "products products"]:
+def _changes(moments: GramMoments, variance: Array, plain: tuple[Term, ...]) -> Float[Array, " products"]:
+    number = {monomial: k for k, monomial in enumerate(_layout(len(moments.alphas)).monomials)}
+    monomials = np.array([number[term.monomial] for term in plain])
+    weights = _weights(plain, moments.alphas, variance)
+    products = np.array([term.product for term in plain])
+    return jnp.zeros_like(moments.sums).at[products].add(weights * moments.totals[monomials])
+
+
+def covariance(
+    moments: GramMoments, variance: Float[Array, "3"], rows: Float[Array, "rows products"] | None = None
+) -> Float[Array, "rows rows"]:
+    """Return the sums' covariance, or that of linear combinations of them, one a row.
+
+    Args:
+        moments: of the run.
+        variance: of omega's white normal noise on each axis [rad²/s²].
+        rows: the combinations; None for the sums themselves.
+    """
+    return _correlate(moments, _coefficients(moments, variance), rows)
+
+
+def first_order_covariance(
+    moments: GramMoments, variance: Float[Array, "3"], rows: Float[Array, "rows products"] | None = None
+) -> Float[Array, "rows rows"]:
     """Return the covariance that the terms linear in the noise alone would give: the textbook's (GUM 5.1.2)."""
     layout = _layout(len(moments.alphas))
     linear = np.array([len(t.power) == 1 and not any(t.weight.powers) for t in layout.noisy], float)
-    coefficients = _coefficients(moments, variance, linear)
-    return coefficients @ moments.correlated @ coefficients.T
+    return _correlate(moments, _coefficients(moments, variance, linear), rows)
+
+
+def _correlate(moments: GramMoments, coefficients: Array, rows: Array | None) -> Array:
+    combined = coefficients if rows is None else rows @ coefficients
+    return combined @ moments.correlated @ combined.T
 
 
 def _coefficients(moments: GramMoments, variance: Array, kept: np.ndarray | float = 1.0) -> Array:

@@ -5,26 +5,37 @@ sums. The law is therefore expanded about the EXPECTED sums; the textbook's, abo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from identify.differentiate import derivative
 from identify.precision import check_precision
+from identify.trajectory import Motion
 from uq import gram_moments as moments_of
-from uq.campaign import prepare_setup
-from uq.experiment import Experiment, ExperimentError
-from uq.gram_moments import GramMoments, gram_moments, own_products
-from uq.law_expansion import OFFSETS, Errors, Propagated, SumMoments, propagate_case
+from uq.campaign import fitted_estimators, platform_of, true_motion
+from uq.errors import perturbed
+from uq.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.gram_moments import moments_of_signals, own_products
+from uq.law_expansion import (
+    Ground,
+    Point,
+    TrueSums,
+    expand_at,
+    of_wrench_noise,
+    propagate_case,
+    to_equations,
+)
+from uq.law_inputs import CaseInputs, Constants, Peaks, constants_of, inputs_of_cases
 from uq.law_result import LawBreakdown, LawResult, LawStatistics
+from uq.measurement import Columns, true_elements
 from uq.sources import Source
-from uq.trial import Case, cases_of
-
-_PLACE = {"omega": 0, "F": 3, "M": 6, "r_cg": 9}
-"""Where a target's offset stands among the offsets."""
+from uq.trial import Case, Estimator, cases_of, valid_samples
 
 
 @dataclass(frozen=True)
@@ -33,26 +44,37 @@ class PreparedLaw:
 
     experiment: Experiment
     estimators: tuple[str, ...]
-    moments: dict[str, GramMoments]
+    grounds: dict[str, Ground]
     """By trajectory."""
+    peaks: dict[str, Peaks]
     warnings: tuple[str, ...]
 
     def evaluate(self, sources: Sequence[Source] | None = None) -> LawResult:
-        """Return the law for the experiment's sources, or for others in their place."""
-        sources = self.experiment.sources if sources is None else tuple(sources)
-        cases = cases_of(sources)
-        gyro, variances = _gyro_variances(cases, sources)
-        errors = _stack([_errors([s for s in sources if s.name in case.sources]) for case in cases])
-        body = self.experiment.body
+        """Return the law for the experiment's sources, or for others of the same kinds in their place.
+
+        Raises:
+            ExperimentError: a source that the law cannot take, or one of a kind that was not prepared for.
+        """
+        if other := perturbed(sources or ()) - perturbed(self.experiment.sources):
+            raise ExperimentError(
+                f"errors that the law was not prepared for ({', '.join(sorted(other))}): prepare anew"
+            )
+        experiment = self.experiment if sources is None else replace(self.experiment, sources=tuple(sources))
+        cases = cases_of(experiment.sources)
+        constants = constants_of(experiment.sources, experiment.mixing)
         breakdowns = {}
-        for name, moments in self.moments.items():
-            found = _evaluate(moments, variances, gyro, errors, body.r_cg_from_q, body.inertia)
-            found = jax.tree.map(np.asarray, found)
+        for name, ground in self.grounds.items():
+            rate = experiment.trajectories[name].rate
+            given = (experiment.sources, experiment.mixing, rate, self.peaks[name])
+            found = _of_run(ground, constants, inputs_of_cases(cases, constants, *given))
             breakdowns[name] = {
-                estimator: _breakdown(cases, jax.tree.map(lambda leaf: leaf[k], found))  # noqa: B023
+                estimator: _breakdown(
+                    cases, [LawStatistics(*(leaf[k, c] for leaf in found)) for c in range(len(cases))]
+                )
                 for k, estimator in enumerate(self.estimators)
             }
-        return LawResult(np.asarray(body.inertia), breakdowns, self.warnings, self.experiment.inputs())
+        nominal = np.asarray(experiment.body.inertia)
+        return LawResult(nominal, breakdowns, self.warnings, experiment.inputs())
 
 
 def law(
@@ -72,7 +94,7 @@ def law(
         Mean error and dispersion of every component for all sources together, each group alone and each source alone.
 
     Raises:
-        ExperimentError: no such trajectory or estimator, or nothing to estimate from.
+        ExperimentError: no such trajectory or estimator, nothing to estimate from, or a source beyond the law.
     """
     return prepare_law(experiment, trajectories, estimators).evaluate()
 
@@ -87,84 +109,181 @@ def prepare_law(
     chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
-    moments = {}
+    grounds, peaks = {}, {}
     for name in _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
-        moments[name] = gram_moments(prepare_setup(experiment, spec, chosen))
-    return PreparedLaw(experiment, tuple(e.name for e in chosen), moments, tuple(warned))
+        motion = true_motion(experiment, spec)
+        grounds[name], peaks[name] = _ground(experiment, spec, motion, fitted_estimators(chosen, spec, len(motion.t)))
+    return PreparedLaw(experiment, tuple(e.name for e in chosen), grounds, peaks, tuple(warned))
 
 
 def _names(given: str | Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 
-def _gyro_variances(cases: Sequence[Case], sources: Sequence[Source]) -> tuple[Array, Array]:
-    """Which variance of the gyro's white noise each case has, and these variances, the first of them zero."""
-    white = {s.name: np.square(s.sigma) for s in sources if s.kind == "precision" and s.target == "omega"}
-    active = [frozenset(white) & case.sources for case in cases]
-    distinct = list(dict.fromkeys([frozenset(), *active]))
-    variances = [sum((white[name] for name in names), np.zeros(3)) for names in distinct]
-    return jnp.array([distinct.index(names) for names in active]), jnp.asarray(np.array(variances, float))
+def _ground(
+    experiment: Experiment, spec: TrajectorySpec, motion: Motion, estimators: Sequence[Estimator]
+) -> tuple[Ground, Peaks]:
+    columns, platform = Columns.of(experiment.sources), platform_of(experiment, spec)
+    wrench = columns.sampled(experiment.body, motion)
+    taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
+    alphas = _alphas(motion.omega, taps)
+    moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
+    t = motion.t - motion.t[0]
+
+    def sums(delay):
+        omega = jax.vmap(spec.trajectory.omega, out_axes=1)(motion.t - delay)
+        return _true_sums(omega, t, wrench, valid, taps)
+
+    if "gyro_delay" in perturbed(experiment.sources):
+        slope = lambda delay: jax.jvp(sums, (delay,), (jnp.ones(()),))[1]  # noqa: E731
+        later = jax.jit(lambda: jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)))()
+    else:
+        later = None
+    now = _true_sums(motion.omega, t, wrench, valid, taps)
+    first, second = later or (jax.tree.map(jnp.zeros_like, now),) * 2
+    signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
+    peaks = Peaks(
+        {name: np.asarray(jnp.max(jnp.abs(signal), axis=1)) for name, signal in signals.items()},
+        {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
+    )
+    anyhow = eqx.tree_at(lambda p: p.trajectory, platform, None)  # its kind would make another compiled law of it
+    return Ground(experiment.body, anyhow, (now, first, second), moments, columns), peaks
 
 
-def _errors(sources: Sequence[Source]) -> Errors:
-    """The load cell's noise and the offsets that these sources cause together."""
-    wrench, offsets = np.zeros(6), np.zeros(OFFSETS)
-    for source in sources:
-        if source.kind == "bias":
-            place = _PLACE[source.target]
-            offsets[place : place + 3] += np.square(source.sigma)
-        elif source.target in ("F", "M"):
-            place = 3 * "FM".index(source.target)
-            wrench[place : place + 3] += np.square(source.sigma)
-    return Errors(jnp.asarray(wrench), jnp.asarray(np.diag(np.sqrt(offsets))))
+@jax.jit
+def _alphas(omega: Array, taps: Sequence[Array]) -> Float[Array, "alphas n"]:
+    return jnp.concatenate([jnp.pad(derivative(omega, one), ((0, 0), (len(one),) * 2)) for one in taps])
 
 
-def _stack(trees: Sequence[Errors]) -> Errors:
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *trees)
+@jax.jit
+def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequence[Array]) -> TrueSums:
+    phi = jnp.concatenate([true_elements(omega, omega, t), _alphas(omega, taps)]) * valid[None]
+    return TrueSums(phi @ phi.T, phi @ wrench.T)
+
+
+# --- one run ---
+
+
+def _of_run(ground: Ground, constants: Constants, cases: CaseInputs) -> tuple[np.ndarray, ...]:
+    """The fields of :class:`LawStatistics`, estimators and cases leading."""
+    expected = cases.acts * constants.mean @ constants.errors.T
+    quiet = np.zeros_like(cases.gyro)
+    points = np.concatenate([np.hstack([expected, cases.gyro]), np.hstack([expected, quiet])])
+    distinct, index = np.unique(points, axis=0, return_inverse=True)
+    variances, variant = np.unique(cases.gyro, axis=0, return_inverse=True)
+    size = expected.shape[1]
+    found = _evaluate(
+        ground,
+        Point(jnp.asarray(distinct[:, :size]), jnp.asarray(distinct[:, size:])),
+        jnp.asarray(index.reshape(2, -1)),
+        jnp.asarray(variances),
+        jnp.asarray(variant.ravel()),
+        jnp.asarray(constants.errors * constants.sigma),
+        jnp.asarray(cases.acts[:, :, None] * constants.correlation * cases.acts[:, None, :]),
+        jnp.asarray(cases.wrench),
+        _Freedom(*map(jnp.asarray, (constants.known, constants.freedom, constants.joint))),
+    )
+    return tuple(np.asarray(leaf) for leaf in found)
+
+
+class _Freedom(NamedTuple):
+    """How well standard deviations are known (:class:`uq.law_inputs.Constants`)."""
+
+    known: Float[Array, " d"]
+    freedom: Float[Array, " d"]
+    joint: Float[Array, "sets d"]
+
+    def of(self, jacobian: Array, correlation: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return the GUM's standard uncertainty and its effective degrees of freedom (Welch and Satterthwaite, G.4)."""
+        part = jnp.einsum("ai,ij,aj->aij", jacobian, correlation, jacobian)
+        known = part * jnp.outer(self.known, self.known)[None]
+        squares = jnp.einsum("si,aij,sj->as", self.joint, known, self.joint)
+        variance = jnp.maximum(jnp.diag(covariance) - jnp.sum(part - known, axis=(1, 2)), 0)
+        freedom = jnp.min(jnp.where(self.joint > 0, self.freedom[None], jnp.inf), axis=1, initial=jnp.inf)
+        unknown = jnp.sum(squares**2 / freedom[None], axis=1)
+        return jnp.sqrt(variance), jnp.where(unknown > 0, variance**2 / jnp.where(unknown > 0, unknown, 1), jnp.inf)
+
+
+class _Scatter(NamedTuple):
+    """What omega's white noise does to one estimator's sums and normal equations."""
+
+    mean: Float[Array, " products"]
+    noise_free: Float[Array, " products"]
+    covariance: Float[Array, "27 27"]
+    linear: Float[Array, "27 27"]
+    """Of the terms linear in the noise alone."""
+    change: Float[Array, "27"]
+    """Second-order change of the normal equations' mean about the noise-free run."""
+
+
+def _scatter(ground: Ground, estimator: Int[Array, ""], variance: Float[Array, "3"], equations: Array) -> _Scatter:
+    moments = ground.moments
+    every = [own_products(len(moments.alphas), k) for k in range(len(moments.alphas))]
+    own = jnp.asarray(every)[estimator]
+    rows = jnp.zeros((len(equations), len(moments.sums))).at[:, own].set(equations)
+    return _Scatter(
+        moments_of.mean(moments, variance)[own],
+        moments.sums[own],
+        moments_of.covariance(moments, variance, rows),
+        moments_of.first_order_covariance(moments, variance, rows),
+        rows @ moments_of.second_order_change(moments, variance),
+    )
 
 
 @jax.jit
 def _evaluate(
-    moments: GramMoments,
+    ground: Ground,
+    points: Point,
+    index: Array,
     variances: Float[Array, "variants 3"],
     variant: Array,
-    errors: Errors,
-    r_cg: Float[Array, "3"],
-    nominal: Float[Array, "6"],
-) -> Propagated:
-    """Every estimator and case of one trajectory, estimators first."""
-    variants = jax.lax.map(partial(_gyro, moments), variances)
-    estimators = len(moments.alphas)
-    of_estimators = []
-    for k in range(estimators):
-        own = own_products(estimators, k)
-        sums = jax.tree.map(lambda leaf: leaf[variant], _own(variants, own))
-        of_estimators.append(jax.vmap(propagate_case, (0, 0, None, None))(sums, errors, r_cg, nominal))
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *of_estimators)
+    directions: Float[Array, "e d"],
+    correlation: Float[Array, "cases d d"],
+    wrench: Float[Array, "cases 6 6"],
+    freedom: _Freedom,
+) -> tuple[Array, ...]:
+    """The fields of :class:`LawStatistics` of every estimator and case of one run, estimators first.
+
+    Args:
+        ground: the run.
+        points: where expansions are made.
+        index: at which of them each case has its expected sums, and its noise-free run.
+        variances: of omega's noise.
+        variant: which of them each case has.
+        directions: what one standard deviation of each drawn number does to the errors.
+        correlation: of the numbers that act in each case.
+        wrench: covariance of the load cell's noise in each case.
+        freedom: how well the standard deviations are known.
+    """
+    nominal = jnp.asarray(ground.body.inertia)
+
+    def of_case(estimator, index, variant, correlation, wrench):
+        equations, expansions, scatter = estimator
+        at, free = (jax.tree.map(lambda leaf: leaf[k], expansions) for k in index)  # noqa: B023
+        here = jax.tree.map(lambda leaf: leaf[variant], scatter)
+        full = here.covariance + of_wrench_noise(here.mean, wrench, equations)
+        linear = here.linear + of_wrench_noise(here.noise_free, wrench, equations)
+        about = propagate_case(at, correlation, full)
+        textbook = propagate_case(free, correlation, linear, here.change)
+        uncertainty, degrees = freedom.of(at.jacobian, correlation, about.covariance)
+        errors = [value - nominal for value in (about.mean, free.value, textbook.mean)]
+        return errors[0], about.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
+
+    def of_estimator(estimator):
+        equations = to_equations(jnp.asarray(ground.body.r_cg_from_q))
+        expansions = jax.lax.map(lambda point: expand_at(ground, estimator, point, directions), points)
+        scatter = jax.lax.map(lambda variance: _scatter(ground, estimator, variance, equations), variances)
+        cases = jax.vmap(of_case, (None, 1, 0, 0, 0))
+        return cases((equations, expansions, scatter), index, variant, correlation, wrench)
+
+    return jax.lax.map(of_estimator, jnp.arange(len(ground.moments.alphas)))
 
 
-def _gyro(moments: GramMoments, variance: Float[Array, "3"]) -> SumMoments:
-    """The sums of all estimators under white noise of omega, about their mean and about the noise-free run."""
-    expected = moments_of.mean(moments, variance)
-    change = jax.jvp(partial(moments_of.mean, moments), (jnp.zeros(3),), (variance,))[1]
-    return SumMoments(
-        jnp.stack([expected, moments.sums]),
-        jnp.stack([jnp.zeros_like(change), change]),
-        jnp.stack([moments_of.covariance(moments, variance), moments_of.first_order_covariance(moments, variance)]),
-    )
-
-
-def _own(sums: SumMoments, own: np.ndarray) -> SumMoments:
-    """Those of one estimator."""
-    return SumMoments(sums.point[..., own], sums.change[..., own], sums.covariance[..., own[:, None], own])
-
-
-def _breakdown(cases: Sequence[Case], found: Propagated) -> LawBreakdown:
+def _breakdown(cases: Sequence[Case], found: Sequence[LawStatistics]) -> LawBreakdown:
     groups: dict[str, LawStatistics] = {}
     sources: dict[str, LawStatistics] = {}
-    for k, case in enumerate(cases):
+    for case, statistics in zip(cases, found, strict=True):
         kind, _, name = case.name.partition(":")
-        statistics = LawStatistics(*(leaf[k] for leaf in found))
         (sources if kind == "source" else groups)[name or kind] = statistics
     return LawBreakdown(groups, sources)

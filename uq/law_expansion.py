@@ -1,67 +1,108 @@
-"""The law of propagation about the expected Gram sums: one case, one estimator, arrays in and out.
+"""The law of propagation about expected sums: one run, one estimator, arrays in and out.
 
-What is expanded is what every trial computes, :func:`identify.gram.with_offsets`, then ``normal_equations`` and
-``solve_normal``: as a function of the constant offsets of omega, force, moment and r, and of the sums themselves. The
-textbook's law expands the same function in the same errors about the noise-free sums, and stays with the first order.
+What is expanded is what every trial computes: errors become maps of the sums (:mod:`uq.measurement`), the sums become
+normal equations, and these are solved (:mod:`identify.gram`). Constant errors enter through the maps; white noise
+through the mean and covariance of the sums (:mod:`uq.gram_moments`).
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
+from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
-from identify.gram import N_FEATURES, normal_equations, solve_normal, with_offsets
-from uq.gram_moments import unpack
-from uq.linear import expand, higher_order
+from identify.gram import N_FEATURES, Sums, normal_equations, solve_normal
+from identify.inertia import Body
+from uq.errors import Errors, no_errors
+from uq.gram_moments import GramMoments, unpack
+from uq.measurement import Columns, Platform, element_map
+from uq.sources import Index
 
-OFFSETS = 12
-"""Constant offsets: omega, force, moment, r_cg, three axes each."""
+OF_NOISE = (0, 1, 2, 3, 10)
+"""Elements that multiply the noise in other elements: 1, omega and t, among :func:`uq.measurement.true_elements`."""
 TRIANGLE = np.triu_indices(6)
 
 
-class SumMoments(NamedTuple):
-    """One estimator's sums under the gyro's white noise, packed (:mod:`uq.gram_moments`), as an expansion has them."""
+class TrueSums(NamedTuple):
+    """Sums over the elements of :func:`uq.measurement.true_elements` and every estimator's alpha, without noise."""
 
-    point: Float[Array, "*points s"]
-    """Where the expansion is made."""
-    change: Float[Array, "*points s"]
-    """Their mean less that point."""
-    covariance: Float[Array, "*points s s"]
+    gram: Float[Array, "elements elements"]
+    wrench: Float[Array, "elements columns"]
+    """With the columns of :class:`uq.measurement.Columns`."""
 
-
-class Errors(NamedTuple):
-    """What else acts in one case."""
-
-    wrench: Float[Array, "6"]
-    """Variances of the white noise of force [N²] and moment [(N·m)²]."""
-    offsets: Float[Array, "12 d"]
-    """A root of the offsets' covariance: offsets are ``offsets @ z`` with independent standard normal z."""
+    def own(self, estimator: Index) -> "TrueSums":
+        """Return those of one estimator."""
+        index = jnp.concatenate([jnp.arange(15), 15 + 3 * jnp.asarray(estimator) + jnp.arange(3)])
+        return TrueSums(self.gram[index[:, None], index], self.wrench[index])
 
 
-class Propagated(NamedTuple):
-    """What one case does to the estimate: mean error [kg·m²] and covariance [(kg·m²)²]."""
+class Ground(eqx.Module):
+    """One run summed up: everything that the law needs of it, whatever the size of the errors."""
 
-    mean_error: Float[Array, "6"]
-    covariance: Float[Array, "6 6"]
-    textbook_mean_error: Float[Array, "6"]
-    """Second-order mean about the noise-free run, ``½ tr(H Σ)``, with the estimator's own error there."""
-    textbook_covariance: Float[Array, "6 6"]
-    """``J Σ Jᵀ`` about the noise-free run (GUM 5.1.2)."""
-
-
-def estimate(sums: Float[Array, " s"], offsets: Float[Array, "12"], r_cg: Float[Array, "3"]) -> Float[Array, "6"]:
-    """Return the tensor that a trial with these sums and offsets estimates."""
-    return _solve(_equations(sums, offsets, r_cg))
+    body: Body
+    platform: Platform
+    sums: tuple[TrueSums, TrueSums, TrueSums]
+    """Sums, and their first and second derivatives by a delay of the gyro [1/s, 1/s²]."""
+    moments: GramMoments
+    columns: Columns = eqx.field(static=True)
 
 
-def _equations(sums: Array, offsets: Array, r_cg: Array) -> Float[Array, "27"]:
-    """The normal equations: the matrix's upper triangle, then the right-hand side."""
-    omega, force, moment, r = offsets.reshape(4, 3)
-    shifted = with_offsets(unpack(sums, N_FEATURES), omega, force, moment)
-    matrix, right = normal_equations(shifted, r_cg + r)
-    return jnp.concatenate([matrix[TRIANGLE], right])
+class Point(NamedTuple):
+    """Where an expansion is made."""
+
+    errors: Float[Array, " e"]
+    """Errors that are expected, :class:`uq.errors.Errors` raveled."""
+    variance: Float[Array, "3"]
+    """Variance of omega's white noise [rad²/s²] whose expected sums these are; zero for the noise-free run."""
+
+
+class Expansion(NamedTuple):
+    """The estimate about a point."""
+
+    value: Float[Array, "6"]
+    jacobian: Float[Array, "6 d"]
+    """By the numbers that constant sources draw, in their standard deviations."""
+    hessian: Float[Array, "6 d d"]
+    by_equations: Float[Array, "6 27"]
+    """By the normal equations: the matrix's upper triangle, then the right-hand side."""
+    twice_by_equations: Float[Array, "6 27 27"]
+
+
+def expand_at(ground: Ground, estimator: Index, point: Point, directions: Float[Array, "e d"]) -> Expansion:
+    """Expand one estimator's estimate about a point, to the second order.
+
+    Args:
+        ground: the run.
+        estimator: its number.
+        point: expected errors and noise.
+        directions: what one standard deviation of each number does to the errors.
+    """
+
+    def equations(z):
+        return _equations(ground, estimator, point.errors + directions @ z, point.variance)
+
+    def estimate(z):
+        return _solve(equations(z))
+
+    zero = jnp.zeros(directions.shape[1])
+    jacobian, by_equations = _twice(estimate, zero), _twice(_solve, equations(zero))
+    return Expansion(estimate(zero), *jacobian, *by_equations)
+
+
+def _twice(function: Callable[[Array], Array], at: Array) -> tuple[Array, Array]:
+    """First and second derivatives."""
+
+    def first(z):
+        jacobian = jax.jacfwd(function)(z)
+        return jacobian, jacobian
+
+    hessian, jacobian = jax.jacfwd(first, has_aux=True)(at)
+    return jacobian, hessian
 
 
 def _solve(equations: Float[Array, "27"]) -> Float[Array, "6"]:
@@ -69,63 +110,101 @@ def _solve(equations: Float[Array, "27"]) -> Float[Array, "6"]:
     return solve_normal(upper + jnp.triu(upper, 1).T, equations[21:]).inertia
 
 
-def propagate_case(sums: SumMoments, errors: Errors, r_cg: Float[Array, "3"], nominal: Float[Array, "6"]) -> Propagated:
-    """Propagate one case.
+def _packed(sums: Sums, r_cg: Array) -> Float[Array, "27"]:
+    matrix, right = normal_equations(sums, r_cg)
+    return jnp.concatenate([matrix[TRIANGLE], right])
+
+
+def _equations(ground: Ground, estimator: Index, errors: Array, variance: Array) -> Float[Array, "27"]:
+    """Normal equations of a run with these errors, of its sums as they are expected under the noise."""
+    present: Errors = _unravel(errors)
+    delay = present.gyro_delay
+    of_delay = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *ground.sums)
+    expected = expected_sums(of_delay.own(estimator), variance, ground.moments.alphas[estimator, estimator])
+    elements = element_map(present, whole=True)
+    measured = expected.wrench @ ground.columns.map(ground.body, ground.platform, present).T
+    measured = measured + jnp.outer(expected.gram[:, 0], present.cell_bias)
+    sums = Sums(elements @ expected.gram @ elements.T, elements @ measured[:, :3], elements @ measured[:, 3:])
+    return _packed(sums, ground.body.r_cg_from_q + present.r_cg)
+
+
+def _unravel(errors: Array) -> Errors:
+    return ravel_pytree(no_errors())[1](errors)
+
+
+def expected_sums(true: TrueSums, variance: Float[Array, "3"], of_alpha: Float[Array, ""]) -> TrueSums:
+    """Return the expected sums over all elements of :func:`uq.measurement.features_of_elements`.
 
     Args:
-        sums: the sums under the case's gyro noise, about their mean and about the noise-free run, in this order.
-        errors: the load cell's noise and the offsets.
-        r_cg: the body's centre of gravity from Q [m].
-        nominal: its tensor [kg·m²].
-
-    Returns:
-        Mean error and covariance, for normal errors: the offsets to the GUM's second order, the sums and their going
-        together with the offsets to the second order.
+        true: one estimator's noise-free sums.
+        variance: of omega's white noise [rad²/s²].
+        of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
     """
-    about = jax.vmap(_about, (0, None, None))(sums, errors, r_cg)
-    return Propagated(about.mean[0] - nominal, about.covariance[0], about.mean[1] - nominal, about.first_order[1])
+    squares = jnp.concatenate([variance, jnp.zeros(3)])
+    linear = jnp.kron(true.gram[np.ix_(OF_NOISE, OF_NOISE)], jnp.diag(variance))
+    v1, v2, v3 = variance
+    fourth = jnp.outer(squares, squares) + jnp.diag(
+        jnp.stack([2 * v1 * v1, 2 * v2 * v2, 2 * v3 * v3, v1 * v2, v1 * v3, v2 * v3])
+    )
+    count = true.gram[0, 0]
+    noise = block_diag(linear, count * fourth, count * of_alpha * jnp.diag(variance))
+    mean = jnp.concatenate([jnp.zeros(15), squares, jnp.zeros(3)])
+    crossed = jnp.outer(mean, true.gram[0])
+    gram = jnp.block([[true.gram, crossed.T], [crossed, noise]])
+    return TrueSums(gram, jnp.concatenate([true.wrench, jnp.outer(mean, true.wrench[0])]))
 
 
-class _About(NamedTuple):
-    """The estimate's moments by an expansion about one point."""
+def to_equations(r_cg: Float[Array, "3"]) -> Float[Array, "27 products"]:
+    """Return the matrix that takes an estimator's packed sums (:func:`uq.gram_moments.pack`) to normal equations."""
+    size = N_FEATURES * (N_FEATURES + 1) // 2 + 6 * N_FEATURES
+    return jax.jacfwd(lambda sums: _packed(unpack(sums, N_FEATURES), r_cg))(jnp.zeros(size))
+
+
+def of_wrench_noise(
+    sums: Float[Array, " products"], covariance: Float[Array, "6 6"], equations: Float[Array, "27 products"]
+) -> Float[Array, "27 27"]:
+    """Return the covariance of the normal equations under the load cell's white noise: features' Gram times its own."""
+    gram = unpack(sums, N_FEATURES).gram
+    parts = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
+    return jnp.einsum("aki,km,ij,bmj->ab", parts, gram, covariance, parts, optimize="optimal")
+
+
+class Moments(NamedTuple):
+    """The estimate's moments by an expansion."""
 
     mean: Float[Array, "6"]
     first_order: Float[Array, "6 6"]
     covariance: Float[Array, "6 6"]
 
 
-def _about(sums: SumMoments, errors: Errors, r_cg: Array) -> _About:
-    def at(point, z):
-        return estimate(point, errors.offsets @ z, r_cg)
+def propagate_case(
+    expansion: Expansion,
+    correlation: Float[Array, "d d"],
+    scatter: Float[Array, "27 27"],
+    change: Float[Array, "27"] | float = 0.0,
+) -> Moments:
+    """Return mean and covariance of an estimate for normal errors.
 
-    size = errors.offsets.shape[1]
-    scatter = _with_wrench(sums, errors)
-    offsets = expand(lambda z: at(sums.point, z), size)
-    own = _of_sums(sums, scatter, r_cg)
-    mixed = jax.jacfwd(lambda z: jax.jacrev(at)(sums.point, z))(jnp.zeros(size))
-    crossed = jnp.einsum("asz,btz->ab", jnp.einsum("asz,st->atz", mixed, scatter), mixed)
-    first = offsets.jacobian @ offsets.jacobian.T + own.first_order
-    second = higher_order(offsets) + own.covariance - own.first_order + crossed
-    return _About(offsets.value + offsets.shift + own.mean, first, first + second)
+    Args:
+        expansion: about the errors' and sums' expectations.
+        correlation: of the numbers that act; zero rows for those that do not.
+        scatter: covariance of the normal equations under white noise.
+        change: mean of the normal equations less those of the point.
 
-
-def _with_wrench(sums: SumMoments, errors: Errors) -> Float[Array, "s s"]:
-    """The sums' covariance with the load cell's white noise: the features' Gram matrix times its variances."""
-    gram = unpack(sums.point, N_FEATURES).gram
-    first = len(sums.point) - 6 * N_FEATURES
-    noise = jnp.einsum("km,ij->kimj", gram, jnp.diag(errors.wrench)).reshape(6 * N_FEATURES, 6 * N_FEATURES)
-    return sums.covariance.at[first:, first:].add(noise)
-
-
-def _of_sums(sums: SumMoments, scatter: Array, r_cg: Array) -> _About:
-    """What the sums alone do, as a change of the estimate: through the normal equations, which are linear in them."""
-    none = jnp.zeros(OFFSETS)
-    equations = _equations(sums.point, none, r_cg)
-    to_equations = jax.jacfwd(_equations)(sums.point, none, r_cg)
-    scattered = to_equations @ scatter @ to_equations.T
-    jacobian, hessian = jax.jacfwd(_solve)(equations), jax.jacfwd(jax.jacfwd(_solve))(equations)
-    curved = jnp.einsum("aij,jk->aik", hessian, scattered)
-    first = jacobian @ scattered @ jacobian.T
-    second = 0.5 * jnp.einsum("aik,bki->ab", curved, curved)
-    mean = jacobian @ (to_equations @ sums.change) + 0.5 * jnp.trace(curved, axis1=1, axis2=2)
-    return _About(mean, first, first + second)
+    Returns:
+        The mean with ``½ tr(H Σ)``; the covariance ``J Σ Jᵀ`` and that with ``½ tr(H Σ H Σ)`` (GUM 5.1.2), in the
+        constant errors and in the sums. Products of a constant error's and the noise's effects are left out: relative
+        to the noise's own they are of the square of the constant error's relative size.
+    """
+    shift, second = jnp.zeros(6), jnp.zeros((6, 6))
+    first = jnp.zeros((6, 6))
+    for jacobian, hessian, sigma in (
+        (expansion.jacobian, expansion.hessian, correlation),
+        (expansion.by_equations, expansion.twice_by_equations, scatter),
+    ):
+        curved = jnp.einsum("aij,jk->aik", hessian, sigma)
+        shift = shift + 0.5 * jnp.trace(curved, axis1=1, axis2=2)
+        first = first + jacobian @ sigma @ jacobian.T
+        second = second + 0.5 * jnp.einsum("aik,bki->ab", curved, curved)
+    mean = expansion.value + shift + expansion.by_equations @ jnp.broadcast_to(change, (27,))
+    return Moments(mean, first, first + second)

@@ -6,6 +6,8 @@ from html import escape
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from identify.inertia import COMPONENTS
 from identify.tables import html_table, text_table
@@ -20,10 +22,27 @@ class LawStatistics:
     """Expected estimate minus truth: the bias."""
     covariance: np.ndarray
     """Of the six components [(kg·m²)²]."""
+    textbook_value: np.ndarray
+    """The error of the estimate from the noise-free run: what the textbook's first order takes for the mean error."""
     textbook_mean_error: np.ndarray
     """The textbook's second-order mean, ``½ tr(H Σ)`` about the noise-free run."""
     textbook_covariance: np.ndarray
     """The textbook's ``J Σ Jᵀ`` about the noise-free run."""
+
+    standard_uncertainty: np.ndarray
+    """The GUM's: less than the standard deviation where a source is Student's t, which enters with its scale."""
+    degrees_of_freedom: np.ndarray
+    """Effective, of that standard uncertainty (GUM G.4)."""
+
+    def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ends of the estimate's error, ``mean error ± k u``, k from Student's t (GUM G.3)."""
+        half = student.ppf((1 + probability) / 2, self.degrees_of_freedom) * self.standard_uncertainty
+        return self.mean_error - half, self.mean_error + half
+
+    def textbook_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Return those of the textbook's first-order law, about the error of the noise-free run's estimate."""
+        half = norm.ppf((1 + probability) / 2) * np.sqrt(np.diag(self.textbook_covariance))
+        return self.textbook_value - half, self.textbook_value + half
 
     @property
     def three_sigma(self) -> np.ndarray:

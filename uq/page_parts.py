@@ -61,6 +61,17 @@ def nominal(result: MonteCarloResult) -> Table:
     return Table("True tensor, g·m²", list(COMPONENTS), [[_typeset(f"{GRAM_METRE * v:.6g}") for v in result.nominal]])
 
 
+def coverage_tables(result: MonteCarloResult) -> list[Table]:
+    """Return the tables of coverage intervals and, of an adaptive campaign, of what was asked and reached."""
+    (head, rows), note = result.interval_rows(), "symmetric: as much on either side; shortest: JCGM 101, 7.7."
+    tables = [Table("95 % coverage intervals of the error, g·m²", [*head[:2], "", *head[3:]], rows, note)]
+    if result.stability is not None:
+        head, rows = result.tolerance_rows()
+        note = "tolerance: half a unit of the last significant digit of u, or as asked; JCGM 101, 7.9."
+        tables.append(Table("Adaptive Monte Carlo, g·m²", [*head[:2], "", *head[3:]], rows, note))
+    return tables
+
+
 def breakdown_table(result: MonteCarloResult, trajectory: str, estimator: str) -> Table:
     """Return the table of one breakdown: every group and source, its mean error, 3σ and share."""
     breakdown, rows = result[trajectory, estimator], []

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uq.datasheet import datasheet
+from uq.datasheets import datasheet
 from uq.distributions import Distribution, Empirical, Normal, Rectangular, StudentT, Triangular, UShaped
 from uq.document import REQUIRED, ExperimentError, Table
 from uq.source_figures import Figures, not_negative

@@ -143,14 +143,9 @@ def stream_number(name: str) -> int:
     return zlib.crc32(name.encode())
 
 
-def stream(source: Source, key: Key[Array, ""]) -> Key[Array, ""]:
-    """Return the source's own key of a campaign: the seed's key folded with a stable hash of the name."""
-    return jax.random.fold_in(key, stream_number(source.name))
-
-
-def block_key(source: Source, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
-    """Return the key of a source's draws in one block of a trial."""
-    return jax.random.fold_in(jax.random.fold_in(stream(source, key), trial), block)
+def block_key(number: Index | Array, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
+    """Return the key of one block of a trial, in the stream of this number: seed, stream, trial, block folded in."""
+    return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, number), trial), block)
 
 
 def draw_constants(
@@ -158,9 +153,24 @@ def draw_constants(
 ) -> dict[str, Float[Array, "..."]]:
     """Return the one draw of each constant source of a trial, in SI, by name."""
     constant = [source for source in sources if source.constant]
-    drawn = {s.name: s.shape.draw(block_key(s, key, trial, 0), np.shape(s.sigma), dtype) for s in constant}
+    drawn: dict[str, Array] = {}
+    for alike in _alike(constant):  # drawn in one go: the same numbers as one by one, compiled once
+        numbers = jnp.asarray([stream_number(s.name) for s in alike], jnp.uint32)
+        keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
+        values = jax.vmap(lambda one, s=alike[0]: s.shape.draw(one, np.shape(s.sigma), dtype))(keys)
+        drawn |= {source.name: value for source, value in zip(alike, values, strict=True)}
     drawn = mixed(drawn, mixing)
     return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
+
+
+def _alike(sources: Sequence[Source]) -> list[list[Source]]:
+    """Sources whose draws have one distribution and one shape, together."""
+    groups: dict[Any, list[Source]] = {}
+    for source in sources:
+        figures = jax.tree.leaves(source.shape)
+        same = tuple(figures) if all(isinstance(figure, float) for figure in figures) else source.name
+        groups.setdefault((type(source.shape), same, np.shape(source.sigma)), []).append(source)
+    return list(groups.values())
 
 
 def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> Float[Array, "..."]:
@@ -172,13 +182,17 @@ def draw_blocks(
     sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, block: Index, dtype: Any
 ) -> list[Float[Array, "3 4000"]]:
     """Return the draws of precision sources for one block of samples of a trial, component first."""
-    drawn = mixed({s.name: _standard_block(s, block_key(s, key, trial, block), dtype) for s in sources}, mixing)
+    drawn = mixed({s.name: _standard_block(s, _key(s, key, trial, block), dtype) for s in sources}, mixing)
     return [jnp.asarray(s.sigma, dtype)[:, None] * drawn[s.name] for s in sources]
 
 
 def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 4000"]:
     """Return one block of a precision source that is correlated with no other."""
     return draw_blocks([source], (), key, trial, block, dtype)[0]
+
+
+def _key(source: Source, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
+    return block_key(stream_number(source.name), key, trial, block)
 
 
 def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 4000"]:
@@ -191,5 +205,5 @@ def draw_sums(
     sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, size: int
 ) -> list[Float[Array, "{size} 3"]]:
     """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
-    drawn = mixed({s.name: jax.random.normal(block_key(s, key, trial, 0), (size, 3)).T for s in sources}, mixing)
+    drawn = mixed({s.name: jax.random.normal(_key(s, key, trial, 0), (size, 3)).T for s in sources}, mixing)
     return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

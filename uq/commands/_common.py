@@ -84,6 +84,8 @@ class ProgressBar:
             self.close()
             self.bar = tqdm(desc=name, total=asked, unit=" trials", leave=False)
             self.bar.desc = name
+            self.bar.initial = self.bar.n = self.bar.last_print_n = done  # what is resumed took no time
+        self.bar.total = asked
         self.bar.update(done - self.bar.n)
 
     def close(self) -> None:

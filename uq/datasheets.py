@@ -37,7 +37,9 @@ READING = re.compile(rf"({NUMBER})\s*%\s*(?:of\s+)?(?:the\s+)?(?:reading|measure
 EXAMPLES = "'±0.5 % of full scale, k = 2', '0.1 % FS', 'accuracy ±2 N', '±2 N, 95 %', 'resolution 0.01 N'"
 
 
-def datasheet(text: str, unit: str, *, full_scale: float | None = None, reading: float | None = None) -> Distribution:
+def datasheet(
+    text: object, unit: str, *, full_scale: float | None = None, reading: float | None = None
+) -> Distribution:
     """Return the distribution of an error, about zero, that a datasheet states.
 
     Args:
@@ -53,7 +55,7 @@ def datasheet(text: str, unit: str, *, full_scale: float | None = None, reading:
     """
     if not isinstance(text, str):
         raise UnitError(f"is {text!r}: write a statement such as {EXAMPLES}")
-    figure, *said = (part.strip() for part in re.split(r"[,;()]", text) if part.strip())
+    figure, *said = (part.strip() for part in re.split(r"[,;()]", text) if part.strip() or not text.strip())
     for words in (r"\d\s*(?:σ|sigma)", "rms", "resolution", "standard (?:uncertainty|deviation)"):
         if found := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
             said.append(found[0])

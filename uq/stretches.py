@@ -1,0 +1,99 @@
+"""Trials in stretches: batched, sharded over devices, the same numbers however they are cut."""
+
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import AxisType, Mesh, PartitionSpec
+
+from uq.sampled import SampledSetup, any_trial
+from uq.trial import Setup, TrialEstimates
+
+Keep = Callable[[int, TrialEstimates], None]
+"""Called with the number of a stretch's first trial and its estimates."""
+
+
+def run_trials(
+    setup: Setup | SampledSetup,
+    trials: int,
+    seed: int,
+    devices: Sequence[jax.Device],
+    batch: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> TrialEstimates:
+    """Run trials 0 … ``trials`` - 1 spread over devices; return NumPy arrays with the trials on the leading axis."""
+    run = Trials(setup, seed, devices, batch)
+    run.reach(trials, progress)
+    return run.estimates(trials)
+
+
+class Trials:
+    """The trials of one setup so far, and more of them when they are asked for."""
+
+    def __init__(
+        self,
+        setup: Setup | SampledSetup,
+        seed: int,
+        devices: Sequence[jax.Device],
+        batch: int = 1,
+        *,
+        done: Sequence[TrialEstimates] = (),
+        keep: Keep | None = None,
+    ) -> None:
+        """Start from the stretches that are ``done``; ``keep`` is given each further one."""
+        self.setup, self.key, self.batch, self.keep = setup, jax.random.key(seed), batch, keep
+        self.devices = len(devices)
+        self.mesh = Mesh(np.array(devices), ("trials",), axis_types=(AxisType.Auto,))
+        self.parts = list(done)
+        self.count = sum(len(part.ok) for part in self.parts)
+
+    def reach(self, trials: int, progress: Callable[[int, int], None] | None = None) -> None:
+        """Run whole stretches until there are at least so many trials."""
+        stretch = min(_stretch(self.batch), -(-trials // self.devices)) * self.devices
+        while self.count < trials:
+            numbers = jnp.arange(self.count, self.count + stretch)
+            part = jax.tree.map(np.asarray, _batch(self.setup, self.key, numbers, self.mesh, self.batch))
+            if self.keep:
+                self.keep(self.count, part)
+            self.parts.append(part)
+            self.count += stretch
+            if progress:
+                progress(min(self.count, trials), trials)
+
+    def estimates(self, trials: int) -> TrialEstimates:
+        """Return the first so many trials."""
+        return self.between(0, trials)
+
+    def between(self, first: int, last: int) -> TrialEstimates:
+        """Return trials ``first`` … ``last`` - 1, which must be done."""
+        ends = np.cumsum([len(part.ok) for part in self.parts])
+        one, two = np.searchsorted(ends, first, side="right"), np.searchsorted(ends, last)
+        before = int(ends[one] - len(self.parts[one].ok))
+        return jax.tree.map(
+            lambda *leaves: np.concatenate(leaves)[first - before : last - before], *self.parts[one : two + 1]
+        )
+
+
+def _stretch(batch: int) -> int:
+    """Trials a device does between two reports of progress: whole batches, some hundred trials."""
+    return batch * max(1, 100 // batch)
+
+
+@eqx.filter_jit
+def _batch(setup: Setup | SampledSetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
+    def on_one_device(setup, key, mine):
+        one = lambda index: any_trial(setup, key, index)  # noqa: E731
+        return jax.lax.map(one, mine, batch_size=None if batch == 1 else batch)
+
+    arrays, static = eqx.partition(setup, eqx.is_array)
+    everywhere, split = PartitionSpec(), PartitionSpec("trials")
+    sharded = jax.shard_map(
+        lambda arrays, key, mine: on_one_device(eqx.combine(arrays, static), key, mine),
+        mesh=mesh,
+        in_specs=(everywhere, everywhere, split),
+        out_specs=split,
+        check_vma=False,
+    )
+    return sharded(arrays, key, trials)
