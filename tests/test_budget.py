@@ -336,6 +336,11 @@ def test_the_command_adds_the_budget_to_the_report(tmp_path, capsys):
     assert "Monte Carlo of an inertia tensor" in page
 
 
+def test_too_small_a_budget_is_refused_before_any_work(capsys):
+    assert cli.main(["montecarlo", "barreto2016", "--budget", "1"]) == 2
+    assert "--budget is 1: ask for two pairs of trials or more" in capsys.readouterr().err
+
+
 def toml(table, where=""):
     """Write a nested dict of strings, numbers, lists of strings and tables as TOML."""
     plain = {

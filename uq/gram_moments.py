@@ -110,7 +110,7 @@ def gram_moments(setup: Setup, *, chunk: int = 4000) -> GramMoments:
 def moments_of_signals(
     signals: Float[Array, "signals n"],
     valid: Float[Array, " n"],
-    taps: Sequence[Float[Array, " h"]],
+    taps: Sequence[Array],
     *,
     chunk: int = 4000,
 ) -> GramMoments:
@@ -246,12 +246,21 @@ def _mirrored(estimators: int) -> np.ndarray:
 
 def mean(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, " products"]:
     """Return the expected sums for white normal noise of omega of this variance [rad²/s²] on each axis."""
-    layout = _layout(len(moments.alphas))
-    number = {monomial: k for k, monomial in enumerate(layout.monomials)}
-    monomials = np.array([number[term.monomial] for term in layout.plain])
-    weights = _weights(layout.plain, moments.alphas, variance)
-    products = np.array([term.product for term in layout.plain])
-    return moments.sums.at[products].add(weights * moments.totals[monomials])
+    return moments.sums + _changes(moments, variance, _layout(len(moments.alphas)).plain)
+
+
+def second_order_change(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, " products"]:
+    """Return what the mean's second order in the noise adds to the noise-free sums: the textbook's ``½ tr(H Σ)``."""
+    plain = _layout(len(moments.alphas)).plain
+    return _changes(moments, variance, tuple(term for term in plain if sum(term.weight.powers) == 1))
+
+
+def _changes(moments: GramMoments, variance: Array, plain: tuple[Term, ...]) -> Float[Array, " products"]:
+    number = {monomial: k for k, monomial in enumerate(_layout(len(moments.alphas)).monomials)}
+    monomials = np.array([number[term.monomial] for term in plain])
+    weights = _weights(plain, moments.alphas, variance)
+    products = np.array([term.product for term in plain])
+    return jnp.zeros_like(moments.sums).at[products].add(weights * moments.totals[monomials])
 
 
 def covariance(

@@ -6,7 +6,6 @@ sums. The law is therefore expanded about the EXPECTED sums; the textbook's, abo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -54,8 +53,12 @@ class PreparedLaw:
         """Return the law for the experiment's sources, or for others of the same kinds in their place.
 
         Raises:
-            ExperimentError: a source that the law cannot take.
+            ExperimentError: a source that the law cannot take, or one of a kind that was not prepared for.
         """
+        if other := perturbed(sources or ()) - perturbed(self.experiment.sources):
+            raise ExperimentError(
+                f"errors that the law was not prepared for ({', '.join(sorted(other))}): prepare anew"
+            )
         experiment = self.experiment if sources is None else replace(self.experiment, sources=tuple(sources))
         cases = cases_of(experiment.sources)
         constants = constants_of(experiment.sources, experiment.mixing)
@@ -197,7 +200,8 @@ class _Freedom(NamedTuple):
         known = part * jnp.outer(self.known, self.known)[None]
         squares = jnp.einsum("si,aij,sj->as", self.joint, known, self.joint)
         variance = jnp.maximum(jnp.diag(covariance) - jnp.sum(part - known, axis=(1, 2)), 0)
-        unknown = jnp.sum(squares**2 / jnp.max(self.joint * self.freedom[None], axis=1, initial=1)[None], axis=1)
+        freedom = jnp.min(jnp.where(self.joint > 0, self.freedom[None], jnp.inf), axis=1, initial=jnp.inf)
+        unknown = jnp.sum(squares**2 / freedom[None], axis=1)
         return jnp.sqrt(variance), jnp.where(unknown > 0, variance**2 / jnp.where(unknown > 0, unknown, 1), jnp.inf)
 
 
@@ -218,13 +222,12 @@ def _scatter(ground: Ground, estimator: Int[Array, ""], variance: Float[Array, "
     every = [own_products(len(moments.alphas), k) for k in range(len(moments.alphas))]
     own = jnp.asarray(every)[estimator]
     rows = jnp.zeros((len(equations), len(moments.sums))).at[:, own].set(equations)
-    change = jax.jvp(partial(moments_of.mean, moments), (jnp.zeros(3),), (variance,))[1]
     return _Scatter(
         moments_of.mean(moments, variance)[own],
         moments.sums[own],
         moments_of.covariance(moments, variance, rows),
         moments_of.first_order_covariance(moments, variance, rows),
-        rows @ change,
+        rows @ moments_of.second_order_change(moments, variance),
     )
 
 

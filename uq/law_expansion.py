@@ -5,6 +5,7 @@ normal equations, and these are solved (:mod:`identify.gram`). Constant errors e
 through the mean and covariance of the sums (:mod:`uq.gram_moments`).
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -89,11 +90,19 @@ def expand_at(ground: Ground, estimator: Index, point: Point, directions: Float[
         return _solve(equations(z))
 
     zero = jnp.zeros(directions.shape[1])
-    at = equations(zero)
-    jacobian, by_equations = jax.jacfwd(estimate), jax.jacfwd(_solve)
-    return Expansion(
-        _solve(at), jacobian(zero), jax.jacfwd(jacobian)(zero), by_equations(at), jax.jacfwd(by_equations)(at)
-    )
+    jacobian, by_equations = _twice(estimate, zero), _twice(_solve, equations(zero))
+    return Expansion(estimate(zero), *jacobian, *by_equations)
+
+
+def _twice(function: Callable[[Array], Array], at: Array) -> tuple[Array, Array]:
+    """First and second derivatives."""
+
+    def first(z):
+        jacobian = jax.jacfwd(function)(z)
+        return jacobian, jacobian
+
+    hessian, jacobian = jax.jacfwd(first, has_aux=True)(at)
+    return jacobian, hessian
 
 
 def _solve(equations: Float[Array, "27"]) -> Float[Array, "6"]:

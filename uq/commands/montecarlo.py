@@ -41,17 +41,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tolerance", metavar="'0.05 g*m^2'", help="with --adaptive: the tolerance instead of digits")
     parser.add_argument(
-        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
-    )
-    parser.add_argument(
         "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
         help="who causes what: shares of every source and group, from this many pairs of trials (1000)",
     )  # fmt: skip
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     goal = _goal(arguments)
+    if arguments.budget is not None and arguments.budget < 2:
+        raise ExperimentError(f"--budget is {arguments.budget}: ask for two pairs of trials or more")
     start_jax()
     experiments = Experiment.load_bodies(arguments.experiment)
     with output_folder(arguments.out) as out:
@@ -65,14 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
                 name: _campaign(arguments, name, experiment, checkpoints[name], goal)
                 for name, experiment in experiments.items()
             }
+            more = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
         except KeyboardInterrupt:
             if out is None:
                 raise
             _say("error: interrupted; the same command goes on from there")
             return 130
         for name, result in results.items():
-            more = [] if arguments.budget is None else [_budget(name, experiments[name], arguments)]
-            _finish(name, result, folders[name], *more)
+            _finish(name, result, folders[name], more[name])
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
                 checkpoint.remove()
@@ -113,20 +115,24 @@ def _goal(arguments: argparse.Namespace) -> dict:
         raise ExperimentError(f"--tolerance {error}") from None
 
 
-def _budget(name: str, experiment: Experiment, arguments: argparse.Namespace) -> BudgetResult:
+def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) -> list[BudgetResult]:
+    """The budget, if it is asked for."""
+    if arguments.budget is None:
+        return []
     with ProgressBar() as bar:
-        return budget(
+        result = budget(
             experiment,
             trials=arguments.budget,
             seed=arguments.seed,
             trajectories=arguments.trajectory,
             estimators=arguments.estimator,
             dtype=arguments.dtype,
-            progress=lambda trajectory, *trials: bar(f"{name} {trajectory} budget".strip(), *trials),
+            progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
         )
+    return [result]
 
 
-def _finish(name: str, result: MonteCarloResult, folder: Path | None, *more: BudgetResult) -> None:
+def _finish(name: str, result: MonteCarloResult, folder: Path | None, more: list[BudgetResult]) -> None:
     if name:
         print(f"\nbody {name}\n")
     finish(result, folder, *more)
