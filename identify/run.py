@@ -58,6 +58,8 @@ class Run:
     """From when to when the run was cut [s]; none: it is whole."""
     found: bool = False
     """Whether the parts were found, not named."""
+    overview: Float[np.ndarray, "m 2"] | None = None
+    """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s], for a figure."""
     specific_force: Float[np.ndarray, "n 3"] | None = None
     """What the accelerometer reads, in B [m/s²]; None: there is none."""
     imu_position: Float[np.ndarray, "3"] | None = None

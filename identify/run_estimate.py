@@ -40,6 +40,8 @@ class RunEstimate:
     """Whether these were found where it moves, not named."""
     left_out: Mapping[str, int] = field(default_factory=dict)
     """How many samples were left out, by reason."""
+    overview: np.ndarray | None = None
+    """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s]."""
     force_offset: np.ndarray | None = None
     """The force's offset [N]; None where neither mass nor accelerometer tell it."""
 
@@ -59,7 +61,7 @@ def run_estimate(part: Information, r_cg: np.ndarray, mass: float | None) -> Run
     return RunEstimate(
         run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
         part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()), run.parts,
-        run.found, run.left_out, None if part.offsets is None else force_offset(run, r_cg, mass),
+        run.found, run.left_out, run.overview, None if part.offsets is None else force_offset(run, r_cg, mass),
     )  # fmt: skip
 
 

@@ -33,11 +33,19 @@ def repeats(values: Float[np.ndarray, "n k"]) -> tuple[Bool[np.ndarray, " n"], B
     """Return which samples to drop, as the sensor is slower than its messages; and where it stood still for a while."""
     equal = held(values)
     if equal.mean() > HELD:
-        return equal, np.zeros(len(values), bool)
+        return _every(values, np.median([stop - start for start, stop in _runs(equal)])), np.zeros(len(values), bool)
     frozen = np.zeros(len(values), bool)
     for start, stop in _runs(equal):
         frozen[start - 1 : stop] = stop - start + 1 >= FROZEN
     return np.zeros(len(values), bool), frozen
+
+
+def _every(values: np.ndarray, usual: float) -> np.ndarray:
+    """All repeats of a slower source, also where it happened to move little: runs of up to twice the usual length."""
+    same = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])
+    for start, stop in _runs(same):
+        same[start:stop] = stop - start <= 2 * usual
+    return same
 
 
 def saturated(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:

@@ -140,6 +140,7 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
     assert short.sources[4].name == "r_cg"
     found = identify(
         simulate(one, "T1", seed=0, trial=3).run,
+        offsets="none",
         r_cg=np.asarray(short.r_cg_from_q + r_cg_draw),
         estimator=one.estimators[0],
     )
@@ -263,7 +264,7 @@ def test_any_number_of_samples(short, seconds):
     np.testing.assert_array_equal(*results)
     estimator = one.estimator("central")
     silent_r = dataclasses.replace(one, sources=tuple(s for s in one.sources if s.target != "r_cg"))
-    found = identify(simulate(silent_r, "T", trial=1).run, r_cg=short.r_cg_from_q, estimator=estimator)
+    found = identify(simulate(silent_r, "T", trial=1).run, r_cg=short.r_cg_from_q, estimator=estimator, offsets="none")
     expected = errors(silent_r, 3, name="T", estimators=("central",), sampling="samples")[1, 0, 0]
     np.testing.assert_allclose(found.inertia - short.inertia, expected, atol=1e-12)
 

@@ -8,7 +8,7 @@ from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 
 Channel = WrenchChannel | ImuChannel | MotionChannel
 AHEAD = 0.5
-"""Seconds over which the least delay tells whether messages were lost or only late."""
+"""Seconds over which the usual delay tells whether messages were lost or only late."""
 LATE = 0.1
 """Scatter of arrivals about a steady rate beyond which there is no such rate [s]."""
 
@@ -72,8 +72,9 @@ def _ticks(channel: Channel) -> np.ndarray:
     late = arrival - np.round(number * period)
     ahead = max(int(AHEAD * 1e9 / period), 1)
     for k in np.flatnonzero(np.diff(arrival) > GAP * period):
-        lost = round((late[k + 1 : k + 1 + ahead].min() - late[max(k + 1 - ahead, 0) : k + 1].min()) / period)
-        if lost > 0:
+        after, before = np.median(late[k + 1 : k + 1 + ahead]), np.median(late[max(k + 1 - ahead, 0) : k + 1])
+        lost = round((after - before) / period)
+        if lost > GAP / 2:  # fewer are within the jitter, and shift no sample by more
             number[k + 1 :] += lost
             late[k + 1 :] -= round(lost * period)
     return np.round(number * period).astype(np.int64)

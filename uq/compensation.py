@@ -6,10 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from identify.frames import moment_about
+from identify.offsets import rest_of
 from identify.run import Run, RunError
 from identify.stretches import Stretch
 from identify.weight import UP, upward
 from uq.experiment import Experiment
+
+LEVEL = 0.02
+"""Tilt of a rest that counts as level [rad]."""
 
 
 def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Run, tuple[str, ...]]:
@@ -29,13 +33,37 @@ def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Ru
         weight = mass * experiment.gravity * upward(run, r_cg, rests)
         how = "the gyro, level at first" if run.specific_force is None else "the accelerometer"
         said = f"the driver removed the declared mass at the declared r_CG, and gravity's direction is that of {how}"
-        return _with(run, weight, r_cg, also_moment=recording.compensated == "gravity"), (said,)
+        weighed = _with(run, weight, r_cg, also_moment=recording.compensated == "gravity")
+        if run.specific_force is None and recording.compensated == "gravity_from_force":
+            _check_level(weighed, rests, experiment)
+        return weighed, (said,)
     if recording.zero == "loaded" and recording.offsets == "none":
         mass = _mass(run, experiment, "zero is loaded, with offsets none")
         weight = np.broadcast_to(mass * experiment.gravity * UP, run.force.shape)
         said = "the load cell was zeroed with the body on it at rest and level"
         return _with(run, weight, r_cg, also_moment=True), (said,)
     return run, ()
+
+
+def _check_level(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> None:
+    """Refuse a level that the moment at rest contradicts; a tilt and an offset look alike in it."""
+    rest = rest_of(run, rests[:1])
+    if rest is None:
+        raise RunError(
+            f"{run.name} has neither accelerometer nor two seconds of level rest before the motion: the weight removed "
+            "from the force cannot be put back without"
+        )
+    tilt = np.linalg.norm(rest.moment - np.cross(experiment.r_cg_from_q, rest.force)) / _arm(experiment)
+    if tilt > LEVEL:
+        raise RunError(
+            f"the moment at rest before the motion in {run.name} is that of a body tilted by {np.rad2deg(tilt):.2g} "
+            "deg, or an offset: the weight removed from the force cannot be put back without an accelerometer"
+        )
+
+
+def _arm(experiment: Experiment) -> float:
+    """The moment of the weight at right angles to r_CG [N·m]."""
+    return max((experiment.mass or 0.0) * experiment.gravity * float(np.linalg.norm(experiment.r_cg_from_q)), 1e-9)
 
 
 def _mass(run: Run, experiment: Experiment, why: str) -> float:

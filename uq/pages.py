@@ -101,7 +101,8 @@ def _identification(result: Identification) -> Page:
          f"“{result.estimator.name}”; centre of gravity from the load cell's centre: ({centre}) mm.", UNCERTAINTY],
         result.warnings,
         [Table("Inertia tensor, g·m²", *result.rows())],
-        [Drawing("runs", plots.estimates(result), "Each component: each run alone, and all together.")],
+        [Drawing("runs", plots.estimates(result), "Each component: each run alone, and all together."),
+         *_parts(result)],
         [run_table(result), *source_tables(result.provenance)],
         [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
         result.provenance,
@@ -121,6 +122,13 @@ def _centre(result: Centre) -> Page:
         [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
         result.provenance,
     )  # fmt: skip
+
+
+def _parts(result: Identification) -> list[Drawing]:
+    """The figure of what was used, where not all of it was; what was left out stands below."""
+    said = " ".join(f"{run.used}." for run in result.runs if run.used)
+    cut = any(run.overview is not None for run in result.runs)
+    return [Drawing("parts", plots.parts(result), f"The part of each run that counts. {said}")] if cut else []
 
 
 UNCERTAINTY = (

@@ -16,6 +16,10 @@ Limit = float | str
 """Seconds from the run's start, or the name of a mark."""
 
 
+POINTS = 2000
+"""Most points of a run's overview."""
+
+
 class Part(NamedTuple):
     """From one limit to another; None: the run's start, or its end."""
 
@@ -112,10 +116,19 @@ def cut(run: Run, parts: Sequence[Part] | None, marks: Sequence[tuple[float, str
         RunError: see :func:`resolve`.
     """
     if parts:
-        return run.within(resolve(parts, float(run.t[-1]), marks, run.name))
+        kept = run.within(resolve(parts, float(run.t[-1]), marks, run.name))
+        return replace(kept, overview=_overview(run))
     stretches = moving(run.rate, run.omega)
     found = decisive(run.rate, run.omega, run.force, run.moment, stretches)
     if not found or (found[0].start == 0 and found[0].stop >= float(run.t[-1] - run.t[0]) - 0.5 / run.rate):
         return run
     first, last = float(run.t[0]), float(run.t[-1])
-    return replace(run.within((first + a, min(first + b, last)) for a, b in found), found=True)
+    return replace(run.within((first + a, min(first + b, last)) for a, b in found), found=True, overview=_overview(run))
+
+
+def _overview(run: Run) -> np.ndarray:
+    """Time and largest angular velocity of each of up to ``POINTS`` equal spans of a run, (m, 2)."""
+    width = -(-len(run.t) // POINTS)
+    count = len(run.t) // width
+    speed = np.linalg.norm(run.omega[: count * width], axis=1).reshape(count, width).max(axis=1)
+    return np.stack([run.t[: count * width : width], speed], axis=1)

@@ -172,6 +172,29 @@ def estimates(result: Identification) -> Figure:
     return figure
 
 
+def parts(result: Identification) -> Figure:
+    """Draw each run's angular velocity and which parts of it were used, at most six runs.
+
+    Args:
+        result: an identification of runs of which parts were named or found.
+    """
+    runs = [run for run in result.runs if run.overview is not None][:6]
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 0.5 + 1.3 * max(len(runs), 1)), layout="constrained")
+        for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
+            t, speed = np.asarray(run.overview).T
+            axes.plot(t, speed, color=PALETTE[0], linewidth=0.5)
+            for k, (start, stop) in enumerate(run.parts):
+                label = ("found where it moves" if run.found else "named") if k == 0 else None
+                axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0, label=label)
+            axes.set_ylabel("|ω| [rad/s]")
+            axes.set_title(run.file, loc="left")
+            axes.legend(loc="upper right")
+            axes.set_xlim(t[0], t[-1])
+        axes.set_xlabel("time from the run's start [s]")
+    return figure
+
+
 def display_name(name: str) -> str:
     """Return a group's or source's name as a reader would write it."""
     return NAMES.get(name, name.replace("_", " ").replace("omega", "ω"))

@@ -227,7 +227,10 @@ def _prepared(
     if recording.offsets == "still":
         run = replace(run, rest=rest_of(run, rests))
     part = run.within(kept.parts) if kept.parts else run
-    return replace(part, parts=kept.parts, found=kept.found, left_out=kept.left_out), (*assumed, *more)
+    return replace(part, parts=kept.parts, found=kept.found, left_out=kept.left_out, overview=kept.overview), (
+        *assumed,
+        *more,
+    )
 
 
 def _of_weight(recording: Recording) -> tuple[str, ...]:
