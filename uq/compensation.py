@@ -53,7 +53,7 @@ def _check_level(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> 
             f"{run.name} has neither accelerometer nor two seconds of level rest before the motion: the weight removed "
             "from the force cannot be put back without"
         )
-    tilt = np.linalg.norm(rest.moment - np.cross(experiment.r_cg_from_q, rest.force)) / _arm(experiment)
+    tilt = np.linalg.norm(rest.moment - np.cross(experiment.stated_r_cg, rest.force)) / _arm(experiment)
     if tilt > LEVEL:
         raise RunError(
             f"the moment at rest before the motion in {run.name} is that of a body tilted by {np.rad2deg(tilt):.2g} "
@@ -63,7 +63,7 @@ def _check_level(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> 
 
 def _arm(experiment: Experiment) -> float:
     """The moment of the weight at right angles to r_CG [N·m]."""
-    return max((experiment.mass or 0.0) * experiment.gravity * float(np.linalg.norm(experiment.r_cg_from_q)), 1e-9)
+    return max((experiment.mass or 0.0) * experiment.gravity * float(np.linalg.norm(experiment.stated_r_cg)), 1e-9)
 
 
 def _mass(run: Run, experiment: Experiment, why: str) -> float:
