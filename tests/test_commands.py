@@ -154,7 +154,7 @@ def test_an_experiment_that_cannot_be_used(tmp_path, run, experiment, capsys, ol
         (("identify", "{run}", "--experiment", "{e}", "--estimator", "best"), "unknown estimator 'best'"),
         (("identify", "{run}"), "--experiment"),
         (("identify", "--experiment", "{e}"), "RUN.mcap"),
-        (("identify", "{dir}", "--experiment", "{e}"), ""),
+        (("identify", "{dir}/..", "--experiment", "{e}"), "no recording in the folder"),
         (("montecarlo", "{e}", "--trials", "0"), "0 trials: ask for one or more"),
         (("montecarlo", "{e}", "--trials", "-5"), "-5 trials: ask for one or more"),
         (("montecarlo", "{e}", "--trials", "1.5"), "'1.5' is not a whole number"),

@@ -5,12 +5,13 @@ import json
 import sqlite3
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
 import zstandard
-from bags import ROS1, STORE, merged, wrench, write_mcap, write_ros1, write_rosbag2
+from bags import ROS1, STORE, header, merged, wrench, write_mcap, write_ros1, write_rosbag2
 from rig_samples import IMU_COLUMNS, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
@@ -321,3 +322,21 @@ def test_json_without_the_fields_of_its_type_is_refused(tmp_path, tree, words):
     encode = lambda message, _: json.dumps(message).encode()  # noqa: E731
     write_mcap(tmp_path / "r.mcap", items, encoding="json", schema_encoding="", encode=encode)
     refuse(tmp_path / "r.mcap", words)
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_other_topics_take_no_memory(tmp_path, plugin):
+    """64 MB of pictures beside the run: the peak stays below 8 MB, a chunk and what belongs to it."""
+    image = STORE.types["sensor_msgs/msg/CompressedImage"]
+    picture = np.random.default_rng(1).integers(0, 256, 2**18, dtype=np.uint8)
+    pictures = [
+        (5_000_000_000 + k, "/camera", "sensor_msgs/msg/CompressedImage", image(header(STORE, k, ""), "", picture))
+        for k in range(256)
+    ]
+    write_rosbag2(tmp_path / "bag", sorted([*merged(WRENCH, IMU), *pictures], key=lambda one: one[0]), plugin=plugin)
+    check(tmp_path / "bag")
+    tracemalloc.start()
+    bag.read(tmp_path / "bag")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8e6, peak

@@ -63,7 +63,8 @@ def files(tmp_path, generator):
 def test_units_signs_and_frames_are_undone(files, capsys):
     run, table, mapping, out = files
     assert main(["import", str(table), "--map", str(mapping), "-o", str(out)]) == 0
-    assert capsys.readouterr().out == f"50 samples written to {out}\n"
+    said = f"50 samples written to {out}\nassumed: the moment is taken about Q\n"
+    assert capsys.readouterr().out == said
     got = bag.read(out)
     for values, name in (
         (got.wrench.force, "force"),
@@ -77,6 +78,7 @@ def test_units_signs_and_frames_are_undone(files, capsys):
     assert about["wrench"] == "on_body"
     assert json.loads(about["units"])["moment"] == "N*m"
     assert json.loads(about["imported"])["file"] == "t.csv"
+    assert json.loads(about["assumed"]) == ["the moment is taken about Q"]
 
 
 def test_a_table_without_times_or_accelerations(files):

@@ -84,7 +84,7 @@ def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
     tilted = attitude if poses.attitude == "acceleration" else np.zeros((len(attitude), 3))
     used = {"acceleration"} if poses.attitude == "acceleration" else set()
     bag = as_recording(path, table["force"], table["moment"], np.zeros_like(tilted), tilted)
-    rig = declared(bag, _silenced(experiment.recording, {"angular_velocity", "acceleration"} - used))
+    rig = declared(bag, silenced(experiment.recording, {"angular_velocity", "acceleration"} - used))
     force, moment = rig.wrench(bag.wrench)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -96,8 +96,8 @@ def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
     return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes)
 
 
-def _silenced(recording: Recording, quantities: set[str]) -> Recording:
-    """The declaration with a unit for quantities that a table does not have, so that nothing is assumed of them."""
+def silenced(recording: Recording, quantities: set[str]) -> Recording:
+    """Return the declaration with a unit for quantities that a table lacks, so that nothing is assumed of them."""
     units: dict[str, Any] = {f"{name}_unit": recording.unit(name) or UNITS[name] for name in quantities}
     return replace(recording, **units)
 

@@ -4,13 +4,14 @@ import json
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from identify.run import RunError
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
-from uq.centre import as_recording
+from uq.centre import as_recording, silenced
 from uq.columns import Columns, parse_columns, read_columns
 from uq.declared import declared
 from uq.document import ExperimentError, Table
@@ -101,7 +102,26 @@ def _declared(table: Table) -> Recording:
     return parse_recording(table)
 
 
-def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrite: bool = False) -> int:
+@dataclass(frozen=True)
+class Imported:
+    """A table that was written as a run."""
+
+    path: Path
+    """The MCAP file."""
+    samples: int
+    assumptions: tuple[str, ...]
+    """What the map does not say."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as plain values."""
+        return {"path": str(self.path), "samples": self.samples, "assumptions": list(self.assumptions)}
+
+    def __repr__(self) -> str:
+        notes = [f"assumed: {text}" for text in self.assumptions]
+        return "\n".join([f"{self.samples:,} samples written to {self.path}", *notes])
+
+
+def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrite: bool = False) -> Imported:
     """Write a table of samples as a run of ours: SI units, the wrench on the body at Q, body frame.
 
     Args:
@@ -111,7 +131,7 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
         overwrite: replace an existing file.
 
     Returns:
-        The number of samples.
+        What was written, and what was assumed.
 
     Raises:
         RunError: the table cannot be used, or its time does not increase.
@@ -123,17 +143,18 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
     nothing = np.zeros((len(stamp), 3))
     motion = table["angular_velocity"], table.get("acceleration", nothing)
     raw = as_recording(path, table["force"], table["moment"], *motion)
-    rig = declared(raw, mapping.recording)
+    absent = {"acceleration"} - set(table)
+    rig = declared(raw, silenced(mapping.recording, absent))
     (force, moment), (omega, acceleration) = rig.wrench(raw.wrench), rig.motion(raw.imu)
     imu = ImuChannel("/imu", "body", stamp, stamp, omega, acceleration)
     write(
         output,
         wrench=WrenchChannel("/wrench", "body", stamp, stamp, force, moment),
         imu=imu,
-        metadata={"rig.run": _about(raw.path, raw.sha256, measured_acceleration="acceleration" in table)},
+        metadata={"rig.run": _about(raw.path, raw.sha256, rig.assumptions, accelerates=not absent)},
         overwrite=overwrite,
     )
-    return len(stamp)
+    return Imported(Path(output), len(stamp), rig.assumptions)
 
 
 def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.ndarray:
@@ -150,10 +171,11 @@ def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.
     return round(max(seconds[0], 0) * NANOSECONDS) + np.round(since * NANOSECONDS).astype(np.int64)
 
 
-def _about(path: Path, digest: str, *, measured_acceleration: bool) -> dict[str, str]:
-    imu = "in B" if measured_acceleration else "in B; no acceleration was imported: it is zero"
+def _about(path: Path, digest: str, assumed: tuple[str, ...], *, accelerates: bool) -> dict[str, str]:
+    imu = "in B" if accelerates else "in B; no acceleration was imported: it is zero"
     return {
         "imported": json.dumps({"file": path.name, "sha256": digest}),
+        "assumed": json.dumps(assumed, ensure_ascii=False),
         "wrench": "on_body",
         "frames": json.dumps({"/wrench": "force and moment on the body at Q, in B", "/imu": imu}),
         "units": json.dumps({"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}),

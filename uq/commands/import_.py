@@ -21,6 +21,5 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    count = import_table(arguments.table, Map.load(arguments.map), arguments.output)
-    print(f"{count:,} samples written to {arguments.output}")
+    print(import_table(arguments.table, Map.load(arguments.map), arguments.output))
     return 0
