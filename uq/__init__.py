@@ -11,6 +11,8 @@ _WHERE = {
     "Empirical": "distributions",
     "Experiment": "experiment",
     "ExperimentError": "experiment",
+    "LawResult": "law_result",
+    "LinearLaw": "linear",
     "MonteCarloResult": "campaign",
     "MultivariateNormal": "distributions",
     "Normal": "distributions",
@@ -23,9 +25,11 @@ _WHERE = {
     "UShaped": "distributions",
     "datasheet": "datasheets",
     "identify_files": "recorded",
+    "law": "propagation",
     "load_run": "recorded",
     "montecarlo": "campaign",
     "paper": "barreto2016",
+    "propagate": "linear",
     "simulate": "simulation",
 }
 __all__ = list(_WHERE)

@@ -8,6 +8,8 @@ from uq.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, montecarlo
 from uq.checkpoint import Checkpoint
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.experiment import Experiment, ExperimentError
+from uq.law_validation import law_report
+from uq.propagation import law
 from uq.units import UnitError, quantity
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -34,6 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--digits", type=whole_number, help="with --adaptive: significant digits of the uncertainty to be stable (1)"
     )
+    parser.add_argument("--law", action="store_true", help="show the law of propagation beside the Monte Carlo")
     parser.add_argument("--tolerance", metavar="'0.05 g*m^2'", help="with --adaptive: the tolerance instead of digits")
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
@@ -45,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     goal = _goal(arguments)
     start_jax()
     experiments = Experiment.load_bodies(arguments.experiment)
+    asked = experiments if arguments.law else {}
+    laws = {name: law(e, arguments.trajectory, arguments.estimator) for name, e in asked.items()}
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
         checkpoints = {
@@ -63,6 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
             return 130
         for name, result in results.items():
             _finish(name, result, folders[name])
+            if name in laws:
+                print(law_report(laws[name], result))
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
                 checkpoint.remove()
