@@ -10,6 +10,8 @@ from uq.checkpoint import Checkpoint
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.experiment import Experiment, ExperimentError
 from uq.source_budget import budget
+from uq.law_validation import law_report
+from uq.propagation import law
 from uq.units import UnitError, quantity
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -39,6 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--digits", type=whole_number, help="with --adaptive: significant digits of the uncertainty to be stable (1)"
     )
+    parser.add_argument("--law", action="store_true", help="show the law of propagation beside the Monte Carlo")
     parser.add_argument("--tolerance", metavar="'0.05 g*m^2'", help="with --adaptive: the tolerance instead of digits")
     parser.add_argument(
         "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
@@ -56,6 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise ExperimentError(f"--budget is {arguments.budget}: ask for two pairs of trials or more")
     start_jax()
     experiments = Experiment.load_bodies(arguments.experiment)
+    asked = experiments if arguments.law else {}
+    laws = {name: law(e, arguments.trajectory, arguments.estimator) for name, e in asked.items()}
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
         checkpoints = {
@@ -75,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
             return 130
         for name, result in results.items():
             _finish(name, result, folders[name], more[name])
+            if name in laws:
+                print(law_report(laws[name], result))
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
                 checkpoint.remove()
