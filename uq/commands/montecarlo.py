@@ -9,9 +9,9 @@ from uq.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, montecarlo
 from uq.checkpoint import Checkpoint
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.experiment import Experiment, ExperimentError
-from uq.source_budget import budget
 from uq.law_validation import law_report
 from uq.propagation import law
+from uq.source_budget import budget
 from uq.units import UnitError, quantity
 
 __all__ = ["ERRORS", "configure", "run"]
