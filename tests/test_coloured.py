@@ -2,6 +2,7 @@
 
 import warnings
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +24,15 @@ def allan_deviation(signal, taus):
     return taus, deviation, pairs
 
 
+@eqx.filter_jit
+def draw(source, key, trial, n):
+    return draw_coloured(source, key, trial, n, jnp.asarray(RATE), jnp.dtype(float))
+
+
+def drawn(source, seed, trial, n):
+    return draw(source, jax.random.key(seed), jnp.asarray(trial), n)
+
+
 def asked(white=0.0, flicker=0.0, random_walk=0.0):
     """A gyro's noise with these Allan parameters on axis 1, two and three times as much on the others."""
     units = {"white": "rad/s/Hz**0.5", "flicker": "rad/s", "random_walk": "rad/s/s**0.5"}
@@ -39,7 +49,7 @@ def asked(white=0.0, flicker=0.0, random_walk=0.0):
 def test_the_allan_deviation_is_the_one_asked_for(parameters):
     """IEEE Std 952: N²/τ + (2 ln 2/π) B² + K² τ/3."""
     gyro = experiment(asked(**parameters)).sources[0]
-    noise = draw_coloured(gyro, jax.random.key(5), 3, SAMPLES, jnp.asarray(RATE), jnp.dtype(float))
+    noise = drawn(gyro, 5, 3, SAMPLES)
     n, b, k = (parameters.get(name, 0.0) for name in ("white", "flicker", "random_walk"))
     for axis in range(3):
         taus, deviation, pairs = allan_deviation(np.asarray(noise[axis]), 2.0 ** np.arange(3, 15) / RATE)
@@ -52,7 +62,7 @@ def test_the_allan_deviation_is_the_one_asked_for(parameters):
 def test_white_noise_alone_is_white(generator):
     """A noise density N is a standard deviation of N √rate at each sample, independent between axes."""
     gyro = experiment(asked(white=2e-4)).sources[0]
-    noise = np.asarray(draw_coloured(gyro, jax.random.key(5), 0, SAMPLES, jnp.asarray(RATE), jnp.dtype(float)))
+    noise = np.asarray(drawn(gyro, 5, 0, SAMPLES))
     np.testing.assert_allclose(noise.std(1), 2e-3 * np.array([1, 2, 3]), rtol=5 / np.sqrt(2 * SAMPLES))
     assert np.abs(np.corrcoef(noise) - np.eye(3)).max() < 5 / np.sqrt(SAMPLES)
     lags = [np.mean(noise[:, k:] * noise[:, :-k], axis=1) / noise.var(1) for k in (1, 2, 7)]
@@ -66,10 +76,9 @@ def test_half_an_integration_twice_is_an_integration(generator):
 
 def test_draws_are_keyed_by_block_and_depend_on_nothing_else():
     gyro = experiment(asked(white=2e-4, flicker=3e-4, random_walk=1e-4)).sources[0]
-    draw = lambda key, trial, n: draw_coloured(gyro, jax.random.key(key), trial, n, jnp.asarray(RATE), jnp.dtype(float))  # noqa: E731
-    long = draw(0, 1, 9000)
-    np.testing.assert_allclose(draw(0, 1, 5000), long[:, :5000], atol=1e-15)  # a longer run begins the same
-    for other in (draw(0, 2, 9000), draw(1, 1, 9000)):
+    long = drawn(gyro, 0, 1, 9000)
+    np.testing.assert_allclose(drawn(gyro, 0, 1, 5000), long[:, :5000], atol=1e-15)  # a longer run begins the same
+    for other in (drawn(gyro, 0, 2, 9000), drawn(gyro, 1, 1, 9000)):
         assert not np.any(other == long)
 
 
@@ -77,6 +86,6 @@ def test_a_simulated_run_has_it():
     e = experiment(asked(white=2e-4, flicker=3e-4), source("white", "omega", "precision", sigma=["1 mrad/s"] * 3))
     noise = simulate(e, trial=2).run.omega - simulated(e)[1]
     n = len(noise)
-    coloured = draw_coloured(e.sources[0], jax.random.key(0), 2, n, jnp.asarray(RATE), jnp.dtype(float))
+    coloured = drawn(e.sources[0], 0, 2, n)
     white = draw_block(e.sources[1], jax.random.key(0), 2, 0, jnp.dtype(float))[:, :n]
     np.testing.assert_allclose(noise, (coloured + white).T, atol=1e-13)

@@ -181,7 +181,14 @@ def test_the_example_has_every_kind_of_source_and_runs(many, tmp_path):
     provenance = result.to_dict()["provenance"]
     assert provenance["experiment"] == many.document
     json.dumps(provenance, allow_nan=False)
-    write_report(result, tmp_path / "out")  # also from another folder than that of the file of samples
+    write_report(result, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    for size in (
+        "datasheet ±0.5 % FS",
+        "half width 0.2 deg, 0.2 deg, 0.5 deg; distribution rectangular",
+        "0.5 ms; mean 1 ms",
+    ):
+        assert size in page
     run = simulate(many).run
     steps = np.asarray(run.force) / [0.05, 0.05, 0.1]
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)

@@ -107,18 +107,43 @@ def run_table(result: Identification) -> Table:
     return Table("Runs", head, rows, note)
 
 
+SIZES = (
+    "sigma", "half_width", "scale", "datasheet", "samples", "white", "flicker", "random_walk", "limit", "step",
+    "distribution", "degrees_of_freedom", "mean",
+)  # fmt: skip
+"""Keys of a source that say how large it is."""
+
+
 def source_tables(provenance: Mapping[str, Any]) -> list[Table]:
     """Return the tables of error sources, with their references, and of inferred values."""
     document = provenance.get("experiment") or {}
     rows = [
-        [s["name"], s["target"], s["kind"], s["group"], ", ".join(s["sigma"]), s.get("reference", "not given")]
+        [s["name"], s["target"], s["kind"], s["group"], size_of(s), s.get("reference", "not given")]
         for s in document.get("source", [])
     ]
     guesses = inferred(document)
-    tables = [Table("Error sources", ["source", "perturbs", "kind", "group", "σ on axes 1, 2, 3", "reference"], rows)]
+    tables = [
+        Table(
+            "Error sources",
+            ["source", "perturbs", "kind", "group", "σ on axes 1, 2, 3, or as named", "reference"],
+            rows,
+        )
+    ]
     note = "Not stated by the source; found as the values that reproduce its Table 2."
     inferences = [Table("Inferred values", ["key", "value", "reason"], guesses, note)]
     return [*(tables if rows else []), *(inferences if guesses else [])]
+
+
+def size_of(source: Mapping[str, Any]) -> str:
+    """Return how large a source is, in the words of its ``[[source]]``: ``sigma`` bare, other keys by their names."""
+    said = []
+    for key in SIZES:
+        if key in source and source[key] != "normal":
+            value = source[key]
+            matrix = isinstance(value, list) and isinstance(value[0], list)
+            text = "6×6 matrix" if matrix else ", ".join(value) if isinstance(value, list) else str(value)
+            said.append(text if key == "sigma" else f"{key.replace('_', ' ')} {text}")
+    return "; ".join(said)
 
 
 def inferred(document: Mapping[str, Any]) -> list[list[str]]:
