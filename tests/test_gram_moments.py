@@ -7,29 +7,34 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.gram import Sums, sums_of
-from identify.inertia import Body
+from identify.gram import sums_of
 from identify.regressor import features
-from uq.gram_moments import covariance, first_order_covariance, gram_moments, mean, own_products, pack, unpack
-from uq.trial import Estimator, Setup, Signals
+from uq.campaign import prepare_setup
+from uq.gram_moments import (
+    covariance,
+    first_order_covariance,
+    gram_moments,
+    mean,
+    moments_of_signals,
+    own_products,
+    pack,
+    unpack,
+)
 
 TAPS = ([50.0], [20.0, 12.0])
 
 
 def run(n, taps, seed=1):
-    """A run of random signals, without any physics, as the Monte Carlo has it."""
+    """A run of random signals, without any physics."""
     generator = np.random.default_rng(seed)
     halo = max(map(len, taps))
     valid = np.zeros(n)
     valid[halo : n - halo] = 1
     omega, wrench = generator.normal(size=(3, n)), generator.normal(size=(6, n))
     phi = noisy_features(omega, taps) * valid
-    sums = Sums(phi @ phi.T, phi @ wrench[:3].T, phi @ wrench[3:].T)
-    signals = Signals(jnp.arange(1), jnp.asarray(phi)[None], jnp.asarray(wrench)[None], jnp.asarray(valid)[None])
-    estimators = tuple(Estimator(str(k), jnp.asarray(t)) for k, t in enumerate(taps))
-    body = Body(jnp.array(1.0), jnp.zeros(3), jnp.ones(6))
-    setup = Setup(body, signals, jax.tree.map(jnp.asarray, sums), (), estimators, (), np.dtype("float64"), "samples")
-    return setup, omega, wrench, valid
+    signals = jnp.asarray(np.concatenate([omega, phi[10:], wrench]))
+    sums = packed(phi, wrench)
+    return (signals, jnp.asarray(valid), [jnp.asarray(one) for one in taps]), omega, wrench, valid, sums
 
 
 def noisy_features(omega, taps):
@@ -76,7 +81,7 @@ def packed(phi, wrench):
     [([0], 7, TAPS), ([2], 6, TAPS[:1]), ([0, 2], 4, TAPS[:1]), ([0, 1, 2], 3, TAPS[:1])],
 )
 def test_mean_and_covariance_are_exact_for_noise_as_large_as_the_signal(axes, n, taps):
-    setup, omega, wrench, valid = run(n, taps)
+    visited, omega, wrench, valid, _ = run(n, taps)
     sigma = np.array([0.7, 0.4, 0.9])
     only = np.where(np.isin(np.arange(3), axes), sigma, 0)
     noise, weights = cubature(axes, n, sigma, valid)
@@ -85,7 +90,7 @@ def test_mean_and_covariance_are_exact_for_noise_as_large_as_the_signal(axes, n,
         sums = packed(noisy_features(omega + noise[part], taps) * valid, wrench)
         total = total + weights[part] @ sums
         products = products + (sums.T * weights[part]) @ sums
-    moments = gram_moments(setup)
+    moments = moments_of_signals(*visited)
     np.testing.assert_allclose(mean(moments, jnp.asarray(only**2)), total, rtol=1e-9, atol=1e-9 * np.abs(total).max())
     expected = products - np.outer(total, total)
     found = covariance(moments, jnp.asarray(only**2))
@@ -94,13 +99,13 @@ def test_mean_and_covariance_are_exact_for_noise_as_large_as_the_signal(axes, n,
 
 @pytest.fixture(scope="module")
 def some():
-    setup, *_ = run(500, TAPS)
-    return setup, gram_moments(setup)
+    visited, *_, sums = run(500, TAPS)
+    return visited, moments_of_signals(*visited), sums
 
 
 def test_chunks_change_nothing(some):
-    setup, whole = some
-    cut = gram_moments(setup, chunk=150)
+    visited, whole, _ = some
+    cut = moments_of_signals(*visited, chunk=150)
     for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(cut), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max())
 
@@ -114,8 +119,8 @@ def test_small_noise_leaves_the_linear_terms(some):
 
 
 def test_without_noise_nothing_changes(some):
-    setup, moments = some
-    np.testing.assert_array_equal(mean(moments, jnp.zeros(3)), pack(setup.sums))
+    _, moments, sums = some
+    np.testing.assert_allclose(mean(moments, jnp.zeros(3)), sums, rtol=1e-12, atol=1e-9)
     assert not np.any(covariance(moments, jnp.zeros(3)))
 
 
@@ -127,3 +132,16 @@ def test_packing_is_undone_and_one_estimators_products_are_found(generator):
     jax.tree.map(np.testing.assert_array_equal, again, both)
     for k in range(2):
         np.testing.assert_allclose(pack(both)[own_products(2, k)], pack(sums_of(phi[k], wrench[:3], wrench[3:])))
+
+
+def test_a_prepared_run_has_the_moments_of_its_signals(short):
+    setup = prepare_setup(short, short.trajectories["T1"], short.estimators)
+    moments = gram_moments(setup)
+    np.testing.assert_allclose(moments.sums, pack(setup.sums), rtol=1e-9, atol=1e-9)
+    white = next(s for s in short.sources if s.name == "omega_precision")
+    shift = mean(moments, jnp.asarray(white.sigma**2)) - moments.sums
+    of_squares = unpack(shift, 16).gram[0, 4:7]
+    np.testing.assert_allclose(of_squares, setup.sums.gram[0, 0] * white.sigma**2, rtol=1e-9)
+    # alpha's noise: σ² Σ c² over both sides, 2 x 200² for the central difference at 400 Hz
+    of_alpha = jnp.diag(unpack(shift, 16).gram)[10:13]
+    np.testing.assert_allclose(of_alpha, setup.sums.gram[0, 0] * 2 * 200**2 * white.sigma**2, rtol=1e-9)

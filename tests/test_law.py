@@ -20,7 +20,7 @@ from uq.gram_moments import mean, own_products, unpack
 from uq.law_expansion import expected_sums
 from uq.law_inputs import Peaks, constants_of, inputs_of_cases
 from uq.law_result import beside
-from uq.law_validation import rejected, verdict_rows, verdicts
+from uq.law_validation import law_report, rejected, verdict_rows, verdicts
 from uq.measurement import element_map
 from uq.propagation import law, prepare_law
 from uq.trial import cases_of
@@ -72,6 +72,7 @@ def test_law_and_monte_carlo_agree(short, prepared):
         assert not rejected(cell.textbook).any()
         assert not rejected(cell.law).any()
     assert "quadratic" in by_case["T3", "central", "omega_bias"].why
+    assert "clause 8" in law_report(found, result)
 
 
 def test_law_and_monte_carlo_agree_as_noise_shrinks(short, prepared):
