@@ -109,11 +109,11 @@ def montecarlo(
             "sums are drawn (collapsed) in float64 only: leave dtype at float64, with JAX's float64 on"
         )
     devices = list(devices or jax.devices())
-    batch = batch or (COLLAPSED_BATCH if sampling == "collapsed" else _batch_on(devices[0]))
-    chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
+    batch = batch or (COLLAPSED_BATCH if sampling == "collapsed" else default_batch(devices[0]))
+    chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
-    wanted = _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
+    wanted = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
     specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit = trials
@@ -227,12 +227,13 @@ def _identity(
     }
 
 
-def _batch_on(device: jax.Device) -> int:
+def default_batch(device: jax.Device) -> int:
+    """Return how many trials a device computes at a time."""
     return 1 if device.platform == "cpu" else 64
 
 
-def _names(given: str | Sequence[str] | None) -> list[str]:
-    """Names without repeats."""
+def distinct(given: str | Sequence[str] | None) -> list[str]:
+    """Return names without repeats."""
     return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 

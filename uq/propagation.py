@@ -18,7 +18,7 @@ from identify.differentiate import derivative
 from identify.precision import check_precision
 from identify.trajectory import Motion
 from uq import gram_moments as moments_of
-from uq.campaign import fitted_estimators, platform_of, true_motion
+from uq.campaign import distinct, fitted_estimators, platform_of, true_motion
 from uq.errors import perturbed
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.gram_moments import moments_of_signals, own_products
@@ -106,19 +106,15 @@ def prepare_law(
 ) -> PreparedLaw:
     """Visit every trajectory once; see :func:`law`."""
     warned = check_precision("float64")
-    chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
+    chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
     grounds, peaks = {}, {}
-    for name in _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
+    for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
         motion = true_motion(experiment, spec)
         grounds[name], peaks[name] = _ground(experiment, spec, motion, fitted_estimators(chosen, spec, len(motion.t)))
     return PreparedLaw(experiment, tuple(e.name for e in chosen), grounds, peaks, tuple(warned))
-
-
-def _names(given: str | Sequence[str] | None) -> list[str]:
-    return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 
 def _ground(

@@ -15,7 +15,7 @@ import numpy as np
 
 from identify.precision import check_precision
 from uq.budget_result import BudgetResult, Effects, MeanSquare, SourceBudget
-from uq.campaign import Progress, Statistics, prepare_setup, run_trials
+from uq.campaign import Progress, Statistics, default_batch, distinct, prepare_setup, run_trials
 from uq.designs import Design, PairEffects, walk_variance
 from uq.experiment import Experiment, ExperimentError
 from uq.indices import mean, plain_variance, ratio, shares
@@ -69,15 +69,15 @@ def budget(
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
     devices = list(devices or jax.devices())
-    batch = batch or (1 if devices[0].platform == "cpu" else 64)
-    chosen = [experiment.estimator(name) for name in _names(estimators)] or list(experiment.estimators)
+    batch = batch or default_batch(devices[0])
+    chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
     budgets: dict[str, dict[str, SourceBudget]] = {}
-    for name in _names(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
+    for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
         setup = prepare_setup(experiment, spec, chosen, dtype=dtype)
-        assert isinstance(setup, Setup | SampledSetup)  # noqa: S101
+        assert isinstance(setup, AnySetup)  # noqa: S101
         twins = twinned(setup)
         report = None if progress is None else lambda done, asked, name=name: progress(f"{name} budget", done, asked)
         estimates = run_trials(twins.setup, trials, seed, devices, batch, report)
@@ -85,11 +85,6 @@ def budget(
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, batch=batch)
     return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warned), record)
-
-
-def _names(given: str | Sequence[str] | None) -> list[str]:
-    """Names without repeats."""
-    return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 
 class Player(NamedTuple):
