@@ -1,5 +1,6 @@
 """The MCAP writer with our settings: profile ros2, a checksum over everything, a small index, full definitions."""
 
+import tempfile
 from collections.abc import Iterator
 from typing import IO, Literal, Protocol, cast, runtime_checkable
 
@@ -33,30 +34,32 @@ def new_writer(stream: Output, *, compression: Compression = "zstd", chunk_size:
     writer = Writer(
         cast(IO[bytes], stream), compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True
     )
-    writer._Writer__chunk_indices = _PackedIndexes()  # type: ignore[attr-defined]
+    writer._Writer__chunk_indices = _SpooledIndexes()  # type: ignore[attr-defined]
     writer.start(profile="ros2", library=LIBRARY)
     return writer
 
 
-class _PackedIndexes:
-    """The writer's list of chunk indexes as bytes: a tenth of the memory, which grows by twenty chunks a second."""
+class _SpooledIndexes:
+    """The writer's list of chunk indexes in a nameless temporary file, so that a long run needs no more memory."""
 
     def __init__(self) -> None:
-        self._data = bytearray()
+        self._file = tempfile.SpooledTemporaryFile(2**16)  # noqa: SIM115 - closed by write
 
     def append(self, index: ChunkIndex) -> None:
         """Take one more."""
         builder = RecordBuilder()
         index.write(builder)
-        self._data += builder.end()
+        self._file.write(builder.end())
 
-    def __iter__(self) -> Iterator["_PackedIndexes"]:
+    def __iter__(self) -> Iterator["_SpooledIndexes"]:
         """All in one, for the writer, which writes each."""
         yield self
 
     def write(self, builder: RecordBuilder) -> None:
         """Write them all."""
-        builder.write(self._data)
+        with self._file as file:
+            file.seek(0)
+            builder.write(file.read())
 
 
 def register(writer: Writer, type_name: str, topic: str) -> int:

@@ -50,11 +50,12 @@ def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _record(arguments: argparse.Namespace) -> int:
-    from rig import rigfile
+    from rig import memory, rigfile
     from rig.console import Keys, Terminal
     from rig.recorder import Recorder
     from rig.sink import run_path
 
+    memory.share_one_arena()
     rig = rigfile.load(arguments.rig)
     terminal = Terminal(sys.stderr)
     recorder = Recorder(rig, run_path(arguments.output), note=arguments.note, say=terminal.say)
