@@ -11,6 +11,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
@@ -66,11 +67,11 @@ class Rod(NamedTuple):
 class Platform(eqx.Module):
     """Geometry and masses of a platform with six legs."""
 
-    base: Float[Array, "6 3"]
+    base: Float[Array | np.ndarray, "6 3"]
     """Centres of the joints at the base, in A [m]."""
-    joints: Float[Array, "6 3"]
+    joints: Float[Array | np.ndarray, "6 3"]
     """Centres of the joints at the platform, from OMB, in B [m]."""
-    home: Float[Array, "3"]
+    home: Float[Array | np.ndarray, "3"]
     """Position of OMB at home, in A [m]; the attitude at home is that of A."""
     plate: Body
     """Mass, centre of gravity from OMB and tensor of what moves beside the body: plate and load cell."""
@@ -82,7 +83,8 @@ class Platform(eqx.Module):
     @property
     def home_pose(self) -> Pose:
         """The pose at home."""
-        return Pose(self.home, jnp.eye(3, dtype=self.home.dtype))
+        home = jnp.asarray(self.home)
+        return Pose(home, jnp.eye(3, dtype=home.dtype))
 
 
 def vectors(platform: Platform, pose: Pose) -> Float[Array, "6 3"]:
@@ -155,7 +157,7 @@ def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = 
 
 def singularity(platform: Platform, pose: Pose) -> Float[Array, ""]:
     """Return the least singular value of the Jacobian with rotation in units of the joints' radius: 0 is singular."""
-    radius = jnp.sqrt((platform.joints**2).sum(axis=1).mean())
+    radius = jnp.sqrt((jnp.asarray(platform.joints) ** 2).sum(axis=1).mean())
     scaled = jacobian(platform, pose) * jnp.concatenate([jnp.ones(3), jnp.full(3, 1 / radius)])[None]
     return jnp.linalg.svd(scaled, compute_uv=False)[-1]
 

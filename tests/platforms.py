@@ -57,7 +57,7 @@ def twin(platform, body, gravity):
     )
     xml = (
         f'<mujoco><compiler boundmass="0" boundinertia="0" balanceinertia="false"/><option gravity="0 0 {-gravity}"/><worldbody>{sites}'
-        f'<body><freejoint/>{tops}{loads}</body>{halves}</worldbody><tendon>{tendons}</tendon></mujoco>'
+        f"<body><freejoint/>{tops}{loads}</body>{halves}</worldbody><tendon>{tendons}</tendon></mujoco>"
     )
     model = mujoco.MjModel.from_xml_string(xml)
     return model, mujoco.MjData(model)

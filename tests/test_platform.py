@@ -17,6 +17,8 @@ BODY = Body(jnp.array(19.7), jnp.array([0.002, 0.003, 0.11]), jnp.array([0.3813,
 CYLINDER = Rod(jnp.array(3.0), jnp.array(0.2), jnp.array(0.04))
 ROD = Rod(jnp.array(1.2), jnp.array(0.15), jnp.array(0.01))
 GRAVITY = 9.81
+forces = jax.jit(pf.forces)
+legs = jax.jit(pf.legs)
 
 
 def test_forward_undoes_inverse_kinematics(generator):
@@ -55,10 +57,10 @@ def test_lengths_speeds_and_forces_are_mujocos(generator):
     for _ in range(20):
         pose, twist = somewhere(generator, platform), moving(generator)
         length, speed, force, _ = in_mujoco(platform, pose, twist, BODY)
-        found = pf.legs(platform, pose, twist)
+        found = legs(platform, pose, twist)
         np.testing.assert_allclose(found.length, length, rtol=1e-12)
         np.testing.assert_allclose(found.speed, speed, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(pf.forces(platform, BODY, pose, twist, jnp.array(GRAVITY)), force, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(forces(platform, BODY, pose, twist, jnp.array(GRAVITY)), force, rtol=0, atol=1e-9)
 
 
 def hinges(platform, pose):
@@ -67,6 +69,10 @@ def hinges(platform, pose):
     length = jnp.linalg.norm(along, axis=1)
     x, y, z = (along / length[:, None]).T
     return jnp.stack([jnp.arctan2(-y, z), jnp.arcsin(x), length], axis=1).ravel()
+
+
+def shifted(pose, step):
+    return Pose(pose.position + step[:3], pose.rotation @ exponential(step[3:]))
 
 
 def test_forces_of_heavy_legs_are_mujocos(generator):
@@ -80,12 +86,10 @@ def test_forces_of_heavy_legs_are_mujocos(generator):
         data.qvel[:] = np.concatenate([twist.velocity, twist.omega, speed])
         data.qacc[:] = np.concatenate([twist.acceleration, twist.alpha, acceleration])
         mujoco.mj_inverse(model, data)
-        by_pose = jax.jacobian(
-            lambda d: hinges(platform, Pose(pose.position + d[:3], pose.rotation @ exponential(d[3:])))
-        )(jnp.zeros(6))
+        by_pose = jax.jacobian(lambda d, at: hinges(platform, shifted(at, d)))(jnp.zeros(6), pose)
         needed = data.qfrc_inverse[:6] + np.asarray(by_pose).T @ data.qfrc_inverse[6:]
         expected = np.linalg.solve(np.asarray(pf.jacobian(platform, pose)).T, needed)
-        found = pf.forces(platform, BODY, pose, twist, jnp.array(GRAVITY))
+        found = forces(platform, BODY, pose, twist, jnp.array(GRAVITY))
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)
 
 
@@ -93,9 +97,11 @@ def test_accelerations_are_the_lengths_second_differences(generator):
     platform = small()
     pose, twist, h = somewhere(generator, platform), moving(generator), 1e-4
     before, now, after = (pf.lengths(platform, pf.moved(pose, twist, jnp.array(x))) for x in (-h, 0.0, h))
-    found = pf.legs(platform, pose, twist)
+    found = legs(platform, pose, twist)
     np.testing.assert_allclose(found.acceleration, (after - 2 * now + before) / h**2, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found.speed, pf.jacobian(platform, pose) @ jnp.hstack([twist.velocity, twist.omega]), atol=1e-12)
+    np.testing.assert_allclose(
+        found.speed, pf.jacobian(platform, pose) @ jnp.hstack([twist.velocity, twist.omega]), atol=1e-12
+    )
 
 
 def test_a_level_platform_at_rest_carries_its_weight():
@@ -124,7 +130,9 @@ def test_joint_angles():
     along, turned = pf.vectors(platform, platform.home_pose), pf.vectors(platform, tilted)
     cosine = (along * turned).sum(axis=1) / jnp.linalg.norm(along, axis=1) / jnp.linalg.norm(turned, axis=1)
     np.testing.assert_allclose(pf.joint_angles(platform, tilted)[0], jnp.arccos(cosine), atol=1e-7)
-    assert np.isfinite(jax.grad(lambda z: pf.joint_angles(platform, Pose(platform.home + z, jnp.eye(3)))[0].sum())(jnp.zeros(3))).all()
+    assert np.isfinite(
+        jax.grad(lambda z: pf.joint_angles(platform, Pose(platform.home + z, jnp.eye(3)))[0].sum())(jnp.zeros(3))
+    ).all()
 
 
 @pytest.mark.parametrize("what", ["length", "force"])
