@@ -6,7 +6,7 @@ Kinematics: Merlet, Parallel Robots (2006), doi:10.1007/1-4020-4133-0, chapters 
 with the legs' own masses.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -146,8 +146,8 @@ def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = 
     def miss(step, _):
         return lengths(platform, Pose(first.position + step[:3], first.rotation @ exponential(step[3:]))) - wanted
 
-    solver = optimistix.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
-    found = optimistix.least_squares(miss, solver, jnp.zeros(6, wanted.dtype), max_steps=100, throw=False)
+    solver: Any = optimistix.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
+    found: Any = optimistix.least_squares(miss, solver, jnp.zeros(6, wanted.dtype), max_steps=100, throw=False)
     step = found.value
     for _ in range(2):  # to the last digit
         step = step - jnp.linalg.solve(jax.jacobian(miss)(step, None), miss(step, None))

@@ -49,8 +49,9 @@ def platform_motion(
     own = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(-still_from_omb, omega, alpha)
     moved = jax.vmap(trajectory.displacement)(t)
     speed = jax.vmap(lambda at: jax.jvp(trajectory.displacement, (at,), (jnp.ones_like(at),))[1])(t)
-    position = (platform.home + still_from_omb)[None] - to_a(jnp.broadcast_to(still_from_omb, omega.shape)) + moved
-    velocity = to_a(jnp.cross(omega, jnp.broadcast_to(-still_from_omb, omega.shape))) + speed
+    lever = jnp.broadcast_to(still_from_omb, omega.shape)
+    position: Array = (jnp.asarray(platform.home) + still_from_omb)[None] - to_a(lever) + moved
+    velocity = to_a(jnp.cross(omega, -lever)) + speed
     acceleration = to_a(own) + jax.vmap(lambda at: acceleration_of(trajectory, at))(t)
     return PlatformMotion(t, Pose(position, rotation), Twist(velocity, omega, acceleration, alpha))
 
@@ -180,13 +181,13 @@ class Peak(NamedTuple):
     """Name in :func:`shares`."""
     share: float
     """Of the limit; above 1 it is exceeded."""
-    index: int
+    part: int
     """Leg or axis, from 0."""
     t: float
     """When [s]."""
 
     def __str__(self) -> str:
-        where = f"leg {self.index + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.index + 1}"
+        where = f"leg {self.part + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.part + 1}"
         return f"{self.quantity.replace('_', ' ')} of {where} at {self.t:.3f} s: {100 * self.share:.1f} % of its limit"
 
 

@@ -91,8 +91,8 @@ def test_a_motion_needs_just_what_it_uses(preset):
     half = own._replace(speed=own.speed / 2)
     worst = peaks(found, half, motion.t)[0]
     leg = np.abs(np.asarray(found.legs.speed))
-    assert str(worst) == f"speed of leg {worst.index + 1} at {worst.t:.3f} s: 200.0 % of its limit"
-    assert leg[int(np.argmin(np.abs(motion.t - worst.t))), worst.index] == leg[:, worst.index].max()
+    assert str(worst) == f"speed of leg {worst.part + 1} at {worst.t:.3f} s: 200.0 % of its limit"
+    assert leg[int(np.argmin(np.abs(motion.t - worst.t))), worst.part] == leg[:, worst.part].max()
 
 
 def test_every_limit_is_looked_at(preset):

@@ -24,7 +24,7 @@ from identify.platform import Platform
 from identify.trajectory import Harmonic, Multisine, Sphere, Trajectory
 from uq.document import ExperimentError, Table
 from uq.multisine_table import read_multisine
-from uq.platform_table import DeclaredLimits, parse_geometry, parse_limits
+from uq.platform_table import GEOMETRIES, DeclaredLimits, parse_geometry, parse_limits
 from uq.poses import Poses, parse_poses
 from uq.recording import Recording, parse_recording
 from uq.source_table import parse_sources
@@ -162,6 +162,17 @@ class Experiment:
             if getattr(self, key) is None:
                 raise ExperimentError(f"missing key body.{key}: a simulation needs it")
         return Body(jnp.asarray(self.mass), jnp.asarray(self.stated_r_cg), jnp.asarray(self.inertia))
+
+    @property
+    def platform(self) -> Platform:
+        """The platform's six legs.
+
+        Raises:
+            ExperimentError: they are not stated.
+        """
+        if self.geometry is None:
+            raise ExperimentError(f"missing key platform.geometry: describe the legs, or name {', '.join(GEOMETRIES)}")
+        return jax.tree.map(jnp.asarray, self.geometry)
 
     @property
     def stated_r_cg(self) -> np.ndarray:

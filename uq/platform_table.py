@@ -95,7 +95,8 @@ def _plate(table: Table) -> Body:
     moments = table.raw("inertia", None)
     inertia = np.zeros(6) if moments is None else table.table("inertia", _tensor)
     table.finish()
-    return Body(np.asarray(_not_negative(table, mass)), np.asarray(centre), np.asarray(inertia))
+    parts: Any = (np.asarray(_not_negative(table, mass)), centre, inertia)
+    return Body(*parts)
 
 
 def _tensor(table: Table) -> np.ndarray:
@@ -109,7 +110,8 @@ def _rod(table: Table) -> Rod:
     mass = table.quantity("mass", "kg")
     distance, inertia = table.quantity("distance", "m", 0.0), table.quantity("inertia", "kg*m^2", 0.0)
     table.finish()
-    return Rod(*(np.asarray(_not_negative(table, value)) for value in (mass, distance, inertia)))
+    parts: Any = [np.asarray(_not_negative(table, value)) for value in (mass, distance, inertia)]
+    return Rod(*parts)
 
 
 def _not_negative(table: Table, value: float) -> float:
