@@ -18,9 +18,10 @@ from identify.estimator import EstimatorSpec
 from identify.filters import apply, motion_band, noise_level, response
 from identify.gram import Sums, normal_equations, sums_of
 from identify.offsets import OffsetChoice, Offsets, estimated, rested, resting
-from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, features
+from identify.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES, features
 from identify.run import Run, RunError
 from identify.solve import Excitation, excitation
+from identify.trace import Trace, trace
 
 SPLINE_REACH = 3
 """Samples beside a gap that the interpolation across it touches."""
@@ -52,6 +53,8 @@ class Information:
     """Samples that gave rows."""
     gain_error: float
     """Relative error of the tensor from the differentiator's gain over the motion's spectrum."""
+    trace: Trace
+    """Residuals and motion, for figures."""
 
     @property
     def weight(self) -> float:
@@ -104,8 +107,9 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
     phi, force, moment = _rows(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
     keep = _kept(run, phi.shape[1])
+    half = (len(run.t) - phi.shape[1]) // 2
     phi, force, moment = phi[:, keep], force[:, keep], moment[:, keep]
-    count = len(keep)
+    count, motion = len(keep), np.asarray(phi)
     if count < 3:
         raise RunError(
             f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
@@ -148,6 +152,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         correlation_time,
         count,
         _gain_error(run, estimator),
+        trace(run.t[half + keep], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
     )
 
 

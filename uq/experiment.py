@@ -4,11 +4,13 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 :class:`ExperimentError` that names the key.
 """
 
+import hashlib
 import math
 import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from datetime import date, time
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +23,7 @@ from identify.estimator import EstimatorSpec
 from identify.gravity import normal_gravity
 from identify.inertia import Body
 from identify.trajectory import Harmonic, Sphere, Trajectory
+from uq.certificate import parse_report
 from uq.document import ExperimentError, Table
 from uq.poses import Poses, parse_poses
 from uq.recording import Recording, parse_recording
@@ -32,6 +35,8 @@ MOST_SAMPLES = 100_000_000
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
 STANDARD_GRAVITY = 9.80665
 """Gravity where none is stated [m/s²]."""
+BESIDE = ("report", "document", "folder", "file")
+"""Fields that say nothing of the measurement."""
 HIGHEST = 10_000.0
 """Height [m] beyond which no laboratory stands."""
 
@@ -71,10 +76,14 @@ class Experiment:
     recording: Recording = field(default_factory=Recording)
     poses: Poses | None = None
     """How static poses are declared; None: they are not."""
+    report: Mapping[str, Any] = field(default_factory=dict)
+    """The table ``[report]`` as it stands, dates as strings; :func:`uq.certificate.parse_report` reads it."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The file's content, for the provenance of results."""
     folder: Path = field(default=Path("."), repr=False)
     """Where the file is, and beside it the files that it names."""
+    file: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """Name and SHA-256 of the file; empty where there is none."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
@@ -84,9 +93,9 @@ class Experiment:
             ExperimentError: the file is not TOML or its content is not an experiment.
             OSError: the file cannot be read.
         """
-        document = _read(source)
+        document, file = _read(source)
         try:
-            return cls.from_dict(document, Path(source).parent)
+            return replace(cls.from_dict(document, Path(source).parent), file=file)
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
@@ -100,15 +109,15 @@ class Experiment:
             ExperimentError: as for :meth:`load`, or a name that is no folder's.
             OSError: the file cannot be read.
         """
-        document, folder = _read(source), Path(source).parent
+        (document, file), folder = _read(source), Path(source).parent
         bodies = _bodies(document)
         for name in bodies:
             if not BODY_NAME.fullmatch(name):
                 raise ExperimentError(f"[body.{name}] in {source}: write a name of letters, digits, _ and -")
         try:
-            return {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()} or {
-                "": cls.from_dict(document, folder)
-            }
+            found = {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()}
+            found = found or {"": cls.from_dict(document, folder)}
+            return {name: replace(one, file=file) for name, one in found.items()}
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
@@ -127,6 +136,8 @@ class Experiment:
         estimators = top.tables("estimator", _estimator)
         sources, mixing = parse_sources(top, Path(folder))
         recording = top.table("recording", parse_recording, {})
+        report = _plain(top.mapping("report"))
+        parse_report(Table("report", report))
         if recording.urdf is not None:
             recording = replace(recording, urdf=str(Path(folder) / recording.urdf))
         top.finish()
@@ -140,7 +151,7 @@ class Experiment:
             )
         return cls(
             r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, mixing, recording,
-            poses, document, Path(folder),
+            poses, report, document, Path(folder),
         )  # fmt: skip
 
     @property
@@ -200,10 +211,12 @@ class Experiment:
         """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
         values = self._in_si()
         same = bool(self.document) and Experiment.from_dict(self.document, self.folder)._in_si() == values
-        return {"experiment": dict(self.document) if same else None, "resolved": values}
+        about = {"experiment_file": dict(self.file)} if self.file else {}
+        about |= {"report": dict(self.report)} if self.report else {}
+        return {"experiment": _plain(self.document) if same else None, "resolved": values, **about}
 
     def _in_si(self) -> dict[str, Any]:
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("document", "folder")}
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in BESIDE}
         return _plain(parts)
 
     @property
@@ -213,17 +226,14 @@ class Experiment:
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
 
 
-def _read(source: str | Path) -> dict[str, Any]:
-    """Return the content of an experiment file or preset."""
-    if str(source) in PRESETS:
-        text = resources.files("uq").joinpath("presets", f"{source}.toml").read_text("utf-8")
-    else:
-        try:
-            text = Path(source).read_text("utf-8")
-        except UnicodeDecodeError:
-            raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
+def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the content of an experiment file or preset, and its name with its SHA-256."""
+    preset = resources.files("uq").joinpath("presets", f"{source}.toml")
+    data = preset.read_bytes() if str(source) in PRESETS else Path(source).read_bytes()
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(data.decode()), {"file": str(source), "sha256": hashlib.sha256(data).hexdigest()}
+    except UnicodeDecodeError:
+        raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
     except tomllib.TOMLDecodeError as error:
         raise ExperimentError(f"not TOML {source}: {error}") from None
 
@@ -343,6 +353,8 @@ def _plain(value: Any) -> Any:
         return {"class": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
+    if isinstance(value, (date, time)):
+        return value.isoformat()
     if isinstance(value, (np.ndarray, np.generic, jax.Array)):
         return _plain(np.asarray(value).tolist())
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value

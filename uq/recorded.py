@@ -17,9 +17,11 @@ from identify.stretches import Stretch, still
 from rig import notes
 from rig.bag import read_any
 from rig.channels import Recording as BagRecording
+from uq.certificate import cautions
 from uq.clocks import instants
 from uq.compensation import undo
 from uq.declared import Rig, declared
+from uq.devices import about
 from uq.experiment import Experiment
 from uq.motion import motion
 from uq.parts import Part, cut, on_clock
@@ -86,6 +88,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
             run,
             warnings=(*run.warnings, *told.warnings, *said),
             noise=None if told.noise is None else told.noise.turned(rig.imu_rotation),
+            about=about(bag.metadata, bag.wrench.log_time),
         ),
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
         (*rig.assumptions, *told.notes),
@@ -198,10 +201,10 @@ def identify_files(
     )
     suspicious = [text for run in runs for text in warned(run, experiment)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
-    inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
+    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*result.warnings, *suspicious),
+        warnings=(*result.warnings, *suspicious, *cautions(experiment.report, inputs)),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**experiment.inputs(), inputs=inputs),
     )
