@@ -20,7 +20,7 @@ from identify.precision import check_precision
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
 from identify.solve import excitation
-from identify.tables import html_table, text_table
+from identify.tables import decimals, fixed, html_table, text_table
 
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
@@ -110,8 +110,8 @@ class Identification:
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
         for name, value, bias, uncertainty, (low, high) in columns:
-            digits = _decimals(1e3 * uncertainty)
-            figures = [_fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
+            digits = max(decimals(1e3 * uncertainty), 0)
+            figures = [fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
         return head, rows
 
@@ -271,18 +271,6 @@ def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:
 
 def _by_component(values: np.ndarray) -> dict[str, float]:
     return dict(zip(COMPONENTS, map(float, values), strict=True))
-
-
-def _decimals(uncertainty: float) -> int:
-    """Decimals that show two digits of an uncertainty (GUM 7.2.6)."""
-    if not np.isfinite(uncertainty) or uncertainty <= 0:
-        return 6
-    return max(0, 1 - int(np.floor(np.log10(uncertainty))))
-
-
-def _fixed(value: float, digits: int) -> str:
-    """A figure with these decimals and a minus sign, but never a minus before nought."""
-    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _named(runs: Sequence[Run]) -> str:

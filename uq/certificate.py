@@ -58,6 +58,8 @@ class Report:
     received: date | None = None
     performed: tuple[date, ...] = ()
     """First and last day of the work, or the only one."""
+    performed_recorded: bool = False
+    """Whether it is the recordings that tell these days."""
     issued: date | None = None
     conditions: Mapping[str, str] = field(default_factory=dict)
     """Environmental conditions, each by its name."""
@@ -111,7 +113,8 @@ def read(provenance: Mapping[str, Any]) -> Report:
         stated.append(replace(one, texts={**(same[0].texts if same else {}), **one.texts}))
         left = [other for other in left if other not in same]
     performed = report.performed or ((days[0], days[-1]) if len(days) > 1 else tuple(days))
-    return replace(report, performed=performed, instruments=(*stated, *left))
+    told = bool(days) and not report.performed
+    return replace(report, performed=performed, performed_recorded=told, instruments=(*stated, *left))
 
 
 def recorded_days(inputs: Sequence[Mapping[str, Any]]) -> list[date]:
