@@ -63,7 +63,7 @@ def decimals(uncertainty: float, digits: int = 2) -> int:
     if not math.isfinite(uncertainty) or uncertainty <= 0:
         return 6
     shown = digits - 1 - math.floor(math.log10(uncertainty))
-    return shown - (round(uncertainty, shown) >= 10.0 ** (digits - shown))
+    return shown - int(round(uncertainty, shown) >= 10.0 ** (digits - shown))
 
 
 def fixed(value: float, places: int) -> str:

@@ -27,15 +27,14 @@ def certificate(result: Identification) -> Page:
         report.texts.get("title", TITLE),
         [UNCERTAINTY, *_decision_rule(report)],
         result.warnings,
-        [_tensor(result, tensor), *_centre(result, report), *_conformity(result, report, tensor)],
-        list(_figures(result)),
         [
-            *_budget(result),
-            _checks(result),
+            _tensor(result, tensor),
+            *_centre(result, report),
+            *_conformity(result, report, tensor),
             *_instruments(report),
-            run_table(result),
-            *source_tables(result.provenance),
         ],
+        list(_figures(result)),
+        [*_budget(result), _checks(result), run_table(result), *source_tables(result.provenance)],
         [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
         result.provenance,
         front(report, result.provenance),
@@ -74,8 +73,8 @@ def _conformity(result: Identification, report: Report, tensor: Expanded) -> lis
     rows = []
     for one in decide(report.conformity, tensor.value, tensor.standard, tensor.expanded):
         low, high = (f"{GRAM_METRE * end:.6g}".replace("-", "−") for end in one.limits)
-        rows.append([one.component, f"{low} … {high}", one.outcome, f"{100 * one.probability:.3g} %"])
-    head = ["", "limits, g·m²", "outcome", "probability within"]
+        rows.append([one.component, f"{low} … {high}", one.outcome, f"{100 * one.probability:.3g}"])
+    head = ["", "limits, g·m²", "outcome", "probability within, %"]
     return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
 
 
@@ -84,15 +83,15 @@ def _figures(result: Identification) -> Iterator[Drawing]:
     parts = contributions(result)
     if parts:
         yield Drawing("budget", shares(parts), "Who causes how much of each component's variance.")
-    covered = sphere_plot.coverage(result)
-    if covered is not None:
-        yield Drawing("coverage", covered, _coverage_words(result))
     left = fit_plot.fit_residuals(result)
     if left is not None:
         few = len(fit_plot.drawn(result)) < len(result.runs)
         which = f" The {fit_plot.MOST} runs with the largest residuals of {len(result.runs)}." if few else ""
         yield Drawing("residuals", left, f"What the fit leaves of the moment about the centre of gravity: over time, "
                       f"and as amplitude density beside that of the moment itself.{which}")  # fmt: skip
+    covered = sphere_plot.coverage(result)
+    if covered is not None:
+        yield Drawing("coverage", covered, _coverage_words(result))
     yield Drawing("runs", plots.estimates(result), "Each component: each run alone, and all together.")
     if any(run.overview is not None for run in result.runs):
         said = " ".join(f"{run.used}." for run in result.runs if run.used)
@@ -107,11 +106,12 @@ def _coverage_words(result: Identification) -> str:
     (weak, low), (strong, high) = least.least, least.largest
     doubtful, u = known.largest
     return (
-        "Excitation over the sphere of directions, in the body frame: discs of equal area about b3, the half of −b3 seen "
-        f"through from +b3. Within 15° of {shares_[0]} of all axes the angular velocity came with half its largest "
-        f"magnitude or more, the angular acceleration within 15° of {shares_[1]}. Root mean square of the angular "
-        f"acceleration: {low:.3g} rad/s² about {_axis(weak)}, the weakest axis, {high:.3g} about {_axis(strong)}. The "
-        f"moment of inertia is least certain about {_axis(doubtful)}: u = {GRAM_METRE * u:.2g} g·m²."
+        "Excitation over the sphere of directions, in the body frame: discs of equal area about b3, the half of −b3 "
+        f"seen through from +b3. Within 15° of {shares_[0]} of all axes the angular velocity came with half its "
+        f"largest magnitude or more, the angular acceleration within 15° of {shares_[1]}. Root mean square of the "
+        f"angular acceleration: {low:.3g} rad/s² about {_axis(weak)}, the weakest axis, {high:.3g} about "
+        f"{_axis(strong)}. The moment of inertia is least certain about {_axis(doubtful)}: u = "
+        f"{GRAM_METRE * u:.2g} g·m²."
     )
 
 
@@ -130,7 +130,7 @@ def _budget(result: Identification) -> list[Table]:
 
 
 def _two_digits(values: np.ndarray) -> list[str]:
-    return [fixed(GRAM_METRE * x, min(decimals(GRAM_METRE * x), 4)) for x in values]
+    return [fixed(GRAM_METRE * x, min(decimals(GRAM_METRE * x), 4)) if x else "0" for x in values]
 
 
 def _checks(result: Identification) -> Table:
@@ -143,8 +143,8 @@ def _instruments(report: Report) -> list[Table]:
 
 
 TENSOR_NOTE = (
-    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; p: coverage probability; u: standard "
-    "uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
+    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; p: coverage probability; u: "
+    "standard uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
 )
 CONFORMITY_NOTE = "probability within: that the value lies within the limits, from a normal distribution of its u."
 UNCERTAINTY = (

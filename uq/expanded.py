@@ -52,12 +52,12 @@ class Expanded:
         even = abs((high - value) - (value - low)) <= EVEN * (high - low) or below == above
         return [
             self.names[k], fixed(value, places), fixed(half, places) if even else f"+{above} −{below}",
-            fixed(self.factor[k], 2), f"{100 * self.probability[k]:.4g} %", fixed(u, decimals(u)),
+            fixed(self.factor[k], 2), f"{100 * self.probability[k]:.4g}", fixed(u, decimals(u)),
             f"{fixed(low, places)} … {fixed(high, places)}",
         ]  # fmt: skip
 
 
-HEAD = ("value", "U", "k", "p", "u", "coverage interval")
+HEAD = ("value", "U", "k", "p, %", "u", "coverage interval")
 """What :meth:`Expanded.rows` holds behind the name."""
 
 
@@ -109,6 +109,6 @@ def degrees_of_freedom(factor: float) -> float:
     def beyond(freedom: float) -> float:
         return float(t.ppf((1 + USUAL) / 2, freedom)) - factor
 
-    if not np.isfinite(factor) or factor <= float(norm.ppf((1 + USUAL) / 2)) * (1 + 1e-6):
+    if not np.isfinite(factor) or factor <= float(norm.ppf((1 + USUAL) / 2)) * (1 + 1e-4):
         return np.inf
     return float(brentq(beyond, 0.2, 1e8)) if beyond(0.2) > 0 else 0.2

@@ -32,7 +32,7 @@ def fit_residuals(result: Identification) -> Figure | None:
     if not runs:
         return None
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 0.6 + 1.5 * len(runs)), layout="constrained")
+        figure = Figure(figsize=(PAGE, 0.6 + 1.25 * len(runs)), layout="constrained")
         panels = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 2))
         for (left, right), run in zip(panels, runs, strict=True):
             assert run.trace is not None  # noqa: S101

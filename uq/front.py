@@ -11,8 +11,8 @@ from uq.certificate import Instrument, Report
 MISSING = "not stated"
 FROM_RECORDING = "(from the recording)"
 ONLY = "The results relate only to the item described above, as it was measured."
-NO_CLAIM = "This document claims no accreditation."
-REPRODUCTION = "It shall not be reproduced except in full without approval of the issuing laboratory."
+NO_CLAIM = "No accreditation is claimed."
+REPRODUCTION = "This document shall not be reproduced except in full without approval of the issuing laboratory."
 WHERE_RELEVANT = {
     "sampling": "Sampling",
     "adjustment": "Adjustment or repair",

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from identify.identification import Identification
 from identify.inertia import COMPONENTS
-from identify.tables import is_figure, with_error
+from identify.tables import decimals, fixed, is_figure, with_error
 from uq import plots
 from uq.barreto2016 import PRINTED, PaperResult
 from uq.campaign import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
@@ -122,7 +122,8 @@ def run_table(result: Identification) -> Table:
     head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
     rows = []
     for run in result.runs:
-        values = [_typeset(f"{GRAM_METRE * v:.4g}") if run.alone else "–" for v in run.inertia]
+        pairs = zip(GRAM_METRE * run.inertia, GRAM_METRE * run.standard_uncertainty, strict=True)
+        values = [fixed(value, decimals(u)) if run.alone else "–" for value, u in pairs]
         residual = f"{float(np.sqrt(np.mean(run.residual**2))):.3g}"
         rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values])
     note = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."
@@ -132,7 +133,7 @@ def run_table(result: Identification) -> Table:
 def input_table(provenance: Mapping[str, Any]) -> Table:
     """Return the table of every file that went into a result, with its SHA-256, wherever its provenance names it."""
     rows = list(dict.fromkeys(_named_files(provenance)))
-    return Table("Inputs", ["file", "SHA-256"], rows)
+    return Table("Inputs", ["file", "SHA-256"], rows, wrap=True)
 
 
 def _named_files(content: object) -> Iterator[tuple[str, str]]:

@@ -67,7 +67,8 @@ def _directions(panel: Panel, path: np.ndarray, side: int) -> Any:
     here = (size > 0) & (side * path[:, 2] >= 0)
     order = np.flatnonzero(here)[np.argsort(size[here])]
     at = _projected(path[order] / size[order, None])
-    return panel.scatter(*at.T, c=size[order], s=2, linewidths=0, cmap="viridis_r", vmin=0, vmax=max(size.max(), 1e-12),
+    return panel.scatter(at[:, 0], at[:, 1], c=size[order], s=2, linewidths=0, cmap="viridis_r", vmin=0,
+                         vmax=max(size.max(), 1e-12),
                          rasterized=True)  # fmt: skip
 
 
