@@ -8,20 +8,24 @@ from typing import Any, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import t as student
+from jaxtyping import Array
 
+from identify.consistency import Verdict
 from identify.estimate import Information, information, longest
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
 from identify.gram import normal_equations
 from identify.inertia import COMPONENTS, principal
 from identify.offsets import OffsetChoice
+from identify.pooling import Pooling, Repeat, pooling
 from identify.precision import check_precision
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
 from identify.solve import excitation
 from identify.tables import html_table, text_table
 
+NORMAL = 1.959963984540054
+"""Coverage factor of 95 % of a normal distribution."""
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
 
@@ -52,6 +56,12 @@ class Identification:
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     offsets: OffsetChoice = "estimate"
     """Where the load cell's constant offsets come from."""
+    pooling: Pooling | None = None
+    """Type A: what residuals and the scatter between runs and mountings say."""
+    budget: Mapping[str, np.ndarray] | None = None
+    """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
+    consistency: tuple[Verdict, ...] = ()
+    """What the residuals follow, run by run."""
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -92,12 +102,16 @@ class Identification:
                     "rate": run.rate,
                     "residual": run.residual.tolist(),
                     "correlation_time": run.correlation_time,
+                    "mounting": run.mounting,
                     "parts": [list(part) for part in run.parts],
                     "parts_found": run.found,
                     "left_out": dict(run.left_out),
                 }
                 for run in self.runs
             ],
+            "pooling": None if self.pooling is None else self.pooling.to_dict(),
+            "budget": None if self.budget is None else {n: _by_component(u) for n, u in self.budget.items()},
+            "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),
             "assumptions": list(self.assumptions),
             "diagnostics": dict(self.diagnostics),
@@ -192,27 +206,29 @@ def identify(
     by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
     inverse = np.linalg.inv(normal)
     residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    scatter, factor = _scatter(parts, inertia)
-    covariance = residual * np.outer(scatter, scatter) + by_centre * sigma**2 @ by_centre.T
+    freedom = sum(part.degrees_of_freedom for part in parts)
+    together = pooling(_repeats(parts, weights, inertia, jnp.asarray(centre)), normal, residual, freedom)
+    of_centre = by_centre * sigma**2 @ by_centre.T
+    covariance = together.covariance + of_centre
     share = weights * [part.rows for part in parts]
     gain_error = share @ [part.gain_error for part in parts] / share.sum()
     bias = inertia - np.linalg.solve(normal - noise, normal @ inertia) + gain_error * inertia
-    half = factor * np.sqrt(np.diag(covariance))
-    warnings = [*warned, *_warnings(parts, inertia, bias, covariance, scatter)]
+    half = np.hypot(together.half_width, NORMAL * np.sqrt(np.diag(of_centre)))
+    warnings = [*warned, *_warnings(parts, inertia, bias, covariance, together.excess)]
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
                       "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
         "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[0])),
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
-        "scatter_between_runs": scatter.tolist(),
-        "coverage_factor": factor.tolist(),
+        "scatter_between_runs": together.excess.tolist(),
+        "coverage_factor": (half / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)).tolist(),
         "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
-        "standard_uncertainty_from_cg": np.sqrt(np.diag(by_centre * sigma**2 @ by_centre.T)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(of_centre)).tolist(),
     }  # fmt: skip
     return Identification(
         inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
-        offsets=offsets,
+        offsets=offsets, pooling=together,
     )  # fmt: skip
 
 
@@ -228,15 +244,16 @@ def _common_band(runs: Sequence[Run]) -> float:
     return max(motion_band(longest(run), run.rate) for run in runs)
 
 
-def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By component: how much more runs scatter than their residuals say, at least 1; the coverage factor of 95 %."""
-    alone = [part for part in parts if part.excitation.identifiable.all()]
-    own = student.ppf(0.975, sum(part.degrees_of_freedom for part in parts))
-    if len(alone) < 2:
-        return np.ones(6), np.full(6, own)
-    squares = [(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone]
-    ratio = np.sqrt(np.sum(squares, axis=0) / (len(alone) - 1))
-    return np.maximum(ratio, 1.0), np.where(ratio > 1, student.ppf(0.975, len(alone) - 1), own)
+def _repeats(parts: Sequence[Information], weights: np.ndarray, inertia: np.ndarray, centre: Array) -> list[Repeat]:
+    """What pooling needs of each run."""
+    return [
+        Repeat(
+            weight * (np.asarray(normal_equations(part.sums, centre)[1]) - part.normal @ inertia),
+            part.inertia, np.sqrt(np.diag(part.covariance)), bool(part.excitation.identifiable.all()),
+            part.run.mounting,
+        )
+        for part, weight in zip(parts, weights, strict=True)
+    ]  # fmt: skip
 
 
 def _warnings(

@@ -68,6 +68,8 @@ class Run:
     """What the load cell reads while the body rests; None: not asked for."""
     noise: ShapedNoise | None = None
     """The angular velocity's noise, where it was differentiated; None: it is white."""
+    mounting: str | None = None
+    """Name of the mounting of the body that the run was made with; None: not said."""
 
     @property
     def rate(self) -> float:

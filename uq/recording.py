@@ -60,6 +60,8 @@ class Recording:
     """Path of the robot's description, where the motion is told by joint states."""
     urdf_frame: str | None = None
     """The frame of the description that turns with the body."""
+    drawn_by_mounting: tuple[str, ...] = ()
+    """Names of the sources whose errors each mounting of the body draws anew."""
 
     def unit(self, quantity: str) -> str | None:
         """Return the declared unit's name of ``force``, ``moment``, ``angular_velocity`` or ``acceleration``."""
@@ -87,6 +89,7 @@ def parse_recording(table: Table) -> Recording:
         zero=table.choice("zero", ("empty", "loaded"), None),
         compensated=table.choice("compensated", ("none", "gravity", "gravity_from_force"), None),
         time=table.choice("time", ("header", "log"), None),
+        drawn_by_mounting=_names(table, "drawn_by_mounting"),
     )
     table.finish()
     return recording
@@ -101,6 +104,14 @@ def _unit(table: Table, key: str, si: str) -> str | None:
         except UnitError as error:
             raise ExperimentError(f"{table.path(key)} {error}") from None
     return name
+
+
+def _names(table: Table, key: str) -> tuple[str, ...]:
+    """A list of names, each once."""
+    names = table.raw(key, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+        raise ExperimentError(f"{table.path(key)} is {names!r}: write a list of names of [[source]]")
+    return tuple(dict.fromkeys(names))
 
 
 def _point(table: Table, key: str) -> np.ndarray | None:
