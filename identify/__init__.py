@@ -5,9 +5,11 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 """
 
 from identify.centre import Centre
+from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.pooling import Pooling
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
@@ -19,11 +21,14 @@ __all__ = [
     "Centre",
     "EstimatorSpec",
     "Identification",
+    "Pooling",
     "PrecisionWarning",
     "Rest",
     "Run",
     "RunError",
     "RunEstimate",
+    "Verdict",
+    "consistency",
     "identify",
     "is_admissible",
     "omega_r",

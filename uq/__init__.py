@@ -20,6 +20,7 @@ _WHERE = {
     "shapley": "sensitivity",
     "simulate": "simulation",
     "sobol": "sensitivity",
+    "with_declared_sources": "systematic",
     "BudgetResult": "budget_result",
     "Centre": "centre",
     "CurvilinearTrapezoid": "distributions",
