@@ -9,6 +9,7 @@ from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
 from identify.pooling import Pooling
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
@@ -19,14 +20,18 @@ __all__ = [
     "COMPONENTS",
     "Body",
     "Centre",
+    "Datum",
     "EstimatorSpec",
     "Identification",
+    "InertialParameters",
     "Pooling",
     "PrecisionWarning",
+    "Principal",
     "Rest",
     "Run",
     "RunError",
     "RunEstimate",
+    "Tensor",
     "Verdict",
     "consistency",
     "identify",
@@ -36,6 +41,7 @@ __all__ = [
     "parallel_axis",
     "pi",
     "principal",
+    "principal_axes",
     "rotate",
     "unpack",
     "wrench_regressor",

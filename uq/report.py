@@ -35,7 +35,8 @@ def report(result: Any) -> str:
 def write(result: Any, out: Path, *more: Any) -> None:
     """Write ``result.json`` (``centre.json`` of a centre), ``report.html`` and the figures (SVG and PNG) into a folder.
 
-    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV of theirs is a file of its own.
+    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV and other files of theirs stand
+    beside them.
 
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
     of the same name is replaced; other files stay.
@@ -44,7 +45,15 @@ def write(result: Any, out: Path, *more: Any) -> None:
         OSError: the folder cannot be made or written.
         TypeError: there is no report for this kind of result.
     """
-    content = files(result, *more)
+    place(files(result, *more), out)
+
+
+def place(content: Mapping[str, bytes], out: Path) -> None:
+    """Write files into a folder: all are on the disk before the first is moved into place.
+
+    Raises:
+        OSError: the folder cannot be made or written.
+    """
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
         for name, data in content.items():
@@ -63,6 +72,7 @@ def files(result: Any, *more: Any) -> dict[str, bytes]:
         ).encode(),
         "report.html": _html(content, svg).encode(),
         **{f"{one.name}.csv": one.csv().encode() for one in (result, *more) if hasattr(one, "csv")},
+        **{name: data for one in more if hasattr(one, "files") for name, data in one.files().items()},
         **{f"{name}.svg": data for name, data in svg.items()},
         **{f"{drawing.name}.png": _render(drawing.figure, "png") for drawing in content.figures},
     }
