@@ -18,6 +18,7 @@ from identify.stretches import Stretch, still
 from rig import notes
 from rig.bag import read_any
 from rig.channels import Recording as BagRecording
+from uq.centre_prior import known_by, load_centre, told
 from uq.clocks import instants
 from uq.compensation import undo
 from uq.declared import Rig, declared
@@ -177,6 +178,7 @@ def identify_files(
     offsets: OffsetChoice | None = None,
     parts: Sequence[Part] | None = None,
     mountings: Sequence[str] | None = None,
+    centre: str | Path | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body.
 
@@ -187,6 +189,7 @@ def identify_files(
         offsets: where constant offsets come from; None: as the experiment says.
         parts: the parts of each run that count; None: where it moves.
         mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
+        centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.parts.resolve`,
@@ -197,6 +200,13 @@ def identify_files(
         raise RunError("a run is given twice: name each file once")
     if offsets is not None:
         experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
+    declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
+    if centre is not None:
+        prior = load_centre(centre)
+        experiment, differing = known_by(experiment, prior)
+        declared_inputs |= {"centre": told(centre, prior)}
+    elif experiment.scale is not None:
+        experiment = replace(experiment, mass=experiment.scale[0])
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, parts) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
@@ -207,7 +217,10 @@ def identify_files(
         estimator=spec,
         offsets=experiment.recording.offsets,
         mass=experiment.mass,
+        centre=prior,
     )
+    if prior is None and experiment.scale is not None:
+        result = replace(result, mass_uncertainty=experiment.scale[1])
     result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
     followed = [one for run in runs for one in _followed(run, result)]
     suspicious = [text for run in runs for text in warned(run, experiment)]
@@ -216,10 +229,11 @@ def identify_files(
     inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*result.warnings, *suspicious, *noisy, *(verdict.text for verdict in followed)),
+        warnings=(*differing, *result.warnings, *suspicious, *noisy, *(verdict.text for verdict in followed)),
         consistency=tuple(followed),
         assumptions=(*assumed, *result.assumptions),
-        provenance=provenance(**experiment.inputs(), inputs=inputs),
+        provenance=provenance(**declared_inputs, inputs=inputs),
+        datum=experiment.datum,
     )
 
 

@@ -195,7 +195,7 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
     """
     sources = [s for s in experiment.sources if s.constant and s.target not in HELD]
     mixing = list(experiment.mixing)
-    covariance = getattr(result, "cg_covariance", None)
+    covariance = result.cg_covariance
     same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
     if covariance is not None or not same:
         sources = [s for s in sources if s.target != "r_cg"]

@@ -28,6 +28,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="A,A,B,…",
         help="name of the mounting that each run was made with, in the runs' order (as the runs' metadata say)",
     )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
     add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
@@ -44,6 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
             mountings=None if arguments.mounting is None else names(arguments.mounting),
+            centre=arguments.centre,
         )
         finish(result, out)
     return 0
