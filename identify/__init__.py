@@ -5,10 +5,12 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 """
 
 from identify.centre import Centre
+from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
 from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
+from identify.pooling import Pooling
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
@@ -22,6 +24,7 @@ __all__ = [
     "EstimatorSpec",
     "Identification",
     "InertialParameters",
+    "Pooling",
     "PrecisionWarning",
     "Principal",
     "Rest",
@@ -29,6 +32,8 @@ __all__ = [
     "RunError",
     "RunEstimate",
     "Tensor",
+    "Verdict",
+    "consistency",
     "identify",
     "is_admissible",
     "omega_r",

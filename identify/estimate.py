@@ -92,11 +92,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
     try:
-        taps, smoothing, needed = (
-            estimator.taps(run.rate),
-            estimator.filter_taps(run.rate),
-            estimator.lost(run.rate) + 3,
-        )
+        needed = estimator.lost(run.rate) + 3
     except ValueError as error:
         raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
     if len(run.t) < needed:
@@ -104,10 +100,9 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
             f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
             f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
         )
-    signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
-    phi, force, moment = _rows(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
-    keep = _kept(run, phi.shape[1])
+    phi, force, moment = rows_of(run, estimator)
     half = (len(run.t) - phi.shape[1]) // 2
+    keep = kept(run, phi.shape[1])
     phi, force, moment = phi[:, keep], force[:, keep], moment[:, keep]
     count, motion = len(keep), np.asarray(phi)
     if count < 3:
@@ -125,14 +120,14 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, np.asarray(phi))
     about_cg = np.asarray(moment - jnp.cross(jnp.asarray(r_cg), force, axisb=0, axisc=0))
     residuals = about_cg.T - rows @ inertia
-    correlation_time = _correlation_time(residuals)
-    scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
+    time = correlation_time(residuals)
+    scores = score_covariance(np.einsum("nji,nj->ni", rows, residuals), time)
     sigma = _alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
         spread = np.linalg.pinv(normal, hermitian=True)
-        of_mean = np.diag(residuals.var(axis=0)) * correlation_time / count
+        of_mean = np.diag(residuals.var(axis=0)) * time / count
         mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)
         removed = estimated(mean_phi, mean_force, mean_moment, r_cg, inertia, spread @ scores @ spread, of_mean)
     elif offsets == "still":
@@ -149,11 +144,19 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         excitation(normal, noise),
         removed,
         residuals.std(axis=0),
-        correlation_time,
+        time,
         count,
         _gain_error(run, estimator),
         trace(run.t[half + keep], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
     )
+
+
+def rows_of(
+    run: Run, estimator: EstimatorSpec
+) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:
+    """Return features, force [N] and moment [N·m] of the instants that have a derivative, through one filter."""
+    signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
+    return _rows(*signals, jnp.asarray(estimator.taps(run.rate)), jnp.asarray(estimator.filter_taps(run.rate)))
 
 
 def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
@@ -163,8 +166,8 @@ def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
     return noise_level(*(run.omega[part] for part in run.used())) * estimator.alpha_noise_gain(run.rate)
 
 
-def _kept(run: Run, rows: int) -> np.ndarray:
-    """Positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
+def kept(run: Run, rows: int) -> np.ndarray:
+    """Return the positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
     if run.missing is None:
         return np.arange(rows)
     half = (len(run.t) - rows) // 2
@@ -205,8 +208,8 @@ def _rows(
     return filtered[:13], filtered[13:16], filtered[16:]
 
 
-def _correlation_time(residuals: np.ndarray) -> float:
-    """The integrated correlation time [samples] of the axis where it is longest, up to the first zero crossing."""
+def correlation_time(residuals: np.ndarray) -> float:
+    """Return the integrated correlation time [samples] of the axis where it is longest, to the first zero crossing."""
     n = len(residuals)
     size = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(residuals, size, axis=0)) ** 2
@@ -219,11 +222,11 @@ def _correlation_time(residuals: np.ndarray) -> float:
     return float(min(max(times, default=1.0), n / 4))
 
 
-def _score_covariance(scores: np.ndarray, correlation_time: float) -> np.ndarray:
-    """Covariance of the sum of the scores (n, 6): Bartlett kernel over four correlation times, by moving sums."""
+def score_covariance(scores: np.ndarray, correlation_time: float) -> np.ndarray:
+    """Return the covariance of a sum of scores (n, k): Bartlett kernel over four correlation times, by moving sums."""
     width = max(1, min(int(np.ceil(4 * correlation_time)), len(scores) // 3))
-    padded = np.concatenate([np.zeros((width, 6)), np.cumsum(scores, axis=0)])
+    padded = np.concatenate([np.zeros((width, scores.shape[1])), np.cumsum(scores, axis=0)])
     padded = np.concatenate([padded, np.repeat(padded[-1:], width - 1, axis=0)])
     sums = padded[width:] - padded[:-width]
     rows = 3 * len(scores) / correlation_time
-    return sums.T @ sums / width * rows / max(rows - 6, 1.0)
+    return sums.T @ sums / width * rows / max(rows - scores.shape[1], 1.0)

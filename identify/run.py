@@ -69,6 +69,8 @@ class Run:
     """What the load cell reads while the body rests; None: not asked for."""
     noise: ShapedNoise | None = None
     """The angular velocity's noise, where it was differentiated; None: it is white."""
+    mounting: str | None = None
+    """Name of the mounting of the body that the run was made with; None: not said."""
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """What the recording says of its day and its instruments."""
 

@@ -25,6 +25,7 @@ _WHERE = {
     "shapley": "sensitivity",
     "simulate": "simulation",
     "sobol": "sensitivity",
+    "with_declared_sources": "systematic",
     "BudgetResult": "budget_result",
     "Comparison": "expected",
     "Centre": "centre",

@@ -4,6 +4,7 @@ import argparse
 
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.experiment import Experiment
+from uq.mountings import names
 from uq.parts import pair
 from uq.recorded import identify_files
 
@@ -22,6 +23,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("estimate", "still", "none"),
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
+    parser.add_argument(
+        "--mounting",
+        metavar="A,A,B,…",
+        help="name of the mounting that each run was made with, in the runs' order (as the runs' metadata say)",
+    )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
     add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
@@ -37,6 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
             estimator=arguments.estimator,
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
+            mountings=None if arguments.mounting is None else names(arguments.mounting),
+            centre=arguments.centre,
         )
         finish(result, out)
     return 0
