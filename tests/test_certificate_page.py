@@ -146,8 +146,10 @@ def test_a_trace_of_a_few_samples_is_small_but_there():
 
 def test_contributions_add_up_to_the_variance(plain):
     squares = sum(np.square(part) for part in contributions(plain).values())
-    np.testing.assert_allclose(squares, np.diag(plain.covariance), rtol=1e-9)
-    assert contributions(dataclasses.replace(plain, diagnostics={})) == {}
+    np.testing.assert_allclose(squares, np.diag(plain.covariance), rtol=0.02)  # 10,000 draws of each source
+    without = dataclasses.replace(plain, budget=None)
+    assert set(contributions(without)) <= {"residuals", "scatter between runs", "r_cg"}
+    assert contributions(dataclasses.replace(without, diagnostics={})) == {}
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,13 @@ def rows(result: Identification) -> list[list[str]]:
         bias = np.abs(result.bias) / (3 * result.standard_uncertainty)
     if np.isfinite(bias).all():
         found.append(_row("largest bias over 3 u", float(bias.max()), "≤", 0.1))
-    if len(result.runs) > 1 and "scatter_between_runs" in said:
-        ratio = float(np.max(said["scatter_between_runs"]))
+    if result.pooling is not None and result.pooling.from_scatter is not None:
+        ratio = float(np.max(result.pooling.excess))
         found.append(_row("scatter between runs over that within, largest", ratio, "≤", 2.0))
     found.append(_admissible(result))
+    causes = sorted({verdict.cause for verdict in result.consistency})
+    what = f"residuals that follow something{': ' if causes else ''}{', '.join(causes)}"
+    found.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
     found.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
     return found
 

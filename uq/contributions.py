@@ -12,14 +12,16 @@ from identify.tables import decimals, fixed
 from uq.campaign import GRAM_METRE
 from uq.plots import HATCHES, PAGE, PALETTE, STYLE, display_name
 
-RESIDUALS, SCATTER, CG = "residuals of the fit", "scatter between runs", "centre of gravity"
+RESIDUALS, SCATTER, CG = "residuals", "scatter between runs", "r_cg"
 
 
 def contributions(result: Identification) -> Mapping[str, np.ndarray]:
     """Return each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known.
 
-    Squares add up to the variance: residuals, what the runs scatter beyond them, the centre of gravity.
+    The budget of the declared sources where there is one; else residuals, scatter and centre of gravity.
     """
+    if result.budget is not None:
+        return result.budget
     said = result.diagnostics
     if "standard_uncertainty_from_residuals" not in said or "standard_uncertainty_from_cg" not in said:
         return {}
@@ -29,11 +31,17 @@ def contributions(result: Identification) -> Mapping[str, np.ndarray]:
     return {name: values for name, values in parts.items() if values.any()}
 
 
-def shares(parts: Mapping[str, np.ndarray]) -> Figure:
-    """Draw each part's share of the variance of each component, with the standard uncertainty beside it.
+def evaluated(name: str) -> str:
+    """Return the type of evaluation of a part (GUM 4.2, 4.3): A from the data, B declared."""
+    return "A" if name == RESIDUALS or name.startswith("scatter between") else "B"
+
+
+def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Figure:
+    """Draw each part's share of the parts' variances together, with the standard uncertainty beside it.
 
     Args:
         parts: contributions to the standard uncertainty by name [kg·m²], each of six components.
+        standard_uncertainty: the combined one of each component [kg·m²].
     """
     variances = np.array([np.square(values) for values in parts.values()])
     total = variances.sum(axis=0)
@@ -47,7 +55,7 @@ def shares(parts: Mapping[str, np.ndarray]) -> Figure:
             axes.barh(range(6), width, 0.72, left=base, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3,
                       label=display_name(name).replace("$", r"\$"))  # fmt: skip
             base = base + width
-        for k, value in enumerate(GRAM_METRE * np.sqrt(total)):
+        for k, value in enumerate(GRAM_METRE * standard_uncertainty):
             axes.annotate(
                 f"u = {fixed(value, decimals(value))} g·m²", (100, k), (4, 0), textcoords="offset points", va="center"
             )
