@@ -158,3 +158,13 @@ def test_a_recording_fills_what_the_table_leaves_open():
     assert [one.recorded for one in full.instruments] == [False, True]
     assert full.instruments[0].texts == told[0] | {"certificate": "K 17"}
     assert full.performed == (date(2026, 3, 4), date(2026, 3, 5))
+
+
+def test_the_example_of_the_docs_is_a_report():
+    page = (ROOT / "docs" / "certificate.md").read_text("utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, flags=re.S)
+    example = report(text)
+    assert example.conformity.rule == "guarded"
+    assert cautions(json.loads(json.dumps(tomllib.loads(text)["report"], default=str)), inputs(date="2026-03-04")) == []
+    keys = set(tomllib.loads(text)["report"]) | {"sampling", "external", "customer_data", "adjustment"}
+    assert all(f"`{key}`" in page or f"report.{key}" in page for key in keys)
