@@ -88,7 +88,7 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
         RunError: the mass is not known, or no body has this tensor.
         OSError: the folder cannot be written.
     """
-    wanted = _known(formats)
+    wanted = formats_of(formats)
     parameters, frame = _parameters(result)
     mass = float(parameters.mass)
     if not (np.isfinite(mass) and mass > 0):
@@ -112,7 +112,12 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
     return made
 
 
-def _known(formats: str | Sequence[str]) -> tuple[str, ...]:
+def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of formats, each once, from names or from one string of them with commas.
+
+    Raises:
+        ExperimentError: no format, or one that there is not.
+    """
     given = formats.split(",") if isinstance(formats, str) else formats
     wanted = tuple(dict.fromkeys(one.strip() for one in given))
     for one in wanted or ("",):

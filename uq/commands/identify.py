@@ -3,9 +3,13 @@
 import argparse
 
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
+from uq.document import ExperimentError
+from uq.expected import compare
 from uq.experiment import Experiment
+from uq.exports import FORMATS, export, formats_of
 from uq.parts import pair
 from uq.recorded import identify_files
+from uq.reference import load_reference
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -23,13 +27,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
     add_part_options(parser)
+    parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
+    parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
+    if arguments.export is not None and arguments.out is None:
+        raise ExperimentError("--export has no folder: add --out DIR")
+    formats = None if arguments.export is None else formats_of(arguments.export)
     experiment = Experiment.load(arguments.experiment)
+    reference = None if arguments.expected is None else load_reference(arguments.expected)
     with output_folder(arguments.out) as out:
         result = identify_files(
             arguments.runs,
@@ -38,5 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
         )
-        finish(result, out)
+        more = [] if reference is None else [compare(result, reference)]
+        finish(result, out, *more, *([] if formats is None else [export(result, formats)]))
     return 0
