@@ -6,6 +6,7 @@ from uq.commands._common import ERRORS, add_part_options, finish, output_folder,
 from uq.experiment import Experiment
 from uq.parts import pair
 from uq.recorded import identify_files
+from uq.tare import tare_files
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -25,6 +26,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
     )
+    parser.add_argument(
+        "--tare",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="EMPTY.mcap",
+        help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
+    )
+    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
     add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
@@ -41,6 +51,15 @@ def run(arguments: argparse.Namespace) -> int:
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
             centre=arguments.centre,
+        )
+        result = tare_files(
+            result,
+            arguments.tare,
+            experiment,
+            estimator=arguments.estimator,
+            offsets=arguments.offsets,
+            centre=arguments.centre,
+            tare_centre=arguments.tare_centre,
         )
         finish(result, out)
     return 0
