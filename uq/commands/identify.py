@@ -10,6 +10,7 @@ from uq.exports import FORMATS, export, formats_of
 from uq.parts import pair
 from uq.recorded import identify_files
 from uq.reference import load_reference
+from uq.tare import tare_files
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -26,6 +27,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("estimate", "still", "none"),
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
+    parser.add_argument(
+        "--tare",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="EMPTY.mcap",
+        help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
+    )
+    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
     add_part_options(parser)
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
     parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
@@ -47,6 +60,16 @@ def run(arguments: argparse.Namespace) -> int:
             estimator=arguments.estimator,
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
+            centre=arguments.centre,
+        )
+        result = tare_files(
+            result,
+            arguments.tare,
+            experiment,
+            estimator=arguments.estimator,
+            offsets=arguments.offsets,
+            centre=arguments.centre,
+            tare_centre=arguments.tare_centre,
         )
         more = [] if reference is None else [compare(result, reference)]
         finish(result, out, *more, *([] if formats is None else [export(result, formats)]))
