@@ -13,7 +13,7 @@ from identify.frames import from_axes
 from identify.identification import Identification
 from identify.inertial import InertialParameters, Tensor
 from identify.run_estimate import RunEstimate
-from uq import ExperimentError, compare, load_reference
+from uq import ExperimentError, compare, load_reference, tared
 from uq.conventions import joint, normalised_error, suspicions
 from uq.reference import reference
 
@@ -318,6 +318,18 @@ def test_mass_and_centre_are_compared_where_both_sides_know_them(generator):
     assert errors["mass"] == pytest.approx(2.0)
     assert errors["cg_z"] == pytest.approx((0.053 - 0.08) / 2e-4)
     assert "mass" not in compare(identified(Tensor(TENSOR, 1e-6 * np.eye(6))), document).other_errors
+
+
+def test_repeats_are_without_the_fixture(generator):
+    """A tare takes the same off every run: the mean of the runs stays the result."""
+    whole = MEAN + [0.1, 0, 0, 0.1, 0, 0.1]
+    repeats = whole + 1e-4 * np.array([-1, 0, 1])[:, None]
+    result = identified(Tensor(whole, 1e-8 * np.eye(6)), repeats, mass=19.0)
+    fixture = InertialParameters(2.0, np.array([0, 0, 0.01]), np.array([0.02, 0, 0, 0.02, 0, 0.03]), np.zeros((10, 10)))
+    body = tared(result, fixture)
+    found = compare(body, reference(SOURCE))
+    np.testing.assert_allclose(found.mean, body.inertia)
+    np.testing.assert_allclose(found.standard_deviation, 1e-4)
 
 
 def test_a_single_run_has_no_standard_deviation():

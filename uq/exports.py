@@ -100,7 +100,9 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
     warnings = (f"the exported tensor is the nearest admissible one, not the plain estimate: {changed}",) * bool(
         changed
     )
+    tare = getattr(result, "tare", None)
     runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
+    runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
     body = ExportedBody(
         mass, parameters.r_cg, parameters.inertia, tuple(_notes(parameters, frame, runs, warnings)),
         {"frame": frame} | _content(parameters, runs, warnings),
