@@ -4,7 +4,7 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
-from identify.centre import Centre
+from identify.centre import Attitudes, Centre
 from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
@@ -15,9 +15,11 @@ from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
+from identify.tare import Tare, subtract
 
 __all__ = [
     "COMPONENTS",
+    "Attitudes",
     "Body",
     "Centre",
     "Datum",
@@ -31,6 +33,7 @@ __all__ = [
     "Run",
     "RunError",
     "RunEstimate",
+    "Tare",
     "Tensor",
     "Verdict",
     "consistency",
@@ -43,6 +46,7 @@ __all__ = [
     "principal",
     "principal_axes",
     "rotate",
+    "subtract",
     "unpack",
     "wrench_regressor",
 ]

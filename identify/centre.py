@@ -67,15 +67,17 @@ def centre(
     check = None if mass is None else _checked(found, mass)
     if check is not None and check.within:
         found = fit(F, M, f, attitudes, mass=mass)
-    values, covariance = _parameters(found)
+    values, by = _parameters(found)
+    covariance, lasting = by @ found.covariance @ by.T, by @ found.lasting
     degrees = found.degrees_of_freedom[list(ORDER)]
     if mass is not None and check is not None and not check.within:
         values[0], degrees[0] = mass[0], np.inf
         covariance[0], covariance[:, 0] = 0.0, 0.0
         covariance[0, 0] = mass[1] ** 2
+        lasting[0] = 0.0
     result = Centre(
         float(values[0]), values[1:4], values[4:7], values[7:], covariance, found.residuals, degrees, gravity,
-        gain=check, largest_tilt=_largest_tilt(f),
+        gain=check, largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
     )  # fmt: skip
     return _warned(result)
 
@@ -135,10 +137,10 @@ def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
 
 
 def _parameters(found: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """The ten parameters and their covariance, from those of (m, F0, m r, M0)."""
+    """The ten parameters, and their derivatives with respect to (m, F0, m r, M0)."""
     mass, r_cg = found.values[0], found.values[4:7] / found.values[0]
     by = np.eye(10)[list(ORDER)]
     by[1:4] /= mass
     by[1:4, 0] = -r_cg / mass
     values = np.concatenate([[mass], r_cg, found.values[1:4], found.values[7:]])
-    return values, by @ found.covariance @ by.T
+    return values, by

@@ -52,6 +52,8 @@ class Centre:
     """The load cell's mass beside a scale's; None: no scale."""
     largest_tilt: float | None = None
     """From the poses' mean direction of gravity [rad]."""
+    lasting: np.ndarray | None = None
+    """What errors do to the ten that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
     file_name: ClassVar[str] = "centre.json"
     """The file that holds it."""
 
@@ -122,6 +124,7 @@ class Centre:
             "degrees_of_freedom": [float(free) if np.isfinite(free) else None for free in degrees],
             "directions": {"axes": axes.tolist(), "standard_uncertainty": along.tolist()},
             "largest_tilt": self.largest_tilt,
+            "lasting": None if self.lasting is None else self.lasting.tolist(),
             "gain": None if self.gain is None else self.gain.to_dict(),
             "residual": {"force": force, "moment": moment},
             "residuals": self.residuals.tolist(),
@@ -281,6 +284,7 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         warnings=content.texts("warnings"),
         assumptions=content.texts("assumptions"),
         provenance=dict(content.content.get("provenance") or {}),
+        lasting=None if content.content.get("lasting") is None else content.array("lasting", shape=(n, -1)),
     )
 
 

@@ -26,6 +26,7 @@ from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
 from identify.solve import excitation
 from identify.tables import decimals, fixed, html_table, text_table
+from identify.tare import Tare
 
 NORMAL = 1.959963984540054
 """Coverage factor of 95 % of a normal distribution."""
@@ -75,6 +76,8 @@ class Identification:
     """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
     datum: Datum | None = None
     """A frame in which the result is also wanted."""
+    tare: Tare | None = field(default=None, repr=False)
+    """What was taken off; None: nothing."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -89,6 +92,11 @@ class Identification:
         if self.mass_covariance is not None:
             covariance[0, 1:] = covariance[1:, 0] = self.mass_covariance
         return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
+
+    @property
+    def _measured(self) -> InertialParameters:
+        """What stood on the load cell: with the fixture, where one was taken off."""
+        return self.parameters if self.tare is None else self.tare.whole
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -110,6 +118,7 @@ class Identification:
             "covariance": self.covariance.tolist(),
             "principal": principal_axes(self.inertia, self.covariance).to_dict(),
             **self._elsewhere(),
+            "tare": None if self.tare is None else self.tare.to_dict(),
             "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
             "delay": {"value": 0.0, "estimated": False},
@@ -117,7 +126,7 @@ class Identification:
             "offsets": {
                 "method": self.offsets,
                 "about": "CG",
-                **offsets_content(self.runs, self.sigma_r_cg, self.r_cg),
+                **offsets_content(self.runs, self._measured.standard_uncertainty[1:4], self._measured.r_cg),
             },
             "runs": [
                 {
@@ -174,10 +183,12 @@ class Identification:
     def _notes(self) -> list[str]:
         used = [run.used for run in self.runs if run.used]
         warnings = [f"warning: {text}" for text in self.warnings]
+        axes = principal_axes(self.inertia, self.covariance).note
         return [
             *used,
-            *offset_notes(self.runs, self.sigma_r_cg),
+            *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
+            *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
         ]
 

@@ -23,6 +23,8 @@ class Attitudes:
     """Standard uncertainty of each pose's own tilt about any axis, independent from pose to pose [rad]."""
     common: Float[np.ndarray, "n 3 k"] | None = None
     """What k independent errors of one standard uncertainty each, common to all poses, do to f [m/s²]; None: none."""
+    lasting: int = 0
+    """How many of these, the first, stay as they are from one series of poses to the next."""
 
 
 EXACT = Attitudes()
@@ -38,6 +40,8 @@ class Fit:
     residuals: Float[np.ndarray, "n 6"]
     degrees_of_freedom: Float[np.ndarray, "10"] = field(default_factory=lambda: np.full(LINEAR, np.inf))
     """Effective, of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
+    lasting: Float[np.ndarray, "10 k"] = field(default_factory=lambda: np.zeros((LINEAR, 0)))
+    """What lasting errors of one standard uncertainty do to the values."""
 
 
 def fit(
@@ -76,7 +80,7 @@ def fit(
         known = np.column_stack([left @ known, by_mass * mass[1]])
         covariance = _covariance(gain, scatter, tilts, known)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
-    return Fit(values, covariance, measured - rows @ values, degrees)
+    return Fit(values, covariance, measured - rows @ values, degrees, known[:, : attitudes.lasting])
 
 
 def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:

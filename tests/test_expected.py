@@ -9,10 +9,11 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from identify.estimator import EstimatorSpec
+from identify.frames import from_axes
 from identify.identification import Identification
 from identify.inertial import InertialParameters, Tensor
 from identify.run_estimate import RunEstimate
-from uq import ExperimentError, compare, load_reference
+from uq import ExperimentError, compare, load_reference, tared
 from uq.conventions import joint, normalised_error, suspicions
 from uq.reference import reference
 
@@ -168,19 +169,19 @@ def test_each_wrong_convention_is_named_and_the_right_one_names_nothing(generato
 
 def test_each_assignment_of_axes_is_named_with_the_cure(generator):
     """The 24 rotations of a cube: the file's axes are wrong by one of them, and the text says the right ones."""
-    turns = Rotation.create_group("O").as_matrix().round()
+    turns, report = Rotation.create_group("O").as_matrix().round(), cad(written("CG", "tensor"))
     assert len(turns) == 24
     for turn in turns:
         truth = AXES @ turn
-        found = suspicions(measured(generator, axes=truth), cad(written("CG", "tensor")))
+        found = suspicions(measured(generator, axes=truth), report)
         if np.array_equal(turn, np.eye(3)):
             assert found == ()
             continue
         (one,) = found
         assert one.cause == "axes"
         cured = one.text.split('rotation_to_body = "')[1].rstrip('"')
-        again = reference({"cad": {"about": "CG", "products": "tensor", "mass": "1 kg", "cg": ["0 m"] * 3, "inertia": {f"I{k}": f"{float(v)!r} kg*m^2" for k, v in zip(("11", "12", "13", "22", "23", "33"), TENSOR, strict=True)}}, "frame": {"rotation_to_body": cured}})  # fmt: skip
-        np.testing.assert_allclose(matrix(again.parameters.inertia), truth @ matrix(TENSOR) @ truth.T, atol=1e-12)
+        again = from_axes(cured)
+        np.testing.assert_allclose(again @ matrix(TENSOR) @ again.T, truth @ matrix(TENSOR) @ truth.T, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -317,6 +318,18 @@ def test_mass_and_centre_are_compared_where_both_sides_know_them(generator):
     assert errors["mass"] == pytest.approx(2.0)
     assert errors["cg_z"] == pytest.approx((0.053 - 0.08) / 2e-4)
     assert "mass" not in compare(identified(Tensor(TENSOR, 1e-6 * np.eye(6))), document).other_errors
+
+
+def test_repeats_are_without_the_fixture(generator):
+    """A tare takes the same off every run: the mean of the runs stays the result."""
+    whole = MEAN + [0.1, 0, 0, 0.1, 0, 0.1]
+    repeats = whole + 1e-4 * np.array([-1, 0, 1])[:, None]
+    result = identified(Tensor(whole, 1e-8 * np.eye(6)), repeats, mass=19.0)
+    fixture = InertialParameters(2.0, np.array([0, 0, 0.01]), np.array([0.02, 0, 0, 0.02, 0, 0.03]), np.zeros((10, 10)))
+    body = tared(result, fixture)
+    found = compare(body, reference(SOURCE))
+    np.testing.assert_allclose(found.mean, body.inertia)
+    np.testing.assert_allclose(found.standard_deviation, 1e-4)
 
 
 def test_a_single_run_has_no_standard_deviation():

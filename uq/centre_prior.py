@@ -50,12 +50,16 @@ def known_by(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[
             f"body.mass is {experiment.mass:.6g} kg, the static poses say {centre.mass:.6g} kg, further apart than "
             f"their uncertainty of {u[0]:.2g} kg: the poses' is used"
         )
-    others = tuple(source for source in experiment.sources if source.target != "r_cg")
-    of_centre = Source("r_cg", "r_cg", "bias", "cg", u[1:4], "static poses")
-    kept = {source.name for source in others}
+    return instead(experiment, centre.mass, centre.r_cg, u[1:4], "static poses"), tuple(warnings)
+
+
+def instead(experiment: Experiment, mass: float, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str) -> Experiment:
+    """Return the experiment with another mass [kg] and centre of gravity with its standard uncertainty [m]."""
+    others = tuple(one for one in experiment.sources if one.target != "r_cg")
+    kept = {one.name for one in others}
     mixing = tuple(mixed for mixed in experiment.mixing if kept.issuperset(mixed.names))
-    known = replace(experiment, r_cg_from_q=centre.r_cg, mass=centre.mass, sources=(*others, of_centre), mixing=mixing)
-    return known, tuple(warnings)
+    of_centre = Source("r_cg", "r_cg", "bias", "cg", sigma_r_cg, source)
+    return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, of_centre), mixing=mixing)
 
 
 def told(path: str | Path, centre: Centre) -> dict[str, Any]:

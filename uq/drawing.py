@@ -7,10 +7,11 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from identify.frames import from_axes, nearest_rotation
+from identify.frames import from_axes
 from identify.solids import Part, Solid, composite, cuboid, cylinder, sphere
 from uq.distributions import Distribution
 from uq.document import ExperimentError, Table
+from uq.recording import rotation
 from uq.tolerances import Known, uncertain, uncertain_vector
 
 Values = Mapping[str, Any]
@@ -176,18 +177,14 @@ def _turn(table: Table, shape: str) -> np.ndarray:
     """The rotation from a part's own axes to the drawing's."""
     if shape == "cylinder" and "axis" in table.content:
         return from_axes(AXES[table.choice("axis", tuple(AXES))]).T
-    return rotation(table, "rotation")
+    return turn_of(table, "rotation")
 
 
-def rotation(table: Table, key: str) -> np.ndarray:
-    """Return a rotation written as signed axes or as a matrix; none where the key is missing.
+def turn_of(table: Table, key: str) -> np.ndarray:
+    """Return the rotation of a key; none where it is missing.
 
     Raises:
         ExperimentError: it is no rotation.
     """
-    raw = table.raw(key, "x, y, z")
-    matrix = None if isinstance(raw, str) else table.numbers(key, (3, 3))
-    try:
-        return from_axes(raw) if matrix is None else nearest_rotation(matrix)
-    except ValueError as error:
-        raise ExperimentError(f"{table.path(key)} {error}") from None
+    found = rotation(table, key)
+    return np.eye(3) if found is None else found

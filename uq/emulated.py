@@ -190,7 +190,8 @@ class _Rig(eqx.Module):
     """One trajectory's runs, and whether its platform holds the believed centre of gravity still."""
 
     setup: SampledSetup
-    holds_cg: bool = eqx.field(static=True)
+    holds_cg: jax.Array
+    """1 or 0."""
 
 
 def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: Imperfections) -> _Rig:
@@ -201,7 +202,8 @@ def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: 
     setup = prepare_samples(
         motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted
     )
-    return _Rig(replace(setup, cases=(Case("total", frozenset(s.name for s in setup.sources)),)), spec.still == "cg")
+    together = Case("total", frozenset(source.name for source in setup.sources))
+    return _Rig(replace(setup, cases=(together,)), jnp.asarray(float(spec.still == "cg")))
 
 
 def _sources(experiment: Experiment, imperfections: Imperfections) -> list[Source]:
@@ -225,7 +227,7 @@ def _shared_error(experiment: Experiment, key: jax.Array, repeat: int) -> jax.Ar
 def _repeat(rig: _Rig, shared: jax.Array, key: jax.Array, indices: jax.Array) -> jax.Array:
     """Tensors of one repeat's runs; a platform that holds the believed centre misses the true one by its error."""
     at = [k for k, source in enumerate(rig.setup.sources) if source.name in ("shared r_cg", "still point")]
-    means = (shared, -shared if rig.holds_cg else jnp.zeros(3))
+    means = (shared, -rig.holds_cg * shared)
     setup = eqx.tree_at(lambda setup: [setup.sources[k].mean for k in at], rig.setup, means)
     return jax.lax.map(lambda index: sampled_trial(setup, key, index).inertia[0, 0], indices)
 

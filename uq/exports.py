@@ -88,7 +88,7 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
         RunError: the mass is not known, or no body has this tensor.
         OSError: the folder cannot be written.
     """
-    wanted = _known(formats)
+    wanted = formats_of(formats)
     parameters, frame = _parameters(result)
     mass = float(parameters.mass)
     if not (np.isfinite(mass) and mass > 0):
@@ -100,7 +100,9 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
     warnings = (f"the exported tensor is the nearest admissible one, not the plain estimate: {changed}",) * bool(
         changed
     )
+    tare = getattr(result, "tare", None)
     runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
+    runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
     body = ExportedBody(
         mass, parameters.r_cg, parameters.inertia, tuple(_notes(parameters, frame, runs, warnings)),
         {"frame": frame} | _content(parameters, runs, warnings),
@@ -112,7 +114,12 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
     return made
 
 
-def _known(formats: str | Sequence[str]) -> tuple[str, ...]:
+def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of formats, each once, from names or from one string of them with commas.
+
+    Raises:
+        ExperimentError: no format, or one that there is not.
+    """
     given = formats.split(",") if isinstance(formats, str) else formats
     wanted = tuple(dict.fromkeys(one.strip() for one in given))
     for one in wanted or ("",):

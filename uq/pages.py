@@ -14,6 +14,8 @@ from uq.barreto2016 import PaperResult
 from uq.budget_result import BudgetResult
 from uq.campaign import MonteCarloResult
 from uq.certificate_page import certificate
+from uq.expected import Comparison
+from uq.exports import Exported
 from uq.page_parts import (
     Drawing,
     Page,
@@ -125,6 +127,27 @@ def _budget(result: BudgetResult) -> Page:
     )  # fmt: skip
 
 
+@page.register
+def _comparison(result: Comparison) -> Page:
+    parts = [Table("What makes the expected tensor uncertain: standard uncertainty, g·m²", *result.reference_rows())]
+    return Page(
+        "Expected values",
+        [f"Beside what is expected of {result.reference.name}, from its {result.reference.kind}. {EXPECTED}"],
+        result.findings(),
+        [Table(f"Expected: {result.reference.name}, g·m²", *result.rows(), note=f"{result.summary()}.")],
+        [],
+        parts if result.reference.contributions else [],
+        ["The errors of the result and of the expected value are independent."],
+        result.provenance,
+    )
+
+
+@page.register
+def _exported(result: Exported) -> Page:
+    files = Table("Exported files", *result.rows())
+    return Page("Exported files", [], result.warnings, [], [], [files], [], result.provenance)
+
+
 def joined(first: Page, *others: Page) -> Page:
     """Return one page with the content of several; title, assumptions and provenance stand as the first has them."""
     pages = (first, *others)
@@ -147,6 +170,10 @@ BUDGET = (
 BUDGET_ASSUMPTION = (
     "Shares are of the variance, the dispersion about the mean; the mean error (bias) of a source alone stands in a "
     "table of its own, since biases of several sources need not add up."
+)
+EXPECTED = (
+    "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
+    "over the root of the sum of squares of both expanded uncertainties (k = 2): satisfactory up to 1 (ISO 13528)."
 )
 SOURCE = (
     "J.P. Barreto, L.E. Muñoz, “Low uncertainty method for inertia tensor identification”, Mechanical Systems and "

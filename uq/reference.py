@@ -21,7 +21,7 @@ from identify.inertial import InertialParameters
 from identify.trajectory import exponential
 from uq.distributions import Distribution
 from uq.document import ExperimentError, Table
-from uq.drawing import Model, Quantities, Values, drawing, rotation
+from uq.drawing import Model, Quantities, Values, drawing, turn_of
 
 SIGNS = np.array([1.0, -1, -1, 1, -1, 1])
 """From products written as ``+∫xy dm`` to the tensor's entries, and back."""
@@ -141,7 +141,7 @@ def _frame(table: Table, quantities: Quantities) -> tuple[np.ndarray, Callable[[
     """The frame's rotation, and the function that takes ten parameters in the drawing's frame to those in B from Q."""
     origin = quantities.keep_vector(table, "origin", "m", ["0 m"] * 3)
     small = quantities.keep_vector(table, "misalignment", "rad", ["0 rad"] * 3)
-    axes = rotation(table, "rotation_to_body")
+    axes = turn_of(table, "rotation_to_body")
     table.finish()
 
     def placed(values: Values, ten: Any) -> Any:

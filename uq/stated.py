@@ -35,14 +35,14 @@ def parse_datum(table: Table) -> Datum:
 
 
 def parse_fixture(table: Table) -> InertialParameters:
-    """Return the table ``[fixture]``: a body that is to be subtracted, by its stated parameters, from Q, in B.
+    """Return the table ``[fixture]``: a body that is to be subtracted, from Q, in B; a tensor of NaN: not stated.
 
     Raises:
         ExperimentError: a key is missing or unknown, or a tensor that no body has.
     """
     mass = table.quantity("mass", "kg", positive=True)
     r_cg = table.vector("r_cg_from_q", "m")
-    tensor = table.table("inertia", inertia)
+    tensor = table.table("inertia", inertia) if "inertia" in table.content else np.full(6, np.nan)
     sigma_mass = table.quantity("sigma_mass", "kg", 0.0)
     if sigma_mass < 0:
         raise ExperimentError(f"{table.path('sigma_mass')} is below zero: write a standard uncertainty")
