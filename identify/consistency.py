@@ -104,9 +104,7 @@ def consistency(
         offsets: how constant offsets were removed.
     """
     left = residuals(run, estimator, r_cg, inertia, offsets=offsets)
-    base = left.rows
-    if offsets == "estimate":
-        base = np.concatenate([base, np.broadcast_to(np.eye(3), (len(left.t), 3, 3))], axis=2)
+    base = fitted_already(left, offsets)
     total = float((left.moment**2).sum())
     if not total > 0 or len(left.t) < 32:
         return ()
@@ -119,7 +117,7 @@ def consistency(
             break
         best = max((fit for fit in fits if not _needless(fit, fits)), key=lambda fit: fit.criterion)
         found.append(best)
-        base = np.concatenate([base, best.cause.columns], axis=2)
+        base = _basis(np.concatenate([base, best.cause.columns.reshape(len(base), -1)], axis=1))
         rest = rest - best.explained
         open_to = [cause for cause in open_to if cause.name != best.cause.name]
     whole = residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
@@ -130,6 +128,23 @@ def consistency(
 
 OVER_BAND_OF_LINES = 1.5
 """Part of the motion's band above which a line is sought: below, a cause that follows the motion looks the same."""
+
+
+def fitted_already(left: Residuals, offsets: OffsetChoice) -> Float[np.ndarray, "m q"]:
+    """Return a basis of what the estimate fits: the tensor's rows, and the offsets where they are estimated."""
+    rows = left.rows.reshape(-1, 6)
+    constant = [np.tile(np.eye(3), (len(left.t), 1))] if offsets == "estimate" else []
+    return _basis(np.concatenate([rows, *constant], axis=1))
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span these, by their Gram matrix: two passes, as columns may be nearly dependent."""
+    for _ in range(2):
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        good = values > 1e-10 * values[-1]
+        columns = columns @ (vectors[:, good] / np.sqrt(values[good]))
+    return columns
 
 
 def _matters(fit: Fit, found: list[Fit], total: float) -> bool:
@@ -163,19 +178,18 @@ def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
     return found
 
 
-def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "n 3 q"]) -> Fit | None:
+def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) -> Fit | None:
     """Return what a cause explains of the residual moment beside what is in the base; None: nothing can be told.
 
     Args:
         moment: residual moment [N·m].
         cause: its signals.
-        base: columns that the estimate has fitted already.
+        base: basis of what is fitted already, samples and axes flattened.
     """
     n, _, count = cause.columns.shape
-    flat = base.reshape(3 * n, -1)
     columns = cause.columns.reshape(3 * n, count)
     scale = np.sqrt((columns**2).mean(axis=0))
-    own = columns - flat @ np.linalg.lstsq(flat, columns, rcond=1e-10)[0]
+    own = columns - base @ (base.T @ columns)
     kept = np.sqrt((own**2).mean(axis=0)) > 1e-6 * scale
     if not kept.any():
         return None

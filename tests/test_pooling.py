@@ -98,7 +98,7 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
             runs.append(dataclasses.replace(
                 clean, force=clean.force + noise[0], moment=moment, omega=clean.omega + noise[2], mounting=mounting,
             ))  # fmt: skip
-    result = identify(runs, r_cg=short.r_cg_from_q, estimator=short.estimator("smoothed"))
+    result = identify(runs, r_cg=short.r_cg_from_q, sigma_r_cg=[4e-3] * 3, estimator=short.estimator("smoothed"))
     found = result.pooling
     assert found.between_mountings[0] > 5 * found.between_runs[0] / np.sqrt(2)
     assert (np.abs(result.inertia - short.inertia) < found.half_width).all()

@@ -32,7 +32,7 @@ from uq.sources import Mixing, Source, draw_constants
 
 TRIALS = 10_000
 """Draws of the systematic errors."""
-BATCH = 500
+BATCH = 100
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Targets whose error a recorded wrench holds already: (10) takes the force as measured."""
