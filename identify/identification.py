@@ -192,8 +192,11 @@ def identify(
     by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
     inverse = np.linalg.inv(normal)
     residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    scatter, factor = _scatter(parts, inertia)
-    covariance = residual * np.outer(scatter, scatter) + by_centre * sigma**2 @ by_centre.T
+    scatter, freedom = _scatter(parts, inertia, weights, inverse)
+    of_noise = residual * np.outer(scatter, scatter)
+    covariance = of_noise + by_centre * sigma**2 @ by_centre.T
+    freedom = freedom * (np.diag(covariance) / np.maximum(np.diag(of_noise), 1e-300)) ** 2  # GUM G.4: r_CG's are known
+    factor = student.ppf(0.975, freedom)
     share = weights * [part.rows for part in parts]
     gain_error = share @ [part.gain_error for part in parts] / share.sum()
     bias = inertia - np.linalg.solve(normal - noise, normal @ inertia) + gain_error * inertia
@@ -206,6 +209,7 @@ def identify(
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
         "scatter_between_runs": scatter.tolist(),
         "coverage_factor": factor.tolist(),
+        "degrees_of_freedom": freedom.tolist(),
         "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
         "standard_uncertainty_from_cg": np.sqrt(np.diag(by_centre * sigma**2 @ by_centre.T)).tolist(),
     }  # fmt: skip
@@ -228,15 +232,18 @@ def _common_band(runs: Sequence[Run]) -> float:
     return max(motion_band(longest(run), run.rate) for run in runs)
 
 
-def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By component: how much more runs scatter than their residuals say, at least 1; the coverage factor of 95 %."""
+def _scatter(
+    parts: list[Information], inertia: np.ndarray, weights: np.ndarray, inverse: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """By component: how much more runs scatter than their residuals say, at least 1; effective degrees of freedom."""
+    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
+    own = squares.sum(axis=0) ** 2 / (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)  # GUM G.4
     alone = [part for part in parts if part.excitation.identifiable.all()]
-    own = student.ppf(0.975, sum(part.degrees_of_freedom for part in parts))
     if len(alone) < 2:
-        return np.ones(6), np.full(6, own)
-    squares = [(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone]
-    ratio = np.sqrt(np.sum(squares, axis=0) / (len(alone) - 1))
-    return np.maximum(ratio, 1.0), np.where(ratio > 1, student.ppf(0.975, len(alone) - 1), own)
+        return np.ones(6), own
+    squares = np.array([(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone])
+    ratio = np.sqrt(squares.sum(axis=0) / (len(alone) - 1))
+    return np.maximum(ratio, 1.0), np.where(ratio > 1, len(alone) - 1.0, own)
 
 
 def _warnings(
