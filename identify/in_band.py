@@ -10,15 +10,15 @@ from math import factorial
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from scipy.interpolate import make_interp_spline
 from scipy.signal import fftconvolve, firwin, kaiser_beta
 
 from identify.run import Run, RunError
 
-ROWS_PER_PERIOD = 12.5
+ROWS_PER_PERIOD = 10.0
 """Samples of the load cell that are kept, a period of the motion's highest frequency."""
-NODES_PER_PERIOD = 50.0
+NODES_PER_PERIOD = 30.0
 """The same of the motion, between which it is interpolated."""
 PASSED = 2.5
 """How far the low-pass is flat, in units of the motion's band."""
@@ -57,6 +57,11 @@ class InBand(eqx.Module):
     def interval(self) -> float:
         """Seconds from row to row."""
         return self.step * self.stride
+
+    @property
+    def at_rows(self) -> slice:
+        """The nodes of the rows."""
+        return slice(self.first, self.first + (len(self.t) - 1) * self.stride + 1, self.stride)
 
     @property
     def duration(self) -> float:
@@ -134,13 +139,19 @@ def _spline(nodes: np.ndarray, step: float) -> np.ndarray:
 
 def evaluate(
     motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]
-) -> tuple[Float[Array, "channels n"], Float[Array, "channels n"]]:
-    """Return the spline and its slope at some instants [s], which must lie between the nodes."""
-    cell = jnp.clip(jnp.floor(t / step).astype(int), 0, motion.shape[1] - 1)
-    since = t - step * cell
+) -> tuple[Float[Array, "channels n"], Float[Array, "channels n"], Float[Array, "channels n"]]:
+    """Return the spline, its slope and its second derivative at some instants [s] between the nodes."""
+    cell = cell_of(motion, step, t)
+    since = (t - step * cell)[:, None]
     pieces = motion[:, cell]
-    value, slope = jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0])
+    value, slope, half_second = jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0])
     for piece in pieces:
-        slope = slope * since[:, None] + value
-        value = value * since[:, None] + piece
-    return value.T, slope.T
+        half_second = half_second * since + slope
+        slope = slope * since + value
+        value = value * since + piece
+    return value.T, slope.T, 2 * half_second.T
+
+
+def cell_of(motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]) -> Int[Array, " n"]:
+    """Return the node at or before each instant."""
+    return jnp.clip(jnp.floor(t / step).astype(int), 0, motion.shape[1] - 1)

@@ -14,10 +14,11 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Bool, Float
 
-from identify.joint_model import Model, residuals
+from identify.joint_jacobian import linearised
+from identify.joint_model import Model, kinematics, residuals, unknowns
 from identify.priors import Prior
 
-TOLERANCE = 1e-7
+TOLERANCE = 1e-6
 """Of the solution, in standard uncertainties known beforehand."""
 MOST_STEPS = 30
 
@@ -46,22 +47,39 @@ def solve(model: Model, prior: Prior, whitener: Float[Array, "rows rows"], start
         start: z to start from.
     """
 
-    def whitened(z, _=None):
-        return (whitener @ residuals(model, prior.theta(z))).ravel(), prior.counted * z
+    @jax.custom_jvp
+    def whitened(z):
+        x = unknowns(prior.theta(z))
+        return (whitener @ residuals(model, x, kinematics(model, x))).T.ravel()
+
+    @whitened.defjvp
+    def _in_closed_form(primals, tangents):
+        value, rows = _whitened(model, prior, whitener, *primals)
+        return value, rows @ tangents[0]
 
     solver = optimistix.GaussNewton(TOLERANCE, TOLERANCE, linear_solver=lineax.Normal(lineax.Cholesky()))
-    found = optimistix.least_squares(whitened, solver, start, max_steps=MOST_STEPS, throw=False)
-    z = found.value
-    jacobian = jax.jacfwd(lambda z: whitened(z)[0])(z)
-    left = residuals(model, prior.theta(z))
-    steps = jnp.asarray(found.stats["num_steps"]).astype(z.dtype)
-    return Fit(z, jacobian.T @ jacobian, left, steps, found.result == optimistix.RESULTS.successful)
+    found = optimistix.least_squares(
+        lambda z, _: (whitened(z), prior.counted * z), solver, start, max_steps=MOST_STEPS, throw=False
+    )
+    value, rows = _whitened(model, prior, whitener, found.value)
+    left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
+    steps = jnp.asarray(found.stats["num_steps"]).astype(start.dtype)
+    return Fit(found.value, rows.T @ rows, left, steps, found.result == optimistix.RESULTS.successful)
 
 
-def information(model: Model, prior: Prior, whitener: Float[Array, "rows rows"], z: Float[Array, " free"]) -> Array:
-    """Return the information of the samples on z, (free, free)."""
-    jacobian = jax.jacfwd(lambda z: (whitener @ residuals(model, prior.theta(z))).ravel())(z)
-    return jacobian.T @ jacobian
+def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:
+    """Residuals in units of their noise, instant by instant, and their derivatives by z."""
+    left, jacobian = linearised(model, prior.theta(z))
+    rows = (whitener @ jacobian).reshape(-1, jacobian.shape[2]) @ prior.root
+    return (whitener @ left).T.ravel(), rows
+
+
+def information(
+    model: Model, prior: Prior, whitener: Float[Array, "rows rows"], z: Float[Array, " free"]
+) -> Float[Array, "free free"]:
+    """Return the information of the samples on z."""
+    rows = _whitened(model, prior, whitener, z)[1]
+    return rows.T @ rows
 
 
 def in_band_level(left: Float[Array, "rows n"], used: Float[Array, " n"], share: float) -> Float[Array, " rows"]:

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.dynamics import acceleration_at
-from identify.in_band import InBand, evaluate
-from identify.regressor import omega_r
+from identify.in_band import InBand, cell_of, evaluate
+from identify.inertia import unpack
 from identify.trajectory import exponential
 
 SpecificForce = Literal["still", "accelerometer", "none"]
@@ -85,71 +85,109 @@ def unknowns(theta: Float[Array, " count"]) -> Unknowns:
     return Unknowns(*(theta[part] for part in SLICES.values()))
 
 
-def residuals(model: Model, theta: Float[Array, " count"]) -> Float[Array, "rows n"]:
+class Kinematics(NamedTuple):
+    """The body's motion at the rows' instants, in B, and what it takes to differentiate it."""
+
+    omega: Float[Array, "3 n"]
+    """Angular velocity [rad/s]."""
+    alpha: Float[Array, "3 n"]
+    """Angular acceleration [rad/s²]."""
+    specific_force: Float[Array, "3 n"] | None
+    """At the centre of gravity [m/s²]; None: not known."""
+    own: Float[Array, "9 n"]
+    """Angular velocity, its derivative and specific force, where known, in the IMU's axes."""
+    rates: Float[Array, "9 n"]
+    """Their derivatives by time."""
+    attitude: Float[Array, "nodes 3 3"] | None
+    """From the IMU's axes at each node to those at the first, where it is integrated."""
+
+
+def kinematics(model: Model, x: Unknowns) -> Kinematics:
+    """Return the motion that the IMU tells, ``delay`` later and turned into B."""
+    rows, turn = model.rows, exponential(x.rotation)
+    t = rows.t + x.delay[0]
+    value, slope, second = evaluate(rows.motion, rows.step, t)
+    spin = value[:3] - slow_terms(rows, rows.t, x)
+    attitude = None
+    if model.specific_force == "still":
+        attitude = attitude_at_nodes(rows, x)
+        up = _vertical(model, x, attitude, t)
+        force, force_rate = model.gravity * up, model.gravity * jnp.cross(up, spin, axis=0)
+    elif model.specific_force == "accelerometer":
+        force, force_rate = value[3:] - x.accelerometer_bias[:, None], slope[3:]
+    else:
+        force = force_rate = jnp.zeros_like(spin)
+    own, rates = jnp.concatenate([spin, slope[:3], force]), jnp.concatenate([slope[:3], second[:3], force_rate])
+    omega, alpha, at_imu = turn @ own[:3], turn @ own[3:6], turn @ own[6:]
+    if model.specific_force == "accelerometer":
+        at_imu = at_imu + _carried(omega, alpha, x.r_cg - model.imu_position)
+    return Kinematics(omega, alpha, None if model.specific_force == "none" else at_imu, own, rates, attitude)
+
+
+def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "rows n"]:
     """Return measured less predicted: force and moment (6 rows), or the moment about the centre of gravity (3).
 
     [N], [N·m]; zero where a row must not be used.
     """
-    x, rows = unknowns(theta), model.rows
-    turn = exponential(x.rotation)
-    raw, raw_slope = evaluate(rows.motion, rows.step, rows.t + x.delay[0])
-    slow = _slow(rows, x, rows.t)
-    omega, alpha = turn @ (raw[:3] - slow), turn @ raw_slope[:3]
-    progress = rows.t / rows.duration - 0.5
-    force = rows.force - x.force_offset[:, None] - jnp.outer(x.force_drift, progress)
-    moment = rows.moment - x.moment_offset[:, None] - jnp.outer(x.moment_drift, progress)
-    spin = jax.vmap(lambda w, a: omega_r(w, a) @ x.inertia, in_axes=1, out_axes=1)(omega, alpha)
-    if model.specific_force == "none":
-        return rows.used * (moment - _levered(x.r_cg, force) - spin)
-    if model.specific_force == "still":
-        at_cg = model.gravity * (turn @ _vertical(model, x))
-    else:
-        lever = jax.vmap(acceleration_at, in_axes=(None, 1, 1), out_axes=1)(x.r_cg - model.imu_position, omega, alpha)
-        at_cg = turn @ (raw[3:] - x.accelerometer_bias[:, None]) + lever
-    predicted = x.mass * at_cg
-    return rows.used * jnp.concatenate([force - predicted, moment - spin - _levered(x.r_cg, predicted)])
+    rows = model.rows
+    along = progress(rows)
+    force = rows.force - x.force_offset[:, None] - jnp.outer(x.force_drift, along)
+    moment = rows.moment - x.moment_offset[:, None] - jnp.outer(x.moment_drift, along)
+    tensor = unpack(x.inertia)
+    moment = moment - tensor @ motion.alpha - jnp.cross(motion.omega, tensor @ motion.omega, axis=0)
+    if motion.specific_force is None:
+        return rows.used * (moment - levered(x.r_cg, force))
+    predicted = x.mass * motion.specific_force
+    return rows.used * jnp.concatenate([force - predicted, moment - levered(x.r_cg, predicted)])
 
 
-def _levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
+def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
+    """Return ``arm × force``."""
     return jnp.cross(arm, force, axisb=0, axisc=0)
 
 
-def _slow(rows: InBand, x: Unknowns, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
-    """The gyro's bias and slow noise: the rate of the Karhunen–Loève terms of a random walk over the run."""
+def progress(rows: InBand) -> Float[Array, " n"]:
+    """Return how far the run has come, from -1/2 to 1/2."""
+    return rows.t / rows.duration - 0.5
+
+
+def _carried(omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], arm: Float[Array, "3"]) -> Float[Array, "3 n"]:
+    return jax.vmap(acceleration_at, in_axes=(None, 1, 1), out_axes=1)(arm, omega, alpha)
+
+
+def slow_basis(rows: InBand, t: Float[Array, " n"]) -> Float[Array, "terms n"]:
+    """Return one and the rates of the Karhunen–Loève terms of a random walk over the run."""
     half_waves = (jnp.arange(WANDER) + 0.5) * jnp.pi / rows.duration
-    terms = np.sqrt(2 / rows.duration) * jnp.cos(jnp.outer(half_waves, t))
-    return x.gyro_bias[:, None] + x.wander.reshape(WANDER, 3).T @ terms
+    return jnp.concatenate([jnp.ones_like(t)[None], np.sqrt(2 / rows.duration) * jnp.cos(jnp.outer(half_waves, t))])
 
 
-def _vertical(model: Model, x: Unknowns) -> Float[Array, "3 n"]:
-    """Direction opposite to gravity in the IMU's axes, at the rows' instants plus the delay.
-
-    The attitude is integrated without derivatives; those by the gyro's bias and slow noise are ``-∫ P db dt``, put in
-    by a turn whose value is zero. So the value is exact, and a derivative costs one sum.
-    """
-    rows = model.rows
-    start = exponential(tilt_axes(model.up) @ x.tilt) @ model.up
-    still = jax.lax.stop_gradient(x)
-    at_nodes = jax.lax.stop_gradient(attitude_at_nodes(rows, still))
-    t = rows.t + x.delay[0]
-    cell = jnp.clip(jnp.floor(t / rows.step).astype(int), 0, len(at_nodes) - 1)
-    change = _slow(rows, x, rows.t) - _slow(rows, still, rows.t)
-    at_rows = jax.lax.slice_in_dim(at_nodes, rows.first, rows.first + (len(rows.t) - 1) * rows.stride + 1, rows.stride)
-    turned = _summed(jnp.einsum("nij,jn->ni", at_rows, change), rows)
-    seen = jnp.einsum("nij,ni->nj", at_nodes[cell], start[None] + jnp.cross(turned, start[None]))
-    since = _turn(rows, still, cell, t - rows.step * cell)
-    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(since, seen).T
+def slow_terms(rows: InBand, t: Float[Array, " n"], x: Unknowns) -> Float[Array, "3 n"]:
+    """Return the gyro's bias and slow noise [rad/s], in its own axes."""
+    return jnp.concatenate([x.gyro_bias[None], x.wander.reshape(WANDER, 3)]).T @ slow_basis(rows, t)
 
 
-def _summed(rate: Float[Array, "n 3"], rows: InBand) -> Float[Array, "n 3"]:
-    """Its integral from the first node to each row, by trapezes."""
-    steps = (rate[1:] + rate[:-1]) * (rows.interval / 2)
-    before = rows.first * rows.step * rate[:1]
-    return jnp.concatenate([before, before + jnp.cumsum(steps, axis=0)])
+def _vertical(model: Model, x: Unknowns, attitude: Float[Array, "nodes 3 3"], t: Float[Array, " n"]) -> Array:
+    """Direction opposite to gravity in the IMU's axes at some instants, (3, n)."""
+    start = vertical_at_start(model, x.tilt)
+    return seen_later(model.rows, x, attitude, t, jnp.broadcast_to(start, (len(t), 3))).T
 
 
-def tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:
-    """Return two axes at right angles to a direction: nearest to x and y where it is vertical."""
+def vertical_at_start(model: Model, tilt: Float[Array, "2"]) -> Float[Array, "3"]:
+    """Return the direction opposite to gravity in the IMU's axes at the first node."""
+    return exponential(_tilt_axes(model.up) @ tilt) @ model.up
+
+
+def seen_later(
+    rows: InBand, x: Unknowns, attitude: Float[Array, "nodes 3 3"], t: Float[Array, " n"], vectors: Float[Array, "n 3"]
+) -> Float[Array, "n 3"]:
+    """Return vectors, in the IMU's axes at the first node, as the IMU sees them at some instants."""
+    cell = cell_of(rows.motion, rows.step, t)
+    at_node = jnp.einsum("nij,ni->nj", attitude[cell], vectors)
+    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(_turn(rows, x, cell, t - rows.step * cell), at_node)
+
+
+def _tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:
+    """Two axes at right angles to a direction: x and y where it is vertical."""
     first = jnp.cross(jnp.where(jnp.abs(up[1]) < 0.9, jnp.array([0.0, 1.0, 0.0]), jnp.array([0.0, 0.0, 1.0])), up)
     first = first / jnp.linalg.norm(first)
     return jnp.stack([first, jnp.cross(up, first)], axis=1)
@@ -169,7 +207,7 @@ def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> 
         value = rows.motion[0, cell, :3]
         for piece in rows.motion[1:, :, :3]:
             value = value * (fraction * since)[:, None] + piece[cell]
-        return value - _slow(rows, x, rows.step * cell + fraction * since).T
+        return value - slow_terms(rows, rows.step * cell + fraction * since, x).T
 
     first, second = omega(0.5 - np.sqrt(3) / 6), omega(0.5 + np.sqrt(3) / 6)
     return since[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * since**2)[:, None] * jnp.cross(first, second)
