@@ -8,6 +8,7 @@ from identify.centre import Centre
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
@@ -17,13 +18,17 @@ __all__ = [
     "COMPONENTS",
     "Body",
     "Centre",
+    "Datum",
     "EstimatorSpec",
     "Identification",
+    "InertialParameters",
     "PrecisionWarning",
+    "Principal",
     "Rest",
     "Run",
     "RunError",
     "RunEstimate",
+    "Tensor",
     "identify",
     "is_admissible",
     "omega_r",
@@ -31,6 +36,7 @@ __all__ = [
     "parallel_axis",
     "pi",
     "principal",
+    "principal_axes",
     "rotate",
     "unpack",
     "wrench_regressor",

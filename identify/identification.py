@@ -15,6 +15,7 @@ from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
 from identify.gram import normal_equations
 from identify.inertia import COMPONENTS, principal
+from identify.inertial import Datum, InertialParameters, by_component, principal_axes
 from identify.offsets import OffsetChoice
 from identify.precision import check_precision
 from identify.run import Run, RunError
@@ -52,6 +53,26 @@ class Identification:
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     offsets: OffsetChoice = "estimate"
     """Where the load cell's constant offsets come from."""
+    mass_uncertainty: float | None = None
+    """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
+    cg_inertia_covariance: np.ndarray | None = None
+    """Between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
+    cg_covariance: np.ndarray | None = None
+    """Of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
+    datum: Datum | None = None
+    """A frame in which the result is also wanted."""
+
+    @property
+    def parameters(self) -> InertialParameters:
+        """The ten parameters with their covariance, about the centre of gravity, from Q, in B."""
+        covariance = np.zeros((10, 10))
+        covariance[0, 0] = np.nan if self.mass is None else (self.mass_uncertainty or 0.0) ** 2
+        covariance[1:4, 1:4] = np.diag(self.sigma_r_cg**2) if self.cg_covariance is None else self.cg_covariance
+        covariance[4:, 4:] = self.covariance
+        if self.cg_inertia_covariance is not None:
+            covariance[1:4, 4:] = self.cg_inertia_covariance
+            covariance[4:, 1:4] = self.cg_inertia_covariance.T
+        return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -60,20 +81,20 @@ class Identification:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
-        moments, axes = principal(jnp.asarray(self.inertia))
         return {
             "unit": "kg*m^2",
             "about": "CG",
             "frame": "body",
-            "inertia": _by_component(self.inertia),
-            "bias": _by_component(self.bias),
-            "standard_uncertainty": _by_component(self.standard_uncertainty),
+            "inertia": by_component(self.inertia),
+            "bias": by_component(self.bias),
+            "standard_uncertainty": by_component(self.standard_uncertainty),
             "interval95": {
                 name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)
             },
             "covariance": self.covariance.tolist(),
-            "principal": {"moments": np.asarray(moments).tolist(), "axes": np.asarray(axes).tolist()},
-            "mass": {"value": self.mass, "standard_uncertainty": None},
+            "principal": principal_axes(self.inertia, self.covariance).to_dict(),
+            **self._elsewhere(),
+            "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
             "delay": {"value": 0.0, "estimated": False},
             "rotation": {"value": np.eye(3).tolist(), "estimated": False},
@@ -86,8 +107,8 @@ class Identification:
                 {
                     "file": run.file,
                     "sha256": run.sha256,
-                    "inertia": _by_component(run.inertia) if run.alone else None,
-                    "standard_uncertainty": _by_component(run.standard_uncertainty) if run.alone else None,
+                    "inertia": by_component(run.inertia) if run.alone else None,
+                    "standard_uncertainty": by_component(run.standard_uncertainty) if run.alone else None,
                     "samples": run.samples,
                     "rate": run.rate,
                     "residual": run.residual.tolist(),
@@ -102,6 +123,14 @@ class Identification:
             "assumptions": list(self.assumptions),
             "diagnostics": dict(self.diagnostics),
             "provenance": dict(self.provenance),
+        }
+
+    def _elsewhere(self) -> dict[str, Any]:
+        """What result.json says of other points and frames; null where the mass is not known."""
+        known, datum = self.mass is not None, self.datum
+        return {
+            "about_q": self.parameters.about().to_dict() if known else None,
+            "about_datum": None if datum is None else self.parameters.in_datum(datum).to_dict(),
         }
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
@@ -216,7 +245,7 @@ def identify(
     return Identification(
         inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
-        offsets=offsets,
+        offsets=offsets, cg_inertia_covariance=(by_centre * sigma**2).T,
     )  # fmt: skip
 
 
@@ -274,10 +303,6 @@ def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:
         "the gyro's noise is white",
         "the platform is rigid",
     )
-
-
-def _by_component(values: np.ndarray) -> dict[str, float]:
-    return dict(zip(COMPONENTS, map(float, values), strict=True))
 
 
 def _decimals(uncertainty: float) -> int:
