@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import f as fisher
 
-from identify.estimate import correlation_time, score_covariance
 from identify.estimator import EstimatorSpec
 from identify.lines import Line, line
+from identify.long_run import correlation_time, score_covariance
 from identify.offsets import OffsetChoice
 from identify.residuals import Residuals, gyro_bias_columns, residuals
 from identify.run import Run
