@@ -38,11 +38,12 @@ class Verdict(NamedTuple):
     """What a run's residuals follow."""
 
     cause: str
-    """Likely cause: delay, rotation, attitude, centre of gravity, non-rigid, gyro bias, air, drift or resonance."""
+    """Likely cause: delay, rotation, attitude, centre of gravity, non-rigid, gyro bias, air, drift or resonance; or
+    repeatability, where several runs scatter more or less than their residuals predict."""
     axis: str
-    """Axis of the moment on which it shows most: b1, b2 or b3."""
+    """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
     share: float
-    """Part of the residuals' variance that it explains."""
+    """Part of the residuals' variance that it explains; of repeatability the scatter over the predicted one."""
     text: str
     """One line that says so."""
     run: str = ""

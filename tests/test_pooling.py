@@ -9,8 +9,10 @@ from scipy.stats import t as student
 from identify.identification import identify
 from identify.pooling import Repeat, pooling
 from identify.run import RunError
-from uq.commands.identify import names
-from uq.mountings import labelled
+from uq.cli import main
+from uq.document import ExperimentError
+from uq.experiment import Experiment
+from uq.mountings import labelled, names
 from uq.simulation import simulate
 from uq.sources import Source
 from uq.systematic import with_declared_sources
@@ -113,6 +115,21 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
     np.testing.assert_allclose(
         anew.standard_uncertainty[0], max(found.from_scatter[0], anew.pooling.foreseen[0]), rtol=0.01
     )
+
+
+@pytest.mark.parametrize("wrong", ["r_cg", [1], [""], 3])
+def test_names_of_sources_drawn_by_mounting_are_a_list(preset, wrong):
+    document = dict(preset.document) | {"recording": {"drawn_by_mounting": wrong}}
+    with pytest.raises(ExperimentError, match="drawn_by_mounting is .*: write a list of names of"):
+        Experiment.from_dict(document)
+
+
+def test_the_command_says_what_is_wrong_with_mountings(tmp_path, capsys):
+    for text, words in (("A,B", "names 2 mountings for 1 runs"), ("A,,", "is 'A,,': give a name for each run")):
+        arguments = ["identify", "run.mcap", "--experiment", "barreto2016", "--mounting", text]
+        assert main([*arguments, "--out", str(tmp_path / "out")]) == 2
+        assert words in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
 
 
 def test_names_of_mountings_are_checked(short):

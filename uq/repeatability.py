@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from identify.inertia import COMPONENTS
+from identify.pooling import Pooling
 from identify.tables import html_table, text_table
 
 LEVEL = 0.01
@@ -84,6 +85,19 @@ class ScatterVerdict:
 
     def _repr_html_(self) -> str:
         return html_table(*self.rows(), caption=self.text)
+
+
+def of_runs(pooling: Pooling) -> ScatterVerdict | None:
+    """Return the verdict on repeated runs of one mounting against what their residuals predict; None: none repeats.
+
+    The predictions are themselves from few residuals where runs are short, which this takes as known.
+
+    Args:
+        pooling: of the runs.
+    """
+    if pooling.between_runs is None or not (pooling.predicted > 0).all():
+        return None
+    return scatter_verdict(pooling.between_runs, pooling.predicted, pooling.repeat_degrees_of_freedom + 1)
 
 
 def scatter_verdict(
