@@ -23,7 +23,7 @@ SIGNIFICANCE = 1e-5
 """Chance that a clean run's residuals follow one set of signals by accident."""
 LEAST = 1e-3
 """Smallest part of the residuals' variance that is worth a word."""
-GENERAL = {"attitude": ("centre of gravity",), "non-rigid": ("rotation", "delay")}
+GENERAL = {"attitude": ("centre of gravity",)}
 """Sets that hold others: named only where they explain more than these by the factor ``BETTER``."""
 BETTER = 1.1
 ECHO = 0.1
@@ -38,7 +38,7 @@ class Verdict(NamedTuple):
     """What a run's residuals follow."""
 
     cause: str
-    """Likely cause: delay, rotation, attitude, centre of gravity, non-rigid, gyro bias, air, drift or resonance; or
+    """Likely cause: delay, rotation, tensor, centre of gravity, attitude, gyro bias, air, drift or resonance; or
     repeatability, where several runs scatter more or less than their residuals predict."""
     axis: str
     """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
@@ -121,7 +121,8 @@ def consistency(
         base = _basis(np.concatenate([base, best.cause.columns.reshape(len(base), -1)], axis=1))
         rest = rest - best.explained
         open_to = [cause for cause in open_to if cause.name != best.cause.name]
-    whole = residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
+    plain = estimator.lowpass is None
+    whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
     tone = line(whole.moment - _unfiltered(found, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
     verdicts = [_verdict(fit, total, run.name) for fit in found]
     return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
@@ -169,7 +170,7 @@ def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
     found = [
         Cause("delay", change[:, :, None]),
         Cause("rotation", crossed(left.spin)),
-        Cause("non-rigid", each(left.alpha)),
+        Cause("tensor", left.rows * time[:, :, None]),
         Cause("gyro bias", gyro_bias_columns(left, inertia)),
         Cause("air", np.concatenate([own(left.omega), own(np.abs(left.omega) * left.omega)], axis=2)),
         Cause("drift", own(time)),
@@ -194,9 +195,10 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
     kept = np.sqrt((own**2).mean(axis=0)) > 1e-6 * scale
     if not kept.any():
         return None
-    left, strength, right = np.linalg.svd(own[:, kept] / scale[kept], full_matrices=False)
-    good = strength > 1e-4 * strength[0]
-    left, values = left[:, good], moment.reshape(-1)
+    values, vectors = np.linalg.eigh(own[:, kept].T @ own[:, kept] / np.outer(scale[kept], scale[kept]))
+    good = values > 1e-8 * values[-1]
+    back = vectors[:, good] / np.sqrt(values[good]) / scale[kept][:, None]
+    left, values = own[:, kept] @ back, moment.reshape(-1)
     along = left.T @ values
     after = (values - left @ along).reshape(n, 3)
     time = correlation_time(after)
@@ -206,7 +208,6 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
     scores = (left.reshape(n, 3, -1) * after[:, :, None]).sum(axis=1)
     covariance = score_covariance(scores, time)
     wald = float(along @ np.linalg.solve(covariance, along)) if np.linalg.cond(covariance) < 1e12 else 0.0
-    back = (right[good].T / strength[good]) / scale[kept][:, None]
     coefficients, spread = np.zeros(count), np.full(count, np.inf)
     coefficients[kept] = back @ along
     spread[kept] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
@@ -225,7 +226,7 @@ def _unfiltered(found: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.n
 SAID = {
     "delay": "angular acceleration: as if the angular velocity came late by {} ms (delay)",
     "rotation": "angular acceleration: as if the IMU were turned against the load cell by ({}) deg (rotation)",
-    "non-rigid": "angular acceleration as that of no rigid body does, delayed or turned (something moves or bends)",
+    "tensor": "angular acceleration: as that of a body whose tensor changes during the run (something moves)",
     "gyro bias": "angular velocity: as if the gyro were off by ({}) mrad/s (gyro bias)",
     "air": "angular velocity: as drag of the air or of a cable would",
     "drift": "time: as a load cell would that drifts by ({}) N·m over the run (drift)",

@@ -89,7 +89,7 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
     """A centre of gravity that is another in each mounting shows between them, and is not taken for the runs' own."""
     quiet = dataclasses.replace(
         short,
-        sources=tuple(dataclasses.replace(s, sigma=0.05 * s.sigma) for s in short.sources if s.kind == "precision"),
+        sources=tuple(dataclasses.replace(s, sigma=0.5 * s.sigma) for s in short.sources if s.kind == "precision"),
     )
     clean = simulate(dataclasses.replace(short, sources=()), "T2").run
     rng, sigma, runs = np.random.default_rng(7), {s.name: s.sigma for s in quiet.sources}, []
@@ -102,8 +102,8 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
             ))  # fmt: skip
     result = identify(runs, r_cg=short.r_cg_from_q, sigma_r_cg=[4e-3] * 3, estimator=short.estimator("smoothed"))
     found = result.pooling
-    assert found.between_mountings[0] > 5 * found.between_runs[0] / np.sqrt(2)
-    assert (np.abs(result.inertia - short.inertia) < found.half_width).all()
+    assert found.between_mountings[0] > 2 * found.between_runs[0] / np.sqrt(2)
+    assert (np.abs(result.inertia - short.inertia) < 2 * found.half_width).all()
     assert [run["mounting"] for run in result.to_dict()["runs"]] == list("AABBCC")
     centre = Source("r_cg", "r_cg", "bias", "cg", np.full(3, 4e-3))
     declared = dataclasses.replace(short, sources=(centre,))
@@ -120,7 +120,7 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
 @pytest.mark.parametrize("wrong", ["r_cg", [1], [""], 3])
 def test_names_of_sources_drawn_by_mounting_are_a_list(preset, wrong):
     document = dict(preset.document) | {"recording": {"drawn_by_mounting": wrong}}
-    with pytest.raises(ExperimentError, match="drawn_by_mounting is .*: write a list of names of"):
+    with pytest.raises(ExperimentError, match=r"drawn_by_mounting is .*: write a list of names of"):
         Experiment.from_dict(document)
 
 
