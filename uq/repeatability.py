@@ -11,6 +11,8 @@ from identify.inertia import COMPONENTS
 from identify.pooling import Pooling
 from identify.tables import html_table, text_table
 
+BETTER_KNOWN = 10.0
+"""Degrees of freedom of a prediction over those of the scatter, from which on it counts as known."""
 LEVEL = 0.01
 """Chance that a true prediction is called false, over all components together."""
 
@@ -88,14 +90,16 @@ class ScatterVerdict:
 
 
 def of_runs(pooling: Pooling) -> ScatterVerdict | None:
-    """Return the verdict on repeated runs of one mounting against what their residuals predict; None: none repeats.
+    """Return the verdict on repeated runs of one mounting against what their residuals predict.
 
-    The predictions are themselves from few residuals where runs are short, which this takes as known.
+    None where nothing repeats, or where the prediction is not much better known than the scatter.
 
     Args:
         pooling: of the runs.
     """
     if pooling.between_runs is None or not (pooling.predicted > 0).all():
+        return None
+    if np.min(pooling.residual_degrees_of_freedom) < BETTER_KNOWN * pooling.repeat_degrees_of_freedom:
         return None
     return scatter_verdict(pooling.between_runs, pooling.predicted, pooling.repeat_degrees_of_freedom + 1)
 
