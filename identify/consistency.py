@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import f as fisher
 
-from identify.estimate import correlation_time, score_covariance
 from identify.estimator import EstimatorSpec
 from identify.lines import Line, line
+from identify.long_run import correlation_time, score_covariance
 from identify.offsets import OffsetChoice
 from identify.residuals import Residuals, gyro_bias_columns, residuals
 from identify.run import Run
@@ -23,7 +23,7 @@ SIGNIFICANCE = 1e-5
 """Chance that a clean run's residuals follow one set of signals by accident."""
 LEAST = 1e-3
 """Smallest part of the residuals' variance that is worth a word."""
-GENERAL = {"attitude": ("centre of gravity",), "non-rigid": ("rotation", "delay")}
+GENERAL = {"attitude": ("centre of gravity",)}
 """Sets that hold others: named only where they explain more than these by the factor ``BETTER``."""
 BETTER = 1.1
 ECHO = 0.1
@@ -38,11 +38,12 @@ class Verdict(NamedTuple):
     """What a run's residuals follow."""
 
     cause: str
-    """Likely cause: delay, rotation, attitude, centre of gravity, non-rigid, gyro bias, air, drift or resonance."""
+    """Likely cause: delay, rotation, tensor, centre of gravity, attitude, gyro bias, air, drift or resonance; or
+    repeatability, where several runs scatter more or less than their residuals predict."""
     axis: str
-    """Axis of the moment on which it shows most: b1, b2 or b3."""
+    """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
     share: float
-    """Part of the residuals' variance that it explains."""
+    """Part of the residuals' variance that it explains; of repeatability the scatter over the predicted one."""
     text: str
     """One line that says so."""
     run: str = ""
@@ -104,9 +105,7 @@ def consistency(
         offsets: how constant offsets were removed.
     """
     left = residuals(run, estimator, r_cg, inertia, offsets=offsets)
-    base = left.rows
-    if offsets == "estimate":
-        base = np.concatenate([base, np.broadcast_to(np.eye(3), (len(left.t), 3, 3))], axis=2)
+    base = fitted_already(left, offsets)
     total = float((left.moment**2).sum())
     if not total > 0 or len(left.t) < 32:
         return ()
@@ -119,10 +118,11 @@ def consistency(
             break
         best = max((fit for fit in fits if not _needless(fit, fits)), key=lambda fit: fit.criterion)
         found.append(best)
-        base = np.concatenate([base, best.cause.columns], axis=2)
+        base = _basis(np.concatenate([base, best.cause.columns.reshape(len(base), -1)], axis=1))
         rest = rest - best.explained
         open_to = [cause for cause in open_to if cause.name != best.cause.name]
-    whole = residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
+    plain = estimator.lowpass is None
+    whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
     tone = line(whole.moment - _unfiltered(found, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
     verdicts = [_verdict(fit, total, run.name) for fit in found]
     return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
@@ -130,6 +130,23 @@ def consistency(
 
 OVER_BAND_OF_LINES = 1.5
 """Part of the motion's band above which a line is sought: below, a cause that follows the motion looks the same."""
+
+
+def fitted_already(left: Residuals, offsets: OffsetChoice) -> Float[np.ndarray, "m q"]:
+    """Return a basis of what the estimate fits: the tensor's rows, and the offsets where they are estimated."""
+    rows = left.rows.reshape(-1, 6)
+    constant = [np.tile(np.eye(3), (len(left.t), 1))] if offsets == "estimate" else []
+    return _basis(np.concatenate([rows, *constant], axis=1))
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span these, by their Gram matrix: two passes, as columns may be nearly dependent."""
+    for _ in range(2):
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        good = values > 1e-10 * values[-1]
+        columns = columns @ (vectors[:, good] / np.sqrt(values[good]))
+    return columns
 
 
 def _matters(fit: Fit, found: list[Fit], total: float) -> bool:
@@ -153,7 +170,7 @@ def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
     found = [
         Cause("delay", change[:, :, None]),
         Cause("rotation", crossed(left.spin)),
-        Cause("non-rigid", each(left.alpha)),
+        Cause("tensor", left.rows * time[:, :, None]),
         Cause("gyro bias", gyro_bias_columns(left, inertia)),
         Cause("air", np.concatenate([own(left.omega), own(np.abs(left.omega) * left.omega)], axis=2)),
         Cause("drift", own(time)),
@@ -163,25 +180,25 @@ def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
     return found
 
 
-def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "n 3 q"]) -> Fit | None:
+def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) -> Fit | None:
     """Return what a cause explains of the residual moment beside what is in the base; None: nothing can be told.
 
     Args:
         moment: residual moment [N·m].
         cause: its signals.
-        base: columns that the estimate has fitted already.
+        base: basis of what is fitted already, samples and axes flattened.
     """
     n, _, count = cause.columns.shape
-    flat = base.reshape(3 * n, -1)
     columns = cause.columns.reshape(3 * n, count)
     scale = np.sqrt((columns**2).mean(axis=0))
-    own = columns - flat @ np.linalg.lstsq(flat, columns, rcond=1e-10)[0]
+    own = columns - base @ (base.T @ columns)
     kept = np.sqrt((own**2).mean(axis=0)) > 1e-6 * scale
     if not kept.any():
         return None
-    left, strength, right = np.linalg.svd(own[:, kept] / scale[kept], full_matrices=False)
-    good = strength > 1e-4 * strength[0]
-    left, values = left[:, good], moment.reshape(-1)
+    values, vectors = np.linalg.eigh(own[:, kept].T @ own[:, kept] / np.outer(scale[kept], scale[kept]))
+    good = values > 1e-8 * values[-1]
+    back = vectors[:, good] / np.sqrt(values[good]) / scale[kept][:, None]
+    left, values = own[:, kept] @ back, moment.reshape(-1)
     along = left.T @ values
     after = (values - left @ along).reshape(n, 3)
     time = correlation_time(after)
@@ -191,7 +208,6 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "n 3 q"]) 
     scores = (left.reshape(n, 3, -1) * after[:, :, None]).sum(axis=1)
     covariance = score_covariance(scores, time)
     wald = float(along @ np.linalg.solve(covariance, along)) if np.linalg.cond(covariance) < 1e12 else 0.0
-    back = (right[good].T / strength[good]) / scale[kept][:, None]
     coefficients, spread = np.zeros(count), np.full(count, np.inf)
     coefficients[kept] = back @ along
     spread[kept] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
@@ -210,7 +226,7 @@ def _unfiltered(found: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.n
 SAID = {
     "delay": "angular acceleration: as if the angular velocity came late by {} ms (delay)",
     "rotation": "angular acceleration: as if the IMU were turned against the load cell by ({}) deg (rotation)",
-    "non-rigid": "angular acceleration as that of no rigid body does, delayed or turned (something moves or bends)",
+    "tensor": "angular acceleration: as that of a body whose tensor changes during the run (something moves)",
     "gyro bias": "angular velocity: as if the gyro were off by ({}) mrad/s (gyro bias)",
     "air": "angular velocity: as drag of the air or of a cable would",
     "drift": "time: as a load cell would that drifts by ({}) N·m over the run (drift)",

@@ -273,7 +273,7 @@ def _plug_in(
     by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
     inverse = np.linalg.inv(normal)
     residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    freedom = sum(part.degrees_of_freedom for part in parts)
+    freedom = _degrees_of_freedom(parts, weights, inverse)
     together = pooling(_repeats(parts, weights, inertia, jnp.asarray(centre)), normal, residual, freedom)
     of_centre = by_centre * sigma**2 @ by_centre.T
     covariance = together.covariance + of_centre
@@ -289,6 +289,9 @@ def _plug_in(
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
         "scatter_between_runs": together.excess.tolist(),
         "coverage_factor": (half / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)).tolist(),
+        "degrees_of_freedom": (
+            together.degrees_of_freedom * (np.diag(covariance) / np.maximum(np.diag(together.covariance), 1e-300)) ** 2
+        ).tolist(),
         "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
         "standard_uncertainty_from_cg": np.sqrt(np.diag(of_centre)).tolist(),
     }  # fmt: skip
@@ -321,6 +324,12 @@ def _repeats(parts: Sequence[Information], weights: np.ndarray, inertia: np.ndar
         )
         for part, weight in zip(parts, weights, strict=True)
     ]  # fmt: skip
+
+
+def _degrees_of_freedom(parts: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Effective, of the pooled tensor's variance from the runs' residuals, by component (GUM G.4)."""
+    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
+    return squares.sum(axis=0) ** 2 / (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)
 
 
 def _warnings(

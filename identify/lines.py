@@ -37,7 +37,7 @@ def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -
     spectrum = np.abs(np.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)) ** 2
     frequency = np.fft.rfftfreq(n, 1 / rate)
     width = max(len(frequency) // AROUND, 11) | 1
-    level = median_filter(spectrum, size=(width, 1), mode="reflect") / np.log(2)
+    level = _level(spectrum, width)
     usable = (frequency > max(above, 4 * rate / n)) & (frequency < 0.95 * rate / 2)
     if usable.sum() < 2 * width:
         return None
@@ -54,6 +54,13 @@ def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -
 
 SAFETY = 1.5
 """The level is itself an estimate, over few frequencies where the run is short."""
+
+
+def _level(spectrum: np.ndarray, width: int) -> np.ndarray:
+    """What the spectrum is around: its median on the side where that is higher, so that a slope is no line."""
+    half = width // 2
+    sides = [median_filter(spectrum, size=(width, 1), origin=(shift, 0), mode="reflect") for shift in (half, -half)]
+    return np.maximum(*sides) / np.log(2)
 
 
 def _power(spectrum: np.ndarray, level: np.ndarray, peak: int) -> float:

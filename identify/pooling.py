@@ -30,7 +30,8 @@ class Pooling:
     """How many different mountings the runs name; 0: they name none."""
     from_residuals: Float[np.ndarray, "6 6"]
     """Covariance of the pooled tensor that the residuals alone predict [(kg·m²)²]."""
-    residual_degrees_of_freedom: float
+    residual_degrees_of_freedom: Float[np.ndarray, "6"]
+    """Of ``from_residuals``, by component."""
     from_scatter: Float[np.ndarray, "6"] | None
     """Standard uncertainty that the scatter between mountings, else runs, shows; None: there is one only [kg·m²]."""
     predicted: Float[np.ndarray, "6"]
@@ -125,7 +126,7 @@ def pooling(
     repeats: Sequence[Repeat],
     normal: Float[np.ndarray, "6 6"],
     from_residuals: Float[np.ndarray, "6 6"],
-    residual_degrees_of_freedom: float,
+    residual_degrees_of_freedom: Float[np.ndarray, "6"],
 ) -> Pooling:
     """Return the type A evaluation of a pooled tensor.
 
@@ -136,7 +137,7 @@ def pooling(
         repeats: the runs.
         normal: the weighted sum of their ``ΩᵀΩ``.
         from_residuals: covariance of the pooled tensor from the residuals.
-        residual_degrees_of_freedom: of it.
+        residual_degrees_of_freedom: of it, by component.
     """
     names = [run.mounting for run in repeats]
     labels = list(dict.fromkeys(name for name in names if name is not None))

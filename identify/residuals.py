@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimate import kept, rows_of
 from identify.estimator import EstimatorSpec
 from identify.filters import gaussian, motion_band
 from identify.inertia import unpack
 from identify.offsets import OffsetChoice, resting
 from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES
+from identify.rows import kept, rows_of
 from identify.run import Run
 from identify.weight import upward
 
@@ -62,10 +62,9 @@ def residuals(
         filtered: whether the estimator's low-pass acts.
     """
     estimator = estimator if filtered else replace(estimator, lowpass=None)
-    phi, force, moment = (np.asarray(signal) for signal in rows_of(run, estimator))
-    half = (len(run.t) - phi.shape[1]) // 2
-    keep = kept(run, phi.shape[1])
-    phi, force, moment = phi[:, keep], force[:, keep], moment[:, keep]
+    phi, force, moment = (np.asarray(signal) for signal in rows_of(run, estimator)[:3])
+    lost = estimator.lost(run.rate)
+    keep, half = kept(run, len(run.t) - lost), lost // 2
     if offsets == "still":
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
     rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)

@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,6 +36,13 @@ def constant():
 
 
 @pytest.fixture(scope="module")
+def few(constant):
+    """Of these: a gain, turned axes, a delay, the centre of gravity."""
+    names = ("M_scale", "gyro_misalignment", "delay", "r_cg")
+    return only(constant, *(s for s in constant.sources if s.name in names))
+
+
+@pytest.fixture(scope="module")
 def silent(constant):
     return simulate(only(constant)).run
 
@@ -49,7 +57,12 @@ def identified(experiment, run, offsets, r_cg=None, estimator=None):
     )
 
 
-@pytest.mark.parametrize("offsets", ["estimate", "none"])
+@eqx.filter_jit
+def with_draw(problem, drawn):
+    return estimate(problem, [errors_of(problem.sources, drawn)])
+
+
+@pytest.mark.parametrize("offsets", ["estimate", pytest.param("none", marks=pytest.mark.study)])
 def test_errors_are_those_of_a_rig_that_has_them(constant, silent, offsets):
     """The draw of a trial, put into the sensors and the air of a simulated run, and that run identified.
 
@@ -60,22 +73,24 @@ def test_errors_are_those_of_a_rig_that_has_them(constant, silent, offsets):
     problem = problem_of(exact, [silent], constant)
     assert len(problem.sources) == 15
     drawn = draws(problem, jax.random.key(3), 0)
-    own = estimate(problem, [errors_of(problem.sources, drawn[0])]) - exact.inertia
+    own = with_draw(problem, drawn[0]) - exact.inertia
     rig = simulate(constant, seed=3).run
     direct = identified(constant, rig, offsets, constant.r_cg_from_q + np.asarray(drawn[0]["r_cg"])).inertia
     np.testing.assert_allclose(own, direct - exact.inertia, atol=1e-5 * np.abs(direct - exact.inertia).max())
 
 
-def test_each_source_disperses_as_its_derivatives_say(constant, silent):
+@pytest.mark.parametrize("which", ["few", pytest.param("constant", marks=pytest.mark.study)])
+def test_each_source_disperses_as_its_derivatives_say(which, silent, request):
     """GUM 5.1.2 by jax.jacfwd, source by source; 10,000 draws of normal sources know σ to 0.7 %, tolerance 4 times it.
 
     Rectangular sources' to less. Together they add in squares: a second order is beyond these small errors.
     """
-    exact = identified(constant, silent, "none")
-    problem = problem_of(exact, [silent], constant)
-    found = propagate_constants(exact, [silent], constant)
+    experiment = request.getfixturevalue(which)
+    exact = identified(experiment, silent, "none")
+    problem = problem_of(exact, [silent], experiment)
+    found = propagate_constants(exact, [silent], experiment)
     means = {s.name: jnp.broadcast_to(jnp.asarray(s.mean, float), np.shape(s.sigma)) for s in problem.sources}
-    slopes = jax.jacfwd(lambda of: estimate(problem, [errors_of(problem.sources, of)]))(means)
+    slopes = jax.jacfwd(lambda of: with_draw(problem, of))(means)
     variances = []
     for source in problem.sources:
         slope = np.asarray(slopes[source.name]).reshape(6, -1)
@@ -103,28 +118,28 @@ def test_the_centre_of_gravity_is_counted_once(short):
     np.testing.assert_allclose(other.budget["r_cg"], 2 * np.array(known), rtol=0.03, atol=2e-3 * np.max(known))
 
 
-@pytest.mark.parametrize("estimator", ["smoothed", EstimatorSpec("filtered", "central", lowpass=4.0)])
+@pytest.mark.parametrize(
+    "estimator", [pytest.param("smoothed", marks=pytest.mark.study), EstimatorSpec("filtered", "central", lowpass=4.0)]
+)
 def test_behind_a_filter_and_from_rest_a_gain_acts_as_on_the_samples(short, estimator):
     """Samples and rest of a run multiplied by hand, against the sums: a gain of the load cell and one of the gyro."""
     spec = short.estimator(estimator) if isinstance(estimator, str) else estimator
     run = simulate(only(short), "T1").run
-    rest = Rest(np.array([3.0, -1, 195]), np.array([0.6, 0.2, 0.1]), np.zeros((6, 6)), 4.0)
+    force = np.array([3.0, -1, 195])
+    rest = Rest(force, np.cross(short.r_cg_from_q, force), np.zeros((6, 6)), 4.0)
     run = dataclasses.replace(run, rest=rest)
     gyro = Source("gyro_gain", "omega", "scale", "imu", np.full(3, 0.01))
     experiment = only(short, SCALE, gyro)
     exact = identified(experiment, run, "still", estimator=spec)
     problem = problem_of(exact, [run], experiment)
     cell, turn = np.array([0.01, -0.02, 0.005]), np.array([0.01, 0.03, -0.02])
-    own = estimate(problem, [errors_of(problem.sources, {"M_gain": jnp.asarray(cell), "gyro_gain": jnp.asarray(turn)})])
+    own = with_draw(problem, {"M_gain": jnp.asarray(cell), "gyro_gain": jnp.asarray(turn)})
     spoiled = dataclasses.replace(
         run, moment=(1 + cell) * run.moment, omega=(1 + turn) * run.omega,
-        rest=dataclasses.replace(rest, moment=(1 + cell) * np.cross(short.r_cg_from_q, rest.force)),
+        rest=dataclasses.replace(rest, moment=(1 + cell) * rest.moment),
     )  # fmt: skip
-    # the fitted run's rest is r × F; the made-up one's moment is not, which is an offset and cancels
-    true = dataclasses.replace(run, rest=dataclasses.replace(rest, moment=np.cross(short.r_cg_from_q, rest.force)))
-    change = identified(experiment, spoiled, "still", estimator=spec).inertia
-    change = change - identified(experiment, true, "still", estimator=spec).inertia
-    np.testing.assert_allclose(own - exact.inertia, change, atol=2e-3 * np.abs(change).max())
+    change = identified(experiment, spoiled, "still", estimator=spec).inertia - exact.inertia
+    np.testing.assert_allclose(own - exact.inertia, change, atol=1e-3 * np.abs(change).max())
 
 
 def test_an_expected_error_is_stated_and_in_the_interval(short):
@@ -136,12 +151,12 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
     result = identified(experiment, run, "estimate", estimator=short.estimator("smoothed"))
     wide = with_declared_sources(result, [run], experiment)
     np.testing.assert_array_equal(wide.inertia, result.inertia)
-    # the gain multiplies r × F, too
-    np.testing.assert_allclose((wide.inertia - wide.bias)[[0, 3, 5]], short.inertia[[0, 3, 5]], rtol=5e-3)
+    # the gain multiplies r × F, too; the square of 3 % is left
+    np.testing.assert_allclose(wide.inertia - wide.bias, short.inertia, atol=2e-3 * short.inertia.max())
     low, high = wide.interval95.T
     assert ((low < short.inertia) & (short.inertia < high))[[0, 3, 5]].all()
     assert not (low[0] < result.inertia[0] < high[0])
-    assert wide.to_dict()["budget"]["M_gain"]["I11"] == pytest.approx(1e-3 * short.inertia[0] * 1.03, rel=0.1)
+    assert 1 < wide.to_dict()["budget"]["M_gain"]["I11"] / (1e-3 * short.inertia[0]) < 2
 
 
 def test_a_delay_that_takes_the_run_is_refused(short):
@@ -163,20 +178,20 @@ def test_what_no_mounting_can_draw_anew_is_refused(constant, silent):
             with_declared_sources(result, [silent], whole, anew=[linked[0]])
 
 
-@pytest.mark.parametrize("runs", [30, pytest.param(1000, marks=pytest.mark.study)])
-def test_intervals_cover_with_noise_and_every_constant_error(constant, runs):
-    """Rigs with all these errors and noise, identified without knowing them but by declaration.
+@pytest.mark.parametrize("runs", [8, pytest.param(300, marks=pytest.mark.study)])
+def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs):
+    """Rigs with these errors (all of them in the study) and noise, identified without knowing them but by declaration.
 
-    Of 30 runs the binomial standard error is 4 % (components share errors): 0.85 is 2.5 of them, a false alarm of 0.6 %;
-    of 1,000 it is 0.69 %, and 0.92 and 0.975 are more than 3.6 of them off.
+    Of 8 runs the binomial standard error is at most 7.7 %, were the components fully correlated, 3.1 % were they
+    independent: 0.75 is 2.6 of the larger. Of 300 it is at most 1.3 %, and 0.915 and 0.985 are 2.7 of it off.
     """
-    rng, covered = np.random.default_rng(3), []
+    rng, covered, constant = np.random.default_rng(3), [], few if runs == 8 else constant
     for trial in range(runs):
         run = simulate(constant, seed=8, trial=trial).run
         moment = run.moment + 0.2 * rng.standard_normal(run.moment.shape)
         believed = constant.r_cg_from_q + constant.sigma_r_cg * rng.standard_normal(3)
         result = identified(constant, dataclasses.replace(run, moment=moment), "estimate", believed)
-        low, high = with_declared_sources(result, [run], constant, trials=1000).interval95.T
+        low, high = with_declared_sources(result, [run], constant).interval95.T
         covered.append((low <= constant.inertia) & (constant.inertia <= high))
     print(np.mean(covered, axis=0), np.mean(covered))
-    assert (0.85 if runs == 30 else 0.92) < np.mean(covered) <= (1.0 if runs == 30 else 0.975)
+    assert (0.75 if runs == 8 else 0.915) < np.mean(covered) <= (1.0 if runs == 8 else 0.985)

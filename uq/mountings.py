@@ -18,6 +18,16 @@ def names(text: str) -> tuple[str, ...]:
     return found
 
 
+def check_count(mountings: Sequence[str] | None, runs: int) -> None:
+    """Refuse names of mountings that are not one a run.
+
+    Raises:
+        RunError: there are more or fewer.
+    """
+    if mountings is not None and len(mountings) != runs:
+        raise RunError(f"--mounting names {len(mountings)} mountings for {runs} runs: give one name a run")
+
+
 def labelled(runs: Sequence[Run], mountings: Sequence[str] | None) -> list[Run]:
     """Return the runs with the names of their mountings.
 
@@ -29,8 +39,7 @@ def labelled(runs: Sequence[Run], mountings: Sequence[str] | None) -> list[Run]:
         RunError: not one name a run, or some runs name their mounting and others do not.
     """
     if mountings is not None:
-        if len(mountings) != len(runs):
-            raise RunError(f"--mounting names {len(mountings)} mountings for {len(runs)} runs: give one name a run")
+        check_count(mountings, len(runs))
         return [replace(run, mounting=name) for run, name in zip(runs, mountings, strict=True)]
     silent = [run.name for run in runs if run.mounting is None]
     if 0 < len(silent) < len(runs):

@@ -27,10 +27,11 @@ from uq.devices import about
 from uq.experiment import Experiment
 from uq.measured_noise import noise_warnings
 from uq.motion import motion
-from uq.mountings import labelled
+from uq.mountings import check_count, labelled
 from uq.parts import Part, cut, on_clock
 from uq.provenance import provenance
 from uq.recording import Recording
+from uq.repeatability import ScatterVerdict, of_runs
 from uq.suspected import warned
 from uq.systematic import with_declared_sources
 
@@ -201,6 +202,7 @@ def identify_files(
     """
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
+    check_count(mountings, len(paths))
     if offsets is not None:
         experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
     declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
@@ -226,6 +228,7 @@ def identify_files(
         result = replace(result, mass_uncertainty=experiment.scale[1])
     result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
     followed = [one for run in runs for one in _followed(run, result)]
+    repeats = of_runs(result.pooling) if result.pooling else None
     suspicious = [text for run in runs for text in warned(run, experiment)]
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
@@ -234,7 +237,7 @@ def identify_files(
     return replace(
         result,
         warnings=(*differing, *result.warnings, *suspicious, *noisy, *(verdict.text for verdict in followed), *said),
-        consistency=tuple(followed),
+        consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**declared_inputs, inputs=inputs),
         datum=experiment.datum,
@@ -243,6 +246,11 @@ def identify_files(
 
 def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
     return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
+
+
+def _repeatability(repeats: ScatterVerdict) -> Verdict:
+    worst = int(np.argmin(repeats.probability))
+    return Verdict("repeatability", repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
 
 
 def _prepared(

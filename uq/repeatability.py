@@ -8,8 +8,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from identify.inertia import COMPONENTS
+from identify.pooling import Pooling
 from identify.tables import html_table, text_table
 
+BETTER_KNOWN = 10.0
+"""Degrees of freedom of a prediction over those of the scatter, from which on it counts as known."""
 LEVEL = 0.01
 """Chance that a true prediction is called false, over all components together."""
 
@@ -84,6 +87,21 @@ class ScatterVerdict:
 
     def _repr_html_(self) -> str:
         return html_table(*self.rows(), caption=self.text)
+
+
+def of_runs(pooling: Pooling) -> ScatterVerdict | None:
+    """Return the verdict on repeated runs of one mounting against what their residuals predict.
+
+    None where nothing repeats, or where the prediction is not much better known than the scatter.
+
+    Args:
+        pooling: of the runs.
+    """
+    if pooling.between_runs is None or not (pooling.predicted > 0).all():
+        return None
+    if np.min(pooling.residual_degrees_of_freedom) < BETTER_KNOWN * pooling.repeat_degrees_of_freedom:
+        return None
+    return scatter_verdict(pooling.between_runs, pooling.predicted, pooling.repeat_degrees_of_freedom + 1)
 
 
 def scatter_verdict(

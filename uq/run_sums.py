@@ -16,12 +16,12 @@ from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 from scipy.signal import fftconvolve
 
-from identify.estimate import kept
 from identify.estimator import EstimatorSpec
 from identify.gram import Sums
 from identify.offsets import OffsetChoice, resting
 from identify.regressor import OMEGA_R_OF_FEATURES
 from identify.residuals import upward_by_force
+from identify.rows import kept
 from identify.run import Run, RunError
 from uq.errors import Errors
 from uq.measurement import Columns, features_of_elements

@@ -28,14 +28,21 @@ from uq.errors import Errors, errors_of_cases
 from uq.experiment import Experiment
 from uq.measurement import Columns, Platform
 from uq.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
-from uq.sources import Mixing, Source, draw_constants
+from uq.sources import Kind, Mixing, Source, Target, draw_constants
 
 TRIALS = 10_000
 """Draws of the systematic errors."""
-BATCH = 500
+BATCH = 100
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Targets whose error a recorded wrench holds already: (10) takes the force as measured."""
+ESTIMATED: Mapping[str, frozenset[tuple[Target, Kind]]] = {
+    "joint": frozenset(
+        {("F", "bias"), ("M", "bias"), ("omega", "bias"), ("omega", "delay"), ("omega", "misalignment"),
+         ("wrench", "misalignment")}
+    )
+}  # fmt: skip
+"""Errors that a method estimates along with the tensor, so that its covariance holds what is known of them."""
 Name = str
 
 
@@ -111,9 +118,9 @@ def with_declared_sources(
         ExperimentError: ``anew`` names no constant source, or one that is correlated with another that is not named.
         RunError: a declared delay takes more than half of a run.
     """
-    if result.pooling is None:
-        return result
     found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
+    if result.pooling is None:
+        return _widened(result, found)
     together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
     if not found.sources:
         return replace(result, budget=budget_of(together, {}))
@@ -131,6 +138,24 @@ def with_declared_sources(
             **result.diagnostics,
             **_diagnostics(result, together, covariance, of_sources, (low, high), trials),
         },
+    )
+
+
+def _widened(result: Identification, found: Systematic) -> Identification:
+    """A result of an estimator that evaluates its own noise and priors: its ends move out, in squares."""
+    own = np.sqrt(np.diag(result.covariance))
+    alone = {name: errors.std(axis=0) for name, errors in found.alone.items()}
+    if not found.sources:
+        return replace(result, budget={"estimate": own})
+    ends = np.quantile(found.common, [0.975, 0.025], axis=0).T
+    middle, mean = result.inertia[:, None], found.common.mean(axis=0)
+    out = np.hypot(result.interval95 - middle, ends - mean[:, None])
+    return replace(
+        result,
+        covariance=result.covariance + np.cov(found.common.T, ddof=1),
+        interval95=middle - mean[:, None] + out * [-1, 1],
+        bias=result.bias + mean,
+        budget={"estimate": own, **alone},
     )
 
 
@@ -193,8 +218,15 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
 
     The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
     """
-    sources = [s for s in experiment.sources if s.constant and s.target not in HELD]
+    estimated = ESTIMATED.get(getattr(result, "method", "source"), frozenset())
+    sources = [
+        s for s in experiment.sources if s.constant and s.target not in HELD and (s.target, s.kind) not in estimated
+    ]
     mixing = list(experiment.mixing)
+    if result.pooling is None:  # the estimator holds the centre's uncertainty
+        sources = [s for s in sources if s.target != "r_cg"]
+        names = {source.name for source in sources}
+        return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
     covariance = result.cg_covariance
     same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
     if covariance is not None or not same:
