@@ -4,26 +4,39 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
-from identify.centre import Centre
+from identify.centre import Attitudes, Centre
+from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
+from identify.pooling import Pooling
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
+from identify.tare import Tare, subtract
 
 __all__ = [
     "COMPONENTS",
+    "Attitudes",
     "Body",
     "Centre",
+    "Datum",
     "EstimatorSpec",
     "Identification",
+    "InertialParameters",
+    "Pooling",
     "PrecisionWarning",
+    "Principal",
     "Rest",
     "Run",
     "RunError",
     "RunEstimate",
+    "Tare",
+    "Tensor",
+    "Verdict",
+    "consistency",
     "identify",
     "is_admissible",
     "omega_r",
@@ -31,7 +44,9 @@ __all__ = [
     "parallel_axis",
     "pi",
     "principal",
+    "principal_axes",
     "rotate",
+    "subtract",
     "unpack",
     "wrench_regressor",
 ]

@@ -1,29 +1,28 @@
 """What one recorded run says of the tensor: its normal equations, and how far their noise reaches.
 
-The rows' noise is taken from the residuals. These are correlated in time, the more so behind a filter, so the
-covariance of the scores ``Σ Ωᵀu`` is estimated with the Bartlett kernel over four correlation times (Newey and West,
-Econometrica 55 (1987) 703, doi:10.2307/1913610), not by the textbook ``σ²(ΩᵀΩ)⁻¹``.
+The rows' noise is taken from the residuals. These are correlated in time, the more so behind a filter, and across the
+axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum (:mod:`identify.spectrum`), not by the
+textbook ``σ²(ΩᵀΩ)⁻¹``.
 """
 
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 from scipy.signal import welch
 
-from identify.differentiate import derivative, gain
+from identify.differentiate import gain
 from identify.estimator import EstimatorSpec
-from identify.filters import apply, motion_band, noise_level, response
+from identify.filters import motion_band, noise_level, response
 from identify.gram import Sums, normal_equations, sums_of
+from identify.long_run import correlation_time
 from identify.offsets import OffsetChoice, Offsets, estimated, rested, resting
-from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, features
-from identify.run import Run, RunError
+from identify.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
+from identify.rows import rows_of
+from identify.run import Run
 from identify.solve import Excitation, excitation
-
-SPLINE_REACH = 3
-"""Samples beside a gap that the interpolation across it touches."""
+from identify.spectrum import Lines, Spectrum, leverage, spectrum
+from identify.trace import Trace, trace
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,10 @@ class Information:
     """Samples that gave rows."""
     gain_error: float
     """Relative error of the tensor from the differentiator's gain over the motion's spectrum."""
+    degrees_of_freedom: np.ndarray
+    """Effective, of the variance of each component of the run's own estimate; 1 or more."""
+    trace: Trace
+    """Residuals and motion, for figures."""
 
     @property
     def weight(self) -> float:
@@ -69,11 +72,6 @@ class Information:
         inverse = np.linalg.pinv(self.normal, hermitian=True)
         return inverse @ self.scores @ inverse
 
-    @property
-    def degrees_of_freedom(self) -> float:
-        """Effective number of independent residuals less the parameters, at least 1."""
-        return max(3 * self.rows / self.correlation_time - 6 - (0 if self.offsets is None else 3), 1.0)
-
 
 def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice) -> Information:
     """Return a run's normal equations (10), with the noise that its residuals show.
@@ -88,28 +86,9 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     Raises:
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
-    try:
-        taps, smoothing, needed = (
-            estimator.taps(run.rate),
-            estimator.filter_taps(run.rate),
-            estimator.lost(run.rate) + 3,
-        )
-    except ValueError as error:
-        raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
-    if len(run.t) < needed:
-        raise RunError(
-            f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
-            f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
-        )
-    signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
-    phi, force, moment = _rows(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
-    keep = _kept(run, phi.shape[1])
-    phi, force, moment = phi[:, keep], force[:, keep], moment[:, keep]
-    count = len(keep)
-    if count < 3:
-        raise RunError(
-            f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
-        )
+    rows = rows_of(run, estimator)
+    phi, force, moment = rows.phi, rows.force, rows.moment
+    count, motion = phi.shape[1], np.asarray(phi)
     means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
     if offsets == "estimate":
         phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
@@ -118,17 +97,18 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     sums = sums_of(phi, force, moment)
     normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
-    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, np.asarray(phi))
+    matrix = rows._replace(phi=phi).matrix
     about_cg = np.asarray(moment - jnp.cross(jnp.asarray(r_cg), force, axisb=0, axisc=0))
-    residuals = about_cg.T - rows @ inertia
-    correlation_time = _correlation_time(residuals)
-    scores = _score_covariance(np.einsum("nji,nj->ni", rows, residuals), correlation_time)
+    residuals = about_cg.T - matrix @ inertia
+    lines = Lines.of(rows.stretches, run.rate)
+    transformed, spread = lines.transform(matrix), np.linalg.pinv(normal, hermitian=True)
+    errors = _spectrum(lines, transformed, residuals, spread, estimator, run.rate, offsets)
+    scores = errors.scores(transformed)
     sigma = _alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
-        spread = np.linalg.pinv(normal, hermitian=True)
-        of_mean = np.diag(residuals.var(axis=0)) * correlation_time / count
+        of_mean = errors.values[0] / count
         mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)
         removed = estimated(mean_phi, mean_force, mean_moment, r_cg, inertia, spread @ scores @ spread, of_mean)
     elif offsets == "still":
@@ -145,10 +125,24 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         excitation(normal, noise),
         removed,
         residuals.std(axis=0),
-        correlation_time,
+        correlation_time(residuals),
         count,
         _gain_error(run, estimator),
+        errors.degrees_of_freedom(transformed @ spread),
+        trace(run.t[rows.instants], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
     )
+
+
+def _spectrum(
+    lines: Lines, rows: np.ndarray, residuals: np.ndarray, inverse: np.ndarray, estimator: EstimatorSpec,
+    rate: float, offsets: OffsetChoice,
+) -> Spectrum:  # fmt: skip
+    """The errors' spectrum from the residuals of least squares."""
+    free = 1 - leverage(rows, inverse)
+    if offsets == "estimate":
+        free = np.clip(free - lines.constant[:, None] ** 2 / len(residuals), 0, 1)
+    passed = response(estimator.filter_taps(rate), rate, lines.frequency) ** 2
+    return spectrum(lines.transform(residuals), free, lines.constants, passed)
 
 
 def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
@@ -156,16 +150,6 @@ def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
     if run.noise is not None:
         return run.noise.alpha(estimator, run.rate)
     return noise_level(*(run.omega[part] for part in run.used())) * estimator.alpha_noise_gain(run.rate)
-
-
-def _kept(run: Run, rows: int) -> np.ndarray:
-    """Positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
-    if run.missing is None:
-        return np.arange(rows)
-    half = (len(run.t) - rows) // 2
-    reach = half + SPLINE_REACH
-    touched = np.convolve(run.missing.astype(float), np.ones(2 * reach + 1), "same") > 0.5
-    return np.flatnonzero(~touched[half : half + rows])
 
 
 def longest(run: Run) -> np.ndarray:
@@ -185,40 +169,3 @@ def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
         total = total * gain(run.noise.taps, run.noise.rate, frequency[inside])
     error = 1 / total - 1
     return float(weight @ error / max(weight.sum(), 1e-300))
-
-
-@jax.jit
-def _rows(
-    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"], taps: Array, smoothing: Array
-) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:
-    """Features, force and moment of the instants that have a derivative, all through the same filter."""
-    inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
-    phi = features(omega[:, inner], derivative(omega, taps))
-    if smoothing.shape[0] == 1:
-        return phi, force[:, inner], moment[:, inner]
-    filtered = apply(jnp.concatenate([phi, force[:, inner], moment[:, inner]]), smoothing)
-    return filtered[:13], filtered[13:16], filtered[16:]
-
-
-def _correlation_time(residuals: np.ndarray) -> float:
-    """The integrated correlation time [samples] of the axis where it is longest, up to the first zero crossing."""
-    n = len(residuals)
-    size = 1 << (2 * n - 1).bit_length()
-    power = np.abs(np.fft.rfft(residuals, size, axis=0)) ** 2
-    correlation = np.fft.irfft(power, size, axis=0)[:n]
-    times = []
-    for axis in correlation.T:
-        if axis[0] > 0:
-            negative = np.flatnonzero(axis <= 0)
-            times.append(1 + 2 * axis[1 : negative[0] if len(negative) else n].sum() / axis[0])
-    return float(min(max(times, default=1.0), n / 4))
-
-
-def _score_covariance(scores: np.ndarray, correlation_time: float) -> np.ndarray:
-    """Covariance of the sum of the scores (n, 6): Bartlett kernel over four correlation times, by moving sums."""
-    width = max(1, min(int(np.ceil(4 * correlation_time)), len(scores) // 3))
-    padded = np.concatenate([np.zeros((width, 6)), np.cumsum(scores, axis=0)])
-    padded = np.concatenate([padded, np.repeat(padded[-1:], width - 1, axis=0)])
-    sums = padded[width:] - padded[:-width]
-    rows = 3 * len(scores) / correlation_time
-    return sums.T @ sums / width * rows / max(rows - 6, 1.0)

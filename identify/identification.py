@@ -8,20 +8,28 @@ from typing import Any, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import t as student
+from jaxtyping import Array
 
+from identify.centre_result import Centre
+from identify.consistency import Verdict
 from identify.estimate import Information, information, longest
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
 from identify.gram import normal_equations
 from identify.inertia import COMPONENTS, principal
+from identify.inertial import Datum, InertialParameters, by_component, principal_axes
+from identify.known_centre import with_centre
 from identify.offsets import OffsetChoice
+from identify.pooling import Pooling, Repeat, pooling
 from identify.precision import check_precision
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
 from identify.solve import excitation
-from identify.tables import html_table, text_table
+from identify.tables import decimals, fixed, html_table, text_table
+from identify.tare import Tare
 
+NORMAL = 1.959963984540054
+"""Coverage factor of 95 % of a normal distribution."""
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
 
@@ -52,6 +60,43 @@ class Identification:
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     offsets: OffsetChoice = "estimate"
     """Where the load cell's constant offsets come from."""
+    pooling: Pooling | None = None
+    """Type A: what residuals and the scatter between runs and mountings say."""
+    budget: Mapping[str, np.ndarray] | None = None
+    """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
+    consistency: tuple[Verdict, ...] = ()
+    """What the residuals follow, run by run."""
+    mass_uncertainty: float | None = None
+    """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
+    cg_inertia_covariance: np.ndarray | None = None
+    """Between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
+    cg_covariance: np.ndarray | None = None
+    """Of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
+    mass_covariance: np.ndarray | None = None
+    """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
+    datum: Datum | None = None
+    """A frame in which the result is also wanted."""
+    tare: Tare | None = field(default=None, repr=False)
+    """What was taken off; None: nothing."""
+
+    @property
+    def parameters(self) -> InertialParameters:
+        """The ten parameters with their covariance, about the centre of gravity, from Q, in B."""
+        covariance = np.zeros((10, 10))
+        covariance[0, 0] = np.nan if self.mass is None else (self.mass_uncertainty or 0.0) ** 2
+        covariance[1:4, 1:4] = np.diag(self.sigma_r_cg**2) if self.cg_covariance is None else self.cg_covariance
+        covariance[4:, 4:] = self.covariance
+        if self.cg_inertia_covariance is not None:
+            covariance[1:4, 4:] = self.cg_inertia_covariance
+            covariance[4:, 1:4] = self.cg_inertia_covariance.T
+        if self.mass_covariance is not None:
+            covariance[0, 1:] = covariance[1:, 0] = self.mass_covariance
+        return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
+
+    @property
+    def _measured(self) -> InertialParameters:
+        """What stood on the load cell: with the fixture, where one was taken off."""
+        return self.parameters if self.tare is None else self.tare.whole
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -60,48 +105,61 @@ class Identification:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
-        moments, axes = principal(jnp.asarray(self.inertia))
         return {
             "unit": "kg*m^2",
             "about": "CG",
             "frame": "body",
-            "inertia": _by_component(self.inertia),
-            "bias": _by_component(self.bias),
-            "standard_uncertainty": _by_component(self.standard_uncertainty),
+            "inertia": by_component(self.inertia),
+            "bias": by_component(self.bias),
+            "standard_uncertainty": by_component(self.standard_uncertainty),
             "interval95": {
                 name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)
             },
             "covariance": self.covariance.tolist(),
-            "principal": {"moments": np.asarray(moments).tolist(), "axes": np.asarray(axes).tolist()},
-            "mass": {"value": self.mass, "standard_uncertainty": None},
+            "principal": principal_axes(self.inertia, self.covariance).to_dict(),
+            **self._elsewhere(),
+            "tare": None if self.tare is None else self.tare.to_dict(),
+            "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
             "delay": {"value": 0.0, "estimated": False},
             "rotation": {"value": np.eye(3).tolist(), "estimated": False},
             "offsets": {
                 "method": self.offsets,
                 "about": "CG",
-                **offsets_content(self.runs, self.sigma_r_cg, self.r_cg),
+                **offsets_content(self.runs, self._measured.standard_uncertainty[1:4], self._measured.r_cg),
             },
             "runs": [
                 {
                     "file": run.file,
                     "sha256": run.sha256,
-                    "inertia": _by_component(run.inertia) if run.alone else None,
-                    "standard_uncertainty": _by_component(run.standard_uncertainty) if run.alone else None,
+                    "inertia": by_component(run.inertia) if run.alone else None,
+                    "standard_uncertainty": by_component(run.standard_uncertainty) if run.alone else None,
                     "samples": run.samples,
                     "rate": run.rate,
                     "residual": run.residual.tolist(),
                     "correlation_time": run.correlation_time,
+                    "mounting": run.mounting,
                     "parts": [list(part) for part in run.parts],
                     "parts_found": run.found,
                     "left_out": dict(run.left_out),
                 }
                 for run in self.runs
             ],
+            "pooling": None if self.pooling is None else self.pooling.to_dict(),
+            "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
+            "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),
             "assumptions": list(self.assumptions),
             "diagnostics": dict(self.diagnostics),
             "provenance": dict(self.provenance),
+        }
+
+    def _elsewhere(self) -> dict[str, Any]:
+        """What result.json says of other points and frames; null where the mass is not known."""
+        known, datum = self.mass is not None, self.datum
+        return {
+            "about_q": self.parameters.about().to_dict() if known else None,
+            "about_datum": None if datum is None else self.parameters.in_datum(datum).to_dict(),
         }
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
@@ -110,8 +168,8 @@ class Identification:
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
         for name, value, bias, uncertainty, (low, high) in columns:
-            digits = _decimals(1e3 * uncertainty)
-            figures = [_fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
+            digits = max(decimals(1e3 * uncertainty), 0)
+            figures = [fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
         return head, rows
 
@@ -125,10 +183,12 @@ class Identification:
     def _notes(self) -> list[str]:
         used = [run.used for run in self.runs if run.used]
         warnings = [f"warning: {text}" for text in self.warnings]
+        axes = principal_axes(self.inertia, self.covariance).note
         return [
             *used,
-            *offset_notes(self.runs, self.sigma_r_cg),
+            *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
+            *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
         ]
 
@@ -140,26 +200,47 @@ class Identification:
 def identify(
     runs: Run | Sequence[Run],
     *,
-    r_cg: Sequence[float | int] | np.ndarray,
+    r_cg: Sequence[float | int] | np.ndarray | None = None,
     sigma_r_cg: Sequence[float | int] | np.ndarray = (0.0, 0.0, 0.0),
     estimator: EstimatorSpec | None = None,
     offsets: OffsetChoice = "estimate",
     mass: float | None = None,
+    centre: Centre | None = None,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
     Args:
         runs: the runs.
-        r_cg: centre of gravity from the load cell's centre Q, in B [m].
+        r_cg: centre of gravity from the load cell's centre Q, in B [m]; None: that of ``centre``.
         sigma_r_cg: its standard uncertainty on each axis [m].
         estimator: differentiator and filter; None: Savitzky–Golay matched to the band found in the runs.
         offsets: whether constant offsets of force and moment are estimated in each run along with the tensor, taken
             from its rest, or left in. A force's offset acts only through its moment about the centre of gravity.
         mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
+        centre: mass and centre of gravity from static poses, with their covariance, instead of the three above.
 
     Raises:
         RunError: no run, a run too short for the estimator, or components that the motion does not identify.
     """
+    if centre is not None:
+        sigma = centre.standard_uncertainty[1:4]
+        found = _plug_in(
+            runs, r_cg=centre.r_cg, sigma_r_cg=sigma, estimator=estimator, offsets=offsets, mass=centre.mass
+        )
+        return with_centre(found, centre)
+    return _plug_in(runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, estimator=estimator, offsets=offsets, mass=mass)
+
+
+def _plug_in(
+    runs: Run | Sequence[Run],
+    *,
+    r_cg: Sequence[float | int] | np.ndarray | None,
+    sigma_r_cg: Sequence[float | int] | np.ndarray,
+    estimator: EstimatorSpec | None,
+    offsets: OffsetChoice,
+    mass: float | None,
+) -> Identification:
+    """The source's estimator: r_CG as it is given, ordinary least squares over all rows."""
     runs = [runs] if isinstance(runs, Run) else list(runs)
     if not runs:
         raise RunError("no runs: give one or more")
@@ -192,27 +273,32 @@ def identify(
     by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
     inverse = np.linalg.inv(normal)
     residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    scatter, factor = _scatter(parts, inertia)
-    covariance = residual * np.outer(scatter, scatter) + by_centre * sigma**2 @ by_centre.T
+    freedom = _degrees_of_freedom(parts, weights, inverse)
+    together = pooling(_repeats(parts, weights, inertia, jnp.asarray(centre)), normal, residual, freedom)
+    of_centre = by_centre * sigma**2 @ by_centre.T
+    covariance = together.covariance + of_centre
     share = weights * [part.rows for part in parts]
     gain_error = share @ [part.gain_error for part in parts] / share.sum()
     bias = inertia - np.linalg.solve(normal - noise, normal @ inertia) + gain_error * inertia
-    half = factor * np.sqrt(np.diag(covariance))
-    warnings = [*warned, *_warnings(parts, inertia, bias, covariance, scatter)]
+    half = np.hypot(together.half_width, NORMAL * np.sqrt(np.diag(of_centre)))
+    warnings = [*warned, *_warnings(parts, inertia, bias, covariance, together.excess)]
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
                       "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
         "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[0])),
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
-        "scatter_between_runs": scatter.tolist(),
-        "coverage_factor": factor.tolist(),
+        "scatter_between_runs": together.excess.tolist(),
+        "coverage_factor": (half / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)).tolist(),
+        "degrees_of_freedom": (
+            together.degrees_of_freedom * (np.diag(covariance) / np.maximum(np.diag(together.covariance), 1e-300)) ** 2
+        ).tolist(),
         "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
-        "standard_uncertainty_from_cg": np.sqrt(np.diag(by_centre * sigma**2 @ by_centre.T)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(of_centre)).tolist(),
     }  # fmt: skip
     return Identification(
         inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
-        offsets=offsets,
+        offsets=offsets, cg_inertia_covariance=(by_centre * sigma**2).T, pooling=together,
     )  # fmt: skip
 
 
@@ -228,15 +314,22 @@ def _common_band(runs: Sequence[Run]) -> float:
     return max(motion_band(longest(run), run.rate) for run in runs)
 
 
-def _scatter(parts: list[Information], inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By component: how much more runs scatter than their residuals say, at least 1; the coverage factor of 95 %."""
-    alone = [part for part in parts if part.excitation.identifiable.all()]
-    own = student.ppf(0.975, sum(part.degrees_of_freedom for part in parts))
-    if len(alone) < 2:
-        return np.ones(6), np.full(6, own)
-    squares = [(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone]
-    ratio = np.sqrt(np.sum(squares, axis=0) / (len(alone) - 1))
-    return np.maximum(ratio, 1.0), np.where(ratio > 1, student.ppf(0.975, len(alone) - 1), own)
+def _repeats(parts: Sequence[Information], weights: np.ndarray, inertia: np.ndarray, centre: Array) -> list[Repeat]:
+    """What pooling needs of each run."""
+    return [
+        Repeat(
+            weight * (np.asarray(normal_equations(part.sums, centre)[1]) - part.normal @ inertia),
+            part.inertia, np.sqrt(np.diag(part.covariance)), bool(part.excitation.identifiable.all()),
+            part.run.mounting,
+        )
+        for part, weight in zip(parts, weights, strict=True)
+    ]  # fmt: skip
+
+
+def _degrees_of_freedom(parts: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Effective, of the pooled tensor's variance from the runs' residuals, by component (GUM G.4)."""
+    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
+    return squares.sum(axis=0) ** 2 / (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)
 
 
 def _warnings(
@@ -267,22 +360,6 @@ def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:
         "the gyro's noise is white",
         "the platform is rigid",
     )
-
-
-def _by_component(values: np.ndarray) -> dict[str, float]:
-    return dict(zip(COMPONENTS, map(float, values), strict=True))
-
-
-def _decimals(uncertainty: float) -> int:
-    """Decimals that show two digits of an uncertainty (GUM 7.2.6)."""
-    if not np.isfinite(uncertainty) or uncertainty <= 0:
-        return 6
-    return max(0, 1 - int(np.floor(np.log10(uncertainty))))
-
-
-def _fixed(value: float, digits: int) -> str:
-    """A figure with these decimals and a minus sign, but never a minus before nought."""
-    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _named(runs: Sequence[Run]) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 FEATURES = ("1", "w1", "w2", "w3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3", "a1", "a2", "a3")
-ALPHA = slice(10, 13)
-"""Where alpha stands among the features."""
+OMEGA, ALPHA = slice(1, 4), slice(10, 13)
+"""Where omega and alpha stand among the features."""
 
 
 def features(omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"]) -> Float[Array, "13 *n"]:

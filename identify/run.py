@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -68,6 +69,10 @@ class Run:
     """What the load cell reads while the body rests; None: not asked for."""
     noise: ShapedNoise | None = None
     """The angular velocity's noise, where it was differentiated; None: it is white."""
+    mounting: str | None = None
+    """Name of the mounting of the body that the run was made with; None: not said."""
+    about: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """What the recording says of its day and its instruments."""
 
     @property
     def rate(self) -> float:

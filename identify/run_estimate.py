@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.estimate import Information
 from identify.offsets import Offsets, force_offset, uncertainty
+from identify.trace import Trace
 
 MOST_NOTES = 3
 """Runs of whose offsets a result speaks; result.json holds all."""
@@ -44,6 +45,12 @@ class RunEstimate:
     """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s]."""
     force_offset: np.ndarray | None = None
     """The force's offset [N]; None where neither mass nor accelerometer tell it."""
+    mounting: str | None = None
+    """Name of the mounting of the body; None: not said."""
+    weight: float = 1.0
+    """Inverse of the rows' effective noise variance, which weighs it among the runs [(N·m)⁻²]."""
+    trace: Trace | None = field(default=None, repr=False)
+    """Residuals and motion, for figures; None: not kept."""
 
     @property
     def used(self) -> str | None:
@@ -62,6 +69,7 @@ def run_estimate(part: Information, r_cg: np.ndarray, mass: float | None) -> Run
         run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
         part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()), run.parts,
         run.found, run.left_out, run.overview, None if part.offsets is None else force_offset(run, r_cg, mass),
+        run.mounting, part.weight, part.trace,
     )  # fmt: skip
 
 

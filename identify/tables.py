@@ -56,3 +56,18 @@ def with_error(value: float, standard_error: float, decimals: int = 4) -> str:
     digits = 1 - math.floor(math.log10(standard_error)) if standard_error > 0 else decimals
     digits = min(max(digits, 0), decimals)
     return f"{round(value, digits) + 0.0:.{digits}f} ± {standard_error:.{digits}f}".replace("-", "−")
+
+
+def decimals(uncertainty: float, digits: int = 2) -> int:
+    """Return the decimals that show so many digits of an uncertainty (GUM 7.2.6); below zero: tens, hundreds."""
+    if not math.isfinite(uncertainty) or uncertainty <= 0:
+        return 6
+    shown = digits - 1 - math.floor(math.log10(uncertainty))
+    return shown - int(round(uncertainty, shown) >= 10.0 ** (digits - shown))
+
+
+def fixed(value: float, places: int) -> str:
+    """Return a figure with these decimals and a minus sign, but never a minus before nought."""
+    if not math.isfinite(value):
+        return "–"
+    return f"{round(value, places) + 0.0:.{max(places, 0)}f}".replace("-", "−")

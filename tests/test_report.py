@@ -3,15 +3,14 @@
 import json
 import re
 import shutil
-import subprocess
 from base64 import b64decode
-from html.parser import HTMLParser
 from importlib import resources
 from xml.etree import ElementTree
 
 import matplotlib.image
 import numpy as np
 import pytest
+from browser import Reader, drawn
 from small_campaign import campaign, document, paper_result
 
 import uq.report
@@ -23,33 +22,6 @@ from uq.page_parts import inferred
 from uq.report import report, write
 
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
-VOID = {"meta", "img", "br", "hr", "link", "input"}
-
-
-class Reader(HTMLParser):
-    """Reads a page, insisting that every tag is closed in its place."""
-
-    def __init__(self, html):
-        super().__init__(convert_charrefs=True)
-        self.open, self.tags, self.attributes, self.text = [], [], [], []
-        self.feed(html)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        self.attributes += [(tag, name, value) for name, value in attributes]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text.append(data.strip())
-
-    def values(self, name):
-        return [value for _, attribute, value in self.attributes if attribute == name]
 
 
 @pytest.fixture(scope="module", params=["montecarlo", "paper"])
@@ -198,12 +170,7 @@ def test_no_report_for_other_things():
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
 def test_a_browser_draws_and_prints_the_page(tmp_path):
-    page = tmp_path / "report.html"
-    page.write_text(report(paper_result()), "utf-8")
-    browser = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    browser += [f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1000,2000"]
-    picture, printed = tmp_path / "page.png", tmp_path / "page.pdf"
-    for wanted in (f"--screenshot={picture}", f"--print-to-pdf={printed}"):
-        subprocess.run([*browser, wanted, page.as_uri()], check=True, capture_output=True, timeout=120)
+    picture, printed, complaints = drawn(report(paper_result()), tmp_path)
+    assert complaints == []
     assert matplotlib.image.imread(picture)[..., :3].std() > 0.05  # not a blank page
     assert printed.read_bytes().startswith(b"%PDF")

@@ -1,7 +1,8 @@
 """A TOML table that knows where it stands: typed values out, or one line that names the key."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from datetime import date, datetime
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -48,11 +49,12 @@ class Table:
             raise ExperimentError(f"{self.path(key)} is {raw!r}: write a value above zero")
         return value
 
-    def vector(self, key: str, unit: str, default: Any = REQUIRED) -> np.ndarray:
-        """Return three values in ``unit``, shape (3,)."""
+    def vector(self, key: str, unit: str, default: Any = REQUIRED, *, size: Literal[2, 3] = 3) -> np.ndarray:
+        """Return three values in ``unit``, one an axis, or the two ends of a range, shape (size,)."""
         raw = self.raw(key, default)
-        if not isinstance(raw, list) or len(raw) != 3:
-            raise ExperimentError(f"{self.path(key)} is {raw!r}: write three values with their units, one an axis")
+        if not isinstance(raw, list) or len(raw) != size:
+            wanted = {2: "two values with their units", 3: "three values with their units, one an axis"}[size]
+            raise ExperimentError(f"{self.path(key)} is {raw!r}: write {wanted}")
         return np.array([_quantity(f"{self.path(key)}[{i}]", item, unit) for i, item in enumerate(raw)])
 
     def numbers(self, key: str, shape: tuple[int, ...], default: Any = REQUIRED) -> Any:
@@ -88,6 +90,10 @@ class Table:
             raise ExperimentError(f"{self.path(key)} is {value!r}: write {name}")
         return value
 
+    def date(self, key: str, default: Any = REQUIRED) -> Any:
+        """Return a day, written as TOML's date or as its string."""
+        return default if self.raw(key, default) is default else day(self.path(key), self.content[key])
+
     def mapping(self, key: str) -> Mapping[str, Any]:
         """Return a table's content, empty when it is missing."""
         return Table(self.path(key), self.raw(key, {})).content
@@ -100,8 +106,8 @@ class Table:
         """Build a value from each table of an array."""
         items = self.raw(key, [])
         if not isinstance(items, list):
-            raise ExperimentError(f"{self.path(key)} is a table: write [[{key}]], one for each")
-        return tuple(build(Table(f"{key}[{_label(i, item)}]", item)) for i, item in enumerate(items))
+            raise ExperimentError(f"{self.path(key)} is a table: write [[{self.path(key)}]], one for each")
+        return tuple(build(Table(f"{self.path(key)}[{_label(i, item)}]", item)) for i, item in enumerate(items))
 
     def finish(self) -> None:
         """Refuse the keys that nobody asked for."""
@@ -109,6 +115,16 @@ class Table:
         if unknown:
             known = ", ".join(sorted(self.used))
             raise ExperimentError(f"unknown key {self.path(unknown[0])}: the keys here are {known}")
+
+
+def day(where: str, raw: object) -> date:
+    """Return a day that stands somewhere in a file."""
+    if isinstance(raw, datetime):
+        return raw.date()
+    try:
+        return raw if isinstance(raw, date) else date.fromisoformat(raw if isinstance(raw, str) else "")
+    except ValueError:
+        raise ExperimentError(f"{where} is {raw!r}: write a date, such as 2026-03-31") from None
 
 
 def _only_numbers(raw: object) -> bool:

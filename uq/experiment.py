@@ -4,11 +4,13 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 :class:`ExperimentError` that names the key.
 """
 
+import hashlib
 import math
 import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from datetime import date, time
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -20,8 +22,10 @@ import numpy as np
 from identify.estimator import EstimatorSpec
 from identify.gravity import normal_gravity
 from identify.inertia import Body
+from identify.inertial import Datum, InertialParameters
 from identify.platform import Platform
 from identify.trajectory import Harmonic, Multisine, Sphere, Trajectory
+from uq.certificate import parse_report
 from uq.document import ExperimentError, Table
 from uq.multisine_table import read_multisine
 from uq.platform_table import GEOMETRIES, DeclaredLimits, parse_geometry, parse_limits
@@ -29,12 +33,18 @@ from uq.poses import Poses, parse_poses
 from uq.recording import Recording, parse_recording
 from uq.source_table import parse_sources
 from uq.sources import Mixing, Source
+from uq.stated import inertia as inertia_of
+from uq.stated import parse_datum, parse_fixture, parse_scale
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
+STATED = {"scale": parse_scale, "datum": parse_datum, "fixture": parse_fixture}
+"""Tables that state a quantity with its standard uncertainty."""
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
 STANDARD_GRAVITY = 9.80665
 """Gravity where none is stated [m/s²]."""
+BESIDE = ("report", "document", "folder", "file")
+"""Fields that say nothing of the measurement."""
 HIGHEST = 10_000.0
 """Height [m] beyond which no laboratory stands."""
 
@@ -82,6 +92,16 @@ class Experiment:
     """The file's content, for the provenance of results."""
     folder: Path = field(default=Path("."), repr=False)
     """Where the file is, and beside it the files that it names."""
+    scale: tuple[float, float] | None = None
+    """What a scale says of the mass on the load cell, with its standard uncertainty [kg]; None: there is none."""
+    datum: Datum | None = None
+    """A frame in which the result is also wanted; None: there is none."""
+    fixture: InertialParameters | None = None
+    """What is to be subtracted from the identified body, by its stated parameters; None: nothing."""
+    report: Mapping[str, Any] = field(default_factory=dict)
+    """The table ``[report]`` as it stands, dates as strings; :func:`uq.certificate.parse_report` reads it."""
+    file: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """Name and SHA-256 of the file; empty where there is none."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
@@ -91,9 +111,9 @@ class Experiment:
             ExperimentError: the file is not TOML or its content is not an experiment.
             OSError: the file cannot be read.
         """
-        document = _read(source)
+        document, file = _read(source)
         try:
-            return cls.from_dict(document, Path(source).parent)
+            return replace(cls.from_dict(document, Path(source).parent), file=file)
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
@@ -107,15 +127,15 @@ class Experiment:
             ExperimentError: as for :meth:`load`, or a name that is no folder's.
             OSError: the file cannot be read.
         """
-        document, folder = _read(source), Path(source).parent
+        (document, file), folder = _read(source), Path(source).parent
         bodies = _bodies(document)
         for name in bodies:
             if not BODY_NAME.fullmatch(name):
                 raise ExperimentError(f"[body.{name}] in {source}: write a name of letters, digits, _ and -")
         try:
-            return {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()} or {
-                "": cls.from_dict(document, folder)
-            }
+            found = {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()}
+            found = found or {"": cls.from_dict(document, folder)}
+            return {name: replace(one, file=file) for name, one in found.items()}
         except ExperimentError as error:
             raise ExperimentError(f"{error} (in {source})") from None
 
@@ -135,9 +155,15 @@ class Experiment:
         estimators = top.tables("estimator", _estimator)
         sources, mixing = parse_sources(top, Path(folder))
         recording = top.table("recording", parse_recording, {})
+        report = _plain(top.mapping("report"))
+        parse_report(Table("report", report))
         if recording.urdf is not None:
             recording = replace(recording, urdf=str(Path(folder) / recording.urdf))
+        more: dict[str, Any] = {
+            name: top.table(name, parse) for name, parse in STATED.items() if top.raw(name, None) is not None
+        }
         top.finish()
+        _same_mass(mass, more.get("scale"))
         names = [estimator.name for estimator in estimators]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -148,7 +174,7 @@ class Experiment:
             )
         return cls(
             r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, mixing, recording,
-            poses, geometry, limits, document, Path(folder),
+            poses, geometry, limits, document, Path(folder), report=report, **more,
         )  # fmt: skip
 
     @property
@@ -219,10 +245,12 @@ class Experiment:
         """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
         values = self._in_si()
         same = bool(self.document) and Experiment.from_dict(self.document, self.folder)._in_si() == values
-        return {"experiment": dict(self.document) if same else None, "resolved": values}
+        about = {"experiment_file": dict(self.file)} if self.file else {}
+        about |= {"report": dict(self.report)} if self.report else {}
+        return {"experiment": _plain(self.document) if same else None, "resolved": values, **about}
 
     def _in_si(self) -> dict[str, Any]:
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("document", "folder")}
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in BESIDE}
         return _plain(parts)
 
     @property
@@ -232,17 +260,22 @@ class Experiment:
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
 
 
-def _read(source: str | Path) -> dict[str, Any]:
-    """Return the content of an experiment file or preset."""
-    if str(source) in PRESETS:
-        text = resources.files("uq").joinpath("presets", f"{source}.toml").read_text("utf-8")
-    else:
-        try:
-            text = Path(source).read_text("utf-8")
-        except UnicodeDecodeError:
-            raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
+def _same_mass(mass: float | None, scale: tuple[float, float] | None) -> None:
+    """Refuse two masses that contradict each other."""
+    if mass is not None and scale is not None and abs(mass - scale[0]) > 3 * scale[1]:
+        raise ExperimentError(
+            f"body.mass is {mass:g} kg, scale.mass {scale[0]:g} kg with {scale[1]:g} kg: keep the right one"
+        )
+
+
+def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the content of an experiment file or preset, and its name with its SHA-256."""
+    preset = resources.files("uq").joinpath("presets", f"{source}.toml")
+    data = preset.read_bytes() if str(source) in PRESETS else Path(source).read_bytes()
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(data.decode()), {"file": str(source), "sha256": hashlib.sha256(data).hexdigest()}
+    except UnicodeDecodeError:
+        raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
     except tomllib.TOMLDecodeError as error:
         raise ExperimentError(f"not TOML {source}: {error}") from None
 
@@ -265,22 +298,9 @@ def _whole_body(top: Table, *, stated: bool) -> tuple[np.ndarray | None, float |
 def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     r_cg = table.vector("r_cg_from_q", "m")
     mass = table.quantity("mass", "kg", None, positive=True)
-    inertia = table.table("inertia", _inertia) if "inertia" in table.content else None
+    inertia = table.table("inertia", inertia_of) if "inertia" in table.content else None
     table.finish()
     return r_cg, mass, inertia
-
-
-def _inertia(table: Table) -> np.ndarray:
-    i11, i22, i33 = (table.quantity(name, "kg*m^2", positive=True) for name in ("I11", "I22", "I33"))
-    i12, i13, i23 = (table.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23"))
-    table.finish()
-    low, middle, high = np.linalg.eigvalsh([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
-    if low <= 0 or low + middle < high * (1 - 1e-12):
-        raise ExperimentError(
-            f"{table.where} is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
-            "its moments must be positive and obey the triangle inequality"
-        )
-    return np.array([i11, i12, i13, i22, i23, i33])
 
 
 def _platform(table: Table) -> tuple[float, np.ndarray, Platform | None, DeclaredLimits | None]:
@@ -369,6 +389,8 @@ def _plain(value: Any) -> Any:
         return {"class": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
+    if isinstance(value, (date, time)):
+        return value.isoformat()
     if isinstance(value, (np.ndarray, np.generic, jax.Array)):
         return _plain(np.asarray(value).tolist())
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value

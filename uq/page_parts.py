@@ -2,8 +2,8 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
 from urllib.parse import quote
@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 
 from identify.identification import Identification
 from identify.inertia import COMPONENTS
-from identify.tables import is_figure, with_error
+from identify.tables import decimals, fixed, is_figure, with_error
 from uq import plots
 from uq.barreto2016 import PRINTED, PaperResult
 from uq.campaign import GRAM_METRE, Breakdown, MonteCarloResult, Statistics
 from uq.experiment import PRESETS, Experiment
+from uq.front import Front
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class Table:
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
+    wrap: bool = False
+    """Whether its cells hold text that may be broken into lines."""
 
     @property
     def numeric(self) -> list[bool]:
@@ -48,6 +51,25 @@ class Drawing:
     def wide(self) -> bool:
         """Whether it takes the width of a page rather than of a column."""
         return bool(self.figure.get_figwidth() > plots.COLUMN)
+
+
+@dataclass(frozen=True)
+class Page:
+    """The content of a report, in the order in which it is read."""
+
+    title: str
+    computed: Sequence[str]
+    """What was computed, a paragraph each."""
+    findings: Sequence[str]
+    """What a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
+    tables: Sequence[Table]
+    figures: Sequence[Drawing]
+    details: Sequence[Table]
+    """Tables that follow the figures."""
+    assumptions: Sequence[str]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    front: Front | None = None
+    """What makes it a certificate; None: it is another report."""
 
 
 def summary(result: MonteCarloResult) -> Table:
@@ -96,15 +118,32 @@ def _two_rows(first: tuple[str, ...], s: Statistics) -> list[list[str]]:
 
 
 def run_table(result: Identification) -> Table:
-    """Return the table of runs: each one's own estimate, samples, rate, residuals, and the hash of its file."""
-    head = ["run", "samples", "rate, Hz", "residual, N·m", *(f"{name}, g·m²" for name in COMPONENTS), "SHA-256"]
+    """Return the table of runs: each one's own estimate, samples, rate, residuals."""
+    head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
     rows = []
     for run in result.runs:
-        values = [_typeset(f"{GRAM_METRE * v:.4g}") if run.alone else "–" for v in run.inertia]
+        pairs = zip(GRAM_METRE * run.inertia, GRAM_METRE * run.standard_uncertainty, strict=True)
+        values = [fixed(value, decimals(u)) if run.alone else "–" for value, u in pairs]
         residual = f"{float(np.sqrt(np.mean(run.residual**2))):.3g}"
-        rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values, (run.sha256 or "–")[:12]])
-    note = "–: the run does not identify the whole tensor alone. SHA-256: first twelve digits; in full in result.json."
-    return Table("Runs", head, rows, note)
+        rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values])
+    note = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."
+    return Table("Runs, components in g·m²", head, rows, note)
+
+
+def input_table(provenance: Mapping[str, Any]) -> Table:
+    """Return the table of every file that went into a result, with its SHA-256, wherever its provenance names it."""
+    rows = list(dict.fromkeys(_named_files(provenance)))
+    return Table("Inputs", ["file", "SHA-256"], rows, wrap=True)
+
+
+def _named_files(content: object) -> Iterator[tuple[str, str]]:
+    if isinstance(content, Mapping):
+        if isinstance(content.get("file"), str) and isinstance(content.get("sha256"), str):
+            yield content["file"], content["sha256"]
+        content = list(content.values())
+    if isinstance(content, (list, tuple)):
+        for item in content:
+            yield from _named_files(item)
 
 
 SIZES = (

@@ -3,48 +3,33 @@
 ``page(result)`` dispatches on the result's type; a new kind of result registers its own builder with ``page.register``.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
 from identify.centre import Centre
 from identify.identification import Identification
-from uq import budget_plot, plots
+from uq import budget_plot
 from uq.barreto2016 import PaperResult
 from uq.budget_result import BudgetResult
 from uq.campaign import MonteCarloResult
+from uq.certificate_page import certificate
+from uq.expected import Comparison
+from uq.exports import Exported
 from uq.page_parts import (
     Drawing,
+    Page,
     Table,
     breakdown_figures,
     breakdown_table,
     coverage_tables,
     nominal,
     paper_figures,
-    run_table,
     source_tables,
     stem,
     summary,
 )
 from uq.residual_plot import residuals
-
-
-@dataclass(frozen=True)
-class Page:
-    """The content of a report, in the order in which it is read."""
-
-    title: str
-    computed: Sequence[str]
-    """What was computed, a paragraph each."""
-    findings: Sequence[str]
-    """What a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
-    tables: Sequence[Table]
-    figures: Sequence[Drawing]
-    details: Sequence[Table]
-    """Tables that follow the figures."""
-    assumptions: Sequence[str]
-    provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
 @singledispatch
@@ -96,27 +81,7 @@ def _paper(result: PaperResult) -> Page:
 
 @page.register
 def _identification(result: Identification) -> Page:
-    names = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
-    centre = ", ".join(f"{1e3 * r:.6g} ± {1e3 * u:.3g}" for r, u in zip(result.r_cg, result.sigma_r_cg, strict=True))
-    return Page(
-        "Inertia tensor of a body",
-        [f"The tensor about the centre of gravity, in the body frame, from {names} with the estimator "
-         f"“{result.estimator.name}”; centre of gravity from the load cell's centre: ({centre}) mm.", UNCERTAINTY],
-        result.warnings,
-        [Table("Inertia tensor, g·m²", *result.rows())],
-        [Drawing("runs", plots.estimates(result), "Each component: each run alone, and all together."),
-         *_parts(result)],
-        [run_table(result), *source_tables(result.provenance)],
-        [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
-        result.provenance,
-    )  # fmt: skip
-
-
-def _parts(result: Identification) -> list[Drawing]:
-    """The figure of what was used, where not all of it was; what was left out stands below."""
-    said = " ".join(f"{run.used}." for run in result.runs if run.used)
-    cut = any(run.overview is not None for run in result.runs)
-    return [Drawing("parts", plots.parts(result), f"The part of each run that counts. {said}")] if cut else []
+    return certificate(result)
 
 
 @page.register
@@ -162,6 +127,27 @@ def _budget(result: BudgetResult) -> Page:
     )  # fmt: skip
 
 
+@page.register
+def _comparison(result: Comparison) -> Page:
+    parts = [Table("What makes the expected tensor uncertain: standard uncertainty, g·m²", *result.reference_rows())]
+    return Page(
+        "Expected values",
+        [f"Beside what is expected of {result.reference.name}, from its {result.reference.kind}. {EXPECTED}"],
+        result.findings(),
+        [Table(f"Expected: {result.reference.name}, g·m²", *result.rows(), note=f"{result.summary()}.")],
+        [],
+        parts if result.reference.contributions else [],
+        ["The errors of the result and of the expected value are independent."],
+        result.provenance,
+    )
+
+
+@page.register
+def _exported(result: Exported) -> Page:
+    files = Table("Exported files", *result.rows())
+    return Page("Exported files", [], result.warnings, [], [], [files], [], result.provenance)
+
+
 def joined(first: Page, *others: Page) -> Page:
     """Return one page with the content of several; title, assumptions and provenance stand as the first has them."""
     pages = (first, *others)
@@ -169,6 +155,8 @@ def joined(first: Page, *others: Page) -> Page:
     for name in ("computed", "findings", "tables", "figures", "details", "assumptions"):
         items = [item for one in pages for item in getattr(one, name)]
         parts[name] = [item for k, item in enumerate(items) if item not in items[:k]]
+    if others:
+        parts["provenance"] = {**first.provenance, "others": [one.provenance for one in others]}
     return replace(first, **parts)
 
 
@@ -183,10 +171,9 @@ BUDGET_ASSUMPTION = (
     "Shares are of the variance, the dispersion about the mean; the mean error (bias) of a source alone stands in a "
     "table of its own, since biases of several sources need not add up."
 )
-UNCERTAINTY = (
-    "The standard uncertainty combines the residuals (correlated in time), the scatter between runs where it is "
-    "larger, and the stated uncertainty of the centre of gravity. The bias is the expected mean error from the gyro's "
-    "noise in the regressor; it is stated, not subtracted, and not contained in the interval."
+EXPECTED = (
+    "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
+    "over the root of the sum of squares of both expanded uncertainties (k = 2): satisfactory up to 1 (ISO 13528)."
 )
 SOURCE = (
     "J.P. Barreto, L.E. Muñoz, “Low uncertainty method for inertia tensor identification”, Mechanical Systems and "

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.filters import occupied_band
 from identify.identification import Identification, identify
@@ -17,15 +18,22 @@ from identify.stretches import Stretch, still
 from rig import notes
 from rig.bag import read_any
 from rig.channels import Recording as BagRecording
+from uq.centre_prior import known_by, load_centre, told
+from uq.certificate import cautions
 from uq.clocks import instants
 from uq.compensation import undo
 from uq.declared import Rig, declared
+from uq.devices import about
 from uq.experiment import Experiment
+from uq.measured_noise import noise_warnings
 from uq.motion import motion
+from uq.mountings import check_count, labelled
 from uq.parts import Part, cut, on_clock
 from uq.provenance import provenance
 from uq.recording import Recording
+from uq.repeatability import ScatterVerdict, of_runs
 from uq.suspected import warned
+from uq.systematic import with_declared_sources
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
             run,
             warnings=(*run.warnings, *told.warnings, *said),
             noise=None if told.noise is None else told.noise.turned(rig.imu_rotation),
+            about=about(bag.metadata, bag.wrench.log_time),
         ),
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
         (*rig.assumptions, *told.notes),
@@ -139,7 +148,12 @@ class _Channels:
             specific_force=self.motion[:, 3:] if accelerates else None,
             bad=self.bad,
         )
-        return replace(run, left_out=self.left_out | dict(run.left_out), imu_position=self.rig.imu_position)
+        return replace(
+            run,
+            left_out=self.left_out | dict(run.left_out),
+            imu_position=self.rig.imu_position,
+            mounting=self.bag.metadata.get("rig.run", {}).get("mounting") or None,
+        )
 
 
 def _check_rates(channels: _Channels, band: float | None) -> None:
@@ -167,6 +181,8 @@ def identify_files(
     estimator: str | None = None,
     offsets: OffsetChoice | None = None,
     parts: Sequence[Part] | None = None,
+    mountings: Sequence[str] | None = None,
+    centre: str | Path | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body.
 
@@ -176,18 +192,29 @@ def identify_files(
         estimator: name of the estimator; None for the recording's, or the first.
         offsets: where constant offsets come from; None: as the experiment says.
         parts: the parts of each run that count; None: where it moves.
+        mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
+        centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.parts.resolve`,
-            :func:`uq.compensation.undo` and :func:`identify.identify`.
+            :func:`uq.compensation.undo`, :func:`uq.mountings.labelled`, :func:`identify.identify` and
+            :func:`uq.systematic.with_declared_sources`.
     """
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
+    check_count(mountings, len(paths))
     if offsets is not None:
         experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
+    declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
+    if centre is not None:
+        prior = load_centre(centre)
+        experiment, differing = known_by(experiment, prior)
+        declared_inputs |= {"centre": told(centre, prior)}
+    elif experiment.scale is not None:
+        experiment = replace(experiment, mass=experiment.scale[0])
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, parts) for path in paths]
-    runs = [run for run, _ in prepared]
+    runs = labelled([run for run, _ in prepared], mountings)
     result = identify(
         runs,
         r_cg=experiment.stated_r_cg,
@@ -195,16 +222,35 @@ def identify_files(
         estimator=spec,
         offsets=experiment.recording.offsets,
         mass=experiment.mass,
+        centre=prior,
     )
+    if prior is None and experiment.scale is not None:
+        result = replace(result, mass_uncertainty=experiment.scale[1])
+    result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
+    followed = [one for run in runs for one in _followed(run, result)]
+    repeats = of_runs(result.pooling) if result.pooling else None
     suspicious = [text for run in runs for text in warned(run, experiment)]
+    noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
-    inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
+    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
+    said = cautions(experiment.report, inputs)
     return replace(
         result,
-        warnings=(*result.warnings, *suspicious),
+        warnings=(*differing, *result.warnings, *suspicious, *noisy, *(verdict.text for verdict in followed), *said),
+        consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *result.assumptions),
-        provenance=provenance(**experiment.inputs(), inputs=inputs),
+        provenance=provenance(**declared_inputs, inputs=inputs),
+        datum=experiment.datum,
     )
+
+
+def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
+    return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
+
+
+def _repeatability(repeats: ScatterVerdict) -> Verdict:
+    worst = int(np.argmin(repeats.probability))
+    return Verdict("repeatability", repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
 
 
 def _prepared(

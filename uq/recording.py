@@ -60,6 +60,8 @@ class Recording:
     """Path of the robot's description, where the motion is told by joint states."""
     urdf_frame: str | None = None
     """The frame of the description that turns with the body."""
+    drawn_by_mounting: tuple[str, ...] = ()
+    """Names of the sources whose errors each mounting of the body draws anew."""
 
     def unit(self, quantity: str) -> str | None:
         """Return the declared unit's name of ``force``, ``moment``, ``angular_velocity`` or ``acceleration``."""
@@ -77,7 +79,7 @@ def parse_recording(table: Table) -> Recording:
     """
     alike: dict[str, Any] = {key: table.typed(key, str, None) for key in TEXTS}
     alike |= {f"{name}_unit": _unit(table, f"{name}_unit", si) for name, si in UNITS.items()}
-    alike |= {key: _rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
+    alike |= {key: rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
     alike |= {key: _point(table, key) for key in ("wrench_point", "imu_position")}
     recording = Recording(
         **alike,
@@ -87,6 +89,7 @@ def parse_recording(table: Table) -> Recording:
         zero=table.choice("zero", ("empty", "loaded"), None),
         compensated=table.choice("compensated", ("none", "gravity", "gravity_from_force"), None),
         time=table.choice("time", ("header", "log"), None),
+        drawn_by_mounting=_names(table, "drawn_by_mounting"),
     )
     table.finish()
     return recording
@@ -103,12 +106,24 @@ def _unit(table: Table, key: str, si: str) -> str | None:
     return name
 
 
+def _names(table: Table, key: str) -> tuple[str, ...]:
+    """A list of names, each once."""
+    names = table.raw(key, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+        raise ExperimentError(f"{table.path(key)} is {names!r}: write a list of names of [[source]]")
+    return tuple(dict.fromkeys(names))
+
+
 def _point(table: Table, key: str) -> np.ndarray | None:
     return table.vector(key, "m") if key in table.content else table.raw(key, None)
 
 
-def _rotation(table: Table, key: str) -> np.ndarray | None:
-    """A rotation as signed axes, quaternion or matrix."""
+def rotation(table: Table, key: str) -> np.ndarray | None:
+    """Return a rotation written as signed axes, quaternion or matrix; None: the key is missing.
+
+    Raises:
+        ExperimentError: it is no rotation.
+    """
     raw = table.raw(key, None)
     if raw is None:
         return None

@@ -14,12 +14,17 @@ from typing import Any
 
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from uq.pages import Page, joined, page
+from uq.front import number_of
+from uq.page_parts import Page, input_table
+from uq.pages import joined, page
 
 DPI = 300
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
+ELSEWHERE = ("experiment", "resolved", "report", "inputs", "experiment_file", "others")
+"""Parts of the provenance that stand in other places of a page."""
 
 
 def report(result: Any) -> str:
@@ -29,13 +34,15 @@ def report(result: Any) -> str:
         TypeError: there is no report for this kind of result.
     """
     content = page(result)
-    return _html(content, {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures})
+    svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
+    return _html(content, svg, number(content, result.to_dict()))
 
 
 def write(result: Any, out: Path, *more: Any) -> None:
     """Write ``result.json`` (``centre.json`` of a centre), ``report.html`` and the figures (SVG and PNG) into a folder.
 
-    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV of theirs is a file of its own.
+    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV and other files of theirs stand
+    beside them.
 
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
     of the same name is replaced; other files stay.
@@ -44,7 +51,15 @@ def write(result: Any, out: Path, *more: Any) -> None:
         OSError: the folder cannot be made or written.
         TypeError: there is no report for this kind of result.
     """
-    content = files(result, *more)
+    place(files(result, *more), out)
+
+
+def place(content: Mapping[str, bytes], out: Path) -> None:
+    """Write files into a folder: all are on the disk before the first is moved into place.
+
+    Raises:
+        OSError: the folder cannot be made or written.
+    """
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
         for name, data in content.items():
@@ -57,27 +72,41 @@ def files(result: Any, *more: Any) -> dict[str, bytes]:
     """Return the content of a result's files by name, together with that of ``more``."""
     content = joined(page(result), *map(page, more))
     svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
+    figures = result.to_dict() | {other.name: other.to_dict() for other in more}
+    name = number(content, figures)
     return {
-        getattr(result, "file_name", "result.json"): _json(
-            result.to_dict() | {other.name: other.to_dict() for other in more}
-        ).encode(),
-        "report.html": _html(content, svg).encode(),
+        getattr(result, "file_name", "result.json"): _json(figures | ({"certificate": name} if name else {})).encode(),
+        "report.html": _html(content, svg, name).encode(),
         **{f"{one.name}.csv": one.csv().encode() for one in (result, *more) if hasattr(one, "csv")},
+        **{name: data for one in more if hasattr(one, "files") for name, data in one.files().items()},
         **{f"{name}.svg": data for name, data in svg.items()},
         **{f"{drawing.name}.png": _render(drawing.figure, "png") for drawing in content.figures},
     }
 
 
-def _html(content: Page, svg: Mapping[str, bytes]) -> str:
+def number(content: Page, figures: Mapping[str, Any]) -> str:
+    """Return the number of a certificate: as stated, or made of its content; empty for any other report."""
+    return "" if content.front is None else content.front.number or number_of(figures)
+
+
+def _html(content: Page, svg: Mapping[str, bytes], name: str) -> str:
     environment = Environment(
         loader=PackageLoader("uq"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    images = {name: f"data:image/svg+xml;base64,{b64encode(data).decode()}" for name, data in svg.items()}
-    record = {k: _words(v) for k, v in content.provenance.items() if k not in ("experiment", "resolved")}
+    environment.filters["css_text"] = _css_text
+    images = {key: f"data:image/svg+xml;base64,{b64encode(data).decode()}" for key, data in svg.items()}
+    record = {key: _words(value) for key, value in content.provenance.items() if key not in ELSEWHERE}
     experiment = _json(content.provenance.get("experiment") or content.provenance.get("resolved") or {})
-    return environment.get_template("report.html").render(
-        page=content, images=images, provenance=record, experiment=experiment
-    )
+    template = environment.get_template("certificate.html" if content.front else "report.html")
+    return template.render(
+        page=content, images=images, provenance=record, experiment=experiment, inputs=input_table(content.provenance),
+        number=name, footer=name or content.title,
+    )  # fmt: skip
+
+
+def _css_text(text: str) -> Markup:
+    """A string of CSS in which nothing can end it."""
+    return Markup('"' + "".join(c if c.isalnum() and c.isascii() else f"\\{ord(c):06x}" for c in text) + '"')  # noqa: S704
 
 
 def _words(value: object) -> str:

@@ -3,9 +3,15 @@
 import argparse
 
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
+from uq.document import ExperimentError
+from uq.expected import compare
 from uq.experiment import Experiment
+from uq.exports import FORMATS, export, formats_of
+from uq.mountings import names
 from uq.parts import pair
 from uq.recorded import identify_files
+from uq.reference import load_reference
+from uq.tare import tare_files
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -22,14 +28,37 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("estimate", "still", "none"),
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
+    parser.add_argument(
+        "--mounting",
+        metavar="A,A,B,…",
+        help="name of the mounting that each run was made with, in the runs' order (as the runs' metadata say)",
+    )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
+    parser.add_argument(
+        "--tare",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="EMPTY.mcap",
+        help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
+    )
+    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
     add_part_options(parser)
+    parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
+    parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
+    if arguments.export is not None and arguments.out is None:
+        raise ExperimentError("--export has no folder: add --out DIR")
+    formats = None if arguments.export is None else formats_of(arguments.export)
     experiment = Experiment.load(arguments.experiment)
+    reference = None if arguments.expected is None else load_reference(arguments.expected)
     with output_folder(arguments.out) as out:
         result = identify_files(
             arguments.runs,
@@ -37,6 +66,18 @@ def run(arguments: argparse.Namespace) -> int:
             estimator=arguments.estimator,
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
+            mountings=None if arguments.mounting is None else names(arguments.mounting),
+            centre=arguments.centre,
         )
-        finish(result, out)
+        result = tare_files(
+            result,
+            arguments.tare,
+            experiment,
+            estimator=arguments.estimator,
+            offsets=arguments.offsets,
+            centre=arguments.centre,
+            tare_centre=arguments.tare_centre,
+        )
+        more = [] if reference is None else [compare(result, reference)]
+        finish(result, out, *more, *([] if formats is None else [export(result, formats)]))
     return 0

@@ -1,0 +1,74 @@
+"""A line in a spectrum (a resonance, mains hum, an imbalance), told from coloured noise by its surroundings."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import median_filter
+
+CHANCE = 1e-5
+"""Of a line in noise, over all frequencies and axes."""
+AROUND = 40
+"""Parts of the spectrum over one of which its level is taken."""
+
+
+class Line(NamedTuple):
+    """The strongest line of a signal."""
+
+    frequency: float
+    """[Hz]"""
+    axis: int
+    rms: float
+    """Of the line, in the signal's unit."""
+    share: float
+    """Part of the signal's variance, all axes together."""
+
+
+def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> Line | None:
+    """Return the line that stands out most from the spectrum around it; None where none does.
+
+    Args:
+        signal: samples first.
+        rate: sample rate [Hz].
+        above: lowest frequency to look at [Hz].
+    """
+    n = len(signal)
+    window = np.hanning(n)
+    spectrum = np.abs(np.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)) ** 2
+    frequency = np.fft.rfftfreq(n, 1 / rate)
+    width = max(len(frequency) // AROUND, 11) | 1
+    level = _level(spectrum, width)
+    usable = (frequency > max(above, 4 * rate / n)) & (frequency < 0.95 * rate / 2)
+    if usable.sum() < 2 * width:
+        return None
+    ratio = np.where(usable[:, None], spectrum / np.maximum(level, 1e-300 + 1e-12 * spectrum.max()), 0.0)
+    peak, axis = np.unravel_index(np.argmax(ratio), ratio.shape)
+    if ratio[peak, axis] < np.log(ratio.size / CHANCE) * SAFETY:
+        return None
+    power = _power(spectrum[:, axis], level[:, axis], int(peak)) / (n * (window**2).sum()) * 2
+    variance = float(signal.var(axis=0).sum())
+    return Line(
+        float(frequency[peak]), int(axis), float(np.sqrt(power)), float(min(power / max(variance, 1e-300), 1.0))
+    )
+
+
+SAFETY = 1.5
+"""The level is itself an estimate, over few frequencies where the run is short."""
+
+
+def _level(spectrum: np.ndarray, width: int) -> np.ndarray:
+    """What the spectrum is around: its median on the side where that is higher, so that a slope is no line."""
+    half = width // 2
+    sides = [median_filter(spectrum, size=(width, 1), origin=(shift, 0), mode="reflect") for shift in (half, -half)]
+    return np.maximum(*sides) / np.log(2)
+
+
+def _power(spectrum: np.ndarray, level: np.ndarray, peak: int) -> float:
+    """What stands above the level about the peak, as far as it stands out."""
+    out = spectrum > 3 * level
+    first = last = peak
+    while first > 0 and out[first - 1]:
+        first -= 1
+    while last + 1 < len(out) and out[last + 1]:
+        last += 1
+    return float(np.maximum(spectrum - level, 0)[first : last + 1].sum())

@@ -1,0 +1,165 @@
+"""How errors are correlated across axes and in time: their spectrum, from the cosine transform of residuals.
+
+The cosine transform (DCT-II, orthonormal) of each stretch without a gap turns n samples into n lines at the frequencies
+``j rate / 2n``. It is orthogonal, so the regression stays the same regression; and the lines of a stationary error are
+nearly uncorrelated, also of one that drifts, since the transform knows no jump from a stretch's end to its beginning
+(Ahmed, Natarajan and Rao 1974, doi:10.1109/T-C.1974.223784). What is left is a covariance across the axes at each line,
+``S``, that varies slowly along frequency: an average of the residuals' products over neighbouring lines, divided by
+the degrees of freedom that the fit left there. Errors of one axis that follow those of another with a delay are taken
+as if there were none.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.fft import dct
+
+LEAST_LINES = 8
+"""Lines on either side of one over which a spectrum is averaged, at least."""
+SLOPE_LINES = 64
+"""Lines, the first ones, that tell how the spectrum falls."""
+LEAST_GAIN = 1e-4
+"""Of a filter's power gain: what lies below is not told from what leaks there."""
+
+
+class Lines(NamedTuple):
+    """Where the lines of a run's stretches lie, in the order of frequency."""
+
+    frequency: Float[np.ndarray, " m"]
+    """[Hz]."""
+    constant: Float[np.ndarray, " m"]
+    """The transform of a constant 1."""
+    order: np.ndarray
+    """From the stretches' lines, one stretch after the other, to these."""
+    stretches: tuple[slice, ...]
+
+    @classmethod
+    def of(cls, stretches: Sequence[slice], rate: float) -> "Lines":
+        """Return the lines of stretches of samples at a rate [Hz]."""
+        sizes = [one.stop - one.start for one in stretches]
+        frequency = np.concatenate([np.arange(n) * rate / (2 * n) for n in sizes])
+        constant = np.concatenate([np.sqrt(n) * (np.arange(n) == 0) for n in sizes])
+        order = np.argsort(frequency, kind="stable")
+        return cls(frequency[order], constant[order], order, tuple(stretches))
+
+    @property
+    def constants(self) -> int:
+        """How many lines, the first ones, are those of constants."""
+        return len(self.stretches)
+
+    def transform(self, signal: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
+        """Return the cosine transform of samples, each stretch by itself."""
+        parts = [dct(signal[one], axis=0, norm="ortho") for one in self.stretches]
+        return np.concatenate(parts)[self.order]
+
+
+class Spectrum(NamedTuple):
+    """Covariance of the errors across the axes at each line, and the windows that it was averaged over."""
+
+    values: Float[np.ndarray, "m 3 3"]
+    """``S`` [(N·m)²]: at white noise of covariance C, it is C."""
+    first: np.ndarray
+    """First line of each line's window."""
+    last: np.ndarray
+    """One past its last."""
+    free: Float[np.ndarray, "m 3"]
+    """Degrees of freedom that the fit left at each line and axis."""
+
+    def scores(self, rows: Float[np.ndarray, "m 3 p"]) -> Float[np.ndarray, "p p"]:
+        """Return the covariance of ``Σ rowsᵀ u`` for errors ``u`` of this spectrum."""
+        weighed = np.einsum("mab,mbp->map", self.values, rows)
+        return np.tensordot(rows, weighed, axes=((0, 1), (0, 1)))
+
+    def degrees_of_freedom(self, combinations: Float[np.ndarray, "m 3 p"]) -> Float[np.ndarray, " p"]:
+        """Return the effective degrees of freedom of the variances of ``Σ cᵀ u``, one of each combination ``c``.
+
+        Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
+        """
+        inside = max(int((self._share(combinations) < 0.999).sum()), 1)
+        reach = int(self.last[:inside].max())
+        count = np.maximum(_sums(self.free, self.first, self.last)[:inside].mean(axis=1), 1.0)
+        c = (
+            np.einsum("mab,mbp->pma", _root(self.values[:inside]), combinations[:inside])
+            / np.sqrt(count)[None, :, None]
+        )
+        terms = np.pad(np.einsum("pma,pmb->pmab", c, c), ((0, 0), (1, 0), (0, 0), (0, 0)))
+        total = np.cumsum(terms, axis=1)
+        begun, ended = (np.searchsorted(ends[:inside], np.arange(reach), "right") for ends in (self.first, self.last))
+        root = np.sqrt(self.free[:reach])
+        taken = (total[:, begun] - total[:, ended]) * root[:, :, None] * root[:, None, :]
+        mean = np.trace(taken, axis1=2, axis2=3).sum(axis=1)
+        return np.maximum(mean**2 / np.maximum((taken**2).sum(axis=(1, 2, 3)), 1e-300), 1.0)
+
+    def _share(self, combinations: Float[np.ndarray, "m 3 p"]) -> Float[np.ndarray, " m"]:
+        """Up to each line, the part of the variance of the combination that reaches highest."""
+        power = np.cumsum(np.einsum("map,mab,mbp->mp", combinations, self.values, combinations, optimize=True), axis=0)
+        return np.where(power[-1] > 0, power / np.maximum(power[-1], 1e-300), 1.0).min(axis=1)
+
+
+def spectrum(
+    residuals: Float[np.ndarray, "m 3"],
+    free: Float[np.ndarray, "m 3"],
+    constants: int,
+    gain: Float[np.ndarray, " m"] | float = 1.0,
+) -> Spectrum:
+    """Return the errors' spectrum from the transformed residuals of a fit.
+
+    A fit takes most from the residuals where its rows are strong, which in a brief run is where it matters: the
+    products in a window are divided by the degrees of freedom left in it, not by its lines. The window of line j is
+    ``2 j^0.6`` lines to either side, ``LEAST_LINES`` at least; a known filter's gain and a fitted power of the
+    frequency are divided out first. Lines of constants are told from their neighbours, and never smaller than their
+    own residual.
+
+    Args:
+        residuals: of the lines, in the order of frequency [N·m].
+        free: degrees of freedom left at each, 1 minus its leverage.
+        constants: how many lines, the first ones, are those of constants.
+        gain: power gain of a known filter that errors have passed, at each line.
+    """
+    m = len(residuals)
+    gain = np.broadcast_to(np.maximum(gain, LEAST_GAIN), m)
+    gain = gain * _colour(residuals[constants:], free[constants:], gain[constants:], constants)
+    position = np.arange(m)
+    half = np.maximum(np.ceil(2 * position**0.6), LEAST_LINES).astype(int)
+    begin = min(constants, m - 1)
+    first = np.clip(position - half, begin, m - 1)
+    last = np.clip(position + half + 1, begin + 1, m)
+    products = np.einsum("ma,mb->mab", residuals, residuals) / gain[:, None, None]
+    total = _sums(products, first, last)
+    left = np.sqrt(np.maximum(_sums(free, first, last), 1.0))
+    values = total / (left[:, :, None] * left[:, None, :])
+    values[:begin] += products[:begin]
+    floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return Spectrum((values + floor) * gain[:, None, None], first, last, free)
+
+
+def leverage(rows: Float[np.ndarray, "m 3 p"], inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m 3"]:
+    """Return how much of each value its own fit takes up: the diagonal of ``X (XᵀX)⁻¹ Xᵀ``."""
+    return np.clip(np.einsum("map,pq,maq->ma", rows, inverse, rows, optimize=True), 0, 1)
+
+
+def _colour(residuals: np.ndarray, free: np.ndarray, gain: np.ndarray, constants: int) -> np.ndarray:
+    """A power of the frequency, 0 to -2, fitted to the logarithm of the first lines' residuals; 1 a line at first."""
+    n = len(residuals)
+    number = np.arange(1, min(n, SLOPE_LINES) + 1)
+    power = (residuals[: len(number)] ** 2 / np.maximum(free[: len(number)], 0.1)).sum(axis=1) / gain[: len(number)]
+    usable = power > 0
+    if usable.sum() < LEAST_LINES:
+        return np.ones(n + constants)
+    slope = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1)[0]
+    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0)
+    return np.concatenate([np.ones(constants), shape])
+
+
+def _sums(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Sums over each window."""
+    total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
+    return total[last] - total[first]
+
+
+def _root(matrices: np.ndarray) -> np.ndarray:
+    """``Lᵀ`` of each ``L Lᵀ``."""
+    scale = np.trace(matrices, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return np.swapaxes(np.linalg.cholesky(matrices + 1e-9 * scale + 1e-300 * np.eye(3)), 1, 2)

@@ -1,0 +1,142 @@
+"""The tables of a certificate."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from identify.identification import Identification
+from identify.inertia import COMPONENTS
+from identify.inertial import LARGEST_ANGLE, principal_axes
+from identify.tables import decimals, fixed
+from uq import checks
+from uq.campaign import GRAM_METRE
+from uq.certificate import Report
+from uq.conformity import decide
+from uq.contributions import contributions, evaluated
+from uq.expanded import HEAD, Expanded, of_normal
+from uq.front import INSTRUMENT_HEAD, MISSING, instrument_rows
+from uq.page_parts import Table
+from uq.plots import display_name
+
+AXES = ("b1", "b2", "b3")
+
+
+def tensor(result: Identification, of: Expanded) -> Table:
+    """Return the six components; the bias has the decimals of U."""
+    rows = []
+    for row, bias, half in zip(of.rows(GRAM_METRE), result.bias, of.expanded, strict=True):
+        rows.append([*row[:6], fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half)), row[6]])
+    count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
+    title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
+    return Table(title, ["", *HEAD[:5], "bias", HEAD[5]], rows, TENSOR_NOTE)
+
+
+def mass_and_centre(result: Identification, report: Report) -> Table:
+    """Return mass and centre of gravity, as stated or measured."""
+    asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
+    names = tuple(f"centre of gravity from Q, {axis}, mm" for axis in AXES)
+    of_cg = of_normal(names, 1e3 * result.r_cg, 1e3 * result.sigma_r_cg, **asked)
+    return Table("Mass and centre of gravity", ["", *HEAD], [*_mass(result, asked), *of_cg.rows()])
+
+
+def _mass(result: Identification, asked: dict[str, float | None]) -> list[list[str]]:
+    if result.mass is None:
+        return [[f"mass: {MISSING}", *[""] * 6]]
+    if not result.mass_uncertainty:
+        return [["mass, kg", f"{result.mass:.6g}", *["–"] * 5]]
+    return of_normal(("mass, kg",), np.array([result.mass]), np.array([result.mass_uncertainty]), **asked).rows()
+
+
+def principal(result: Identification, report: Report) -> Table:
+    """Return the principal moments with their axes, or how well an axis is known where it is not."""
+    found = principal_axes(result.inertia, result.covariance)
+    asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
+    of = of_normal(tuple("123"), found.moments, found.standard_uncertainty, **asked)
+    rows = []
+    for row, axis, known, angle in zip(of.rows(GRAM_METRE), found.axes, found.determined, found.angles, strict=True):
+        components = [fixed(x, 3) if known else "–" for x in axis]
+        rows.append([*row[:3], *components, _degrees(angle) if angle <= LARGEST_ANGLE else "–"])
+    note = PRINCIPAL_NOTE + (f" {found.note[0].upper()}{found.note[1:]}." if found.note else "")
+    return Table("Principal moments, g·m², and their axes", ["", "value", "U", *AXES, "turn, deg"], rows, note)
+
+
+def _degrees(angle: float) -> str:
+    degrees = float(np.degrees(angle))
+    return fixed(degrees, decimals(degrees))
+
+
+def conformity(report: Report, of: Expanded) -> list[Table]:
+    """Return what the decision rule says, where a statement of conformity is asked for."""
+    if report.conformity is None:
+        return []
+    rows = []
+    for one in decide(report.conformity, of.value, of.standard, of.expanded):
+        low, high = (f"{GRAM_METRE * end:.6g}".replace("-", "−") for end in one.limits)
+        rows.append([one.component, f"{low} … {high}", one.outcome, f"{100 * one.probability:.3g}"])
+    head = ["", "limits, g·m²", "outcome", "probability within, %"]
+    return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
+
+
+def instruments(report: Report) -> Table:
+    """Return the instruments with their calibration."""
+    rows = instrument_rows(report.instruments) or [[MISSING, *[""] * 5]]
+    return Table("Instruments and their calibration", list(INSTRUMENT_HEAD), rows, wrap=True)
+
+
+def budget(result: Identification) -> list[Table]:
+    """Return contributions to the standard uncertainty, and the combined one."""
+    parts = contributions(result)
+    if not parts:
+        return []
+    rows = [[display_name(name), evaluated(name), *_two_digits(values)] for name, values in parts.items()]
+    rows.append(["combined", "", *_two_digits(result.standard_uncertainty)])
+    head = ["part", "type", *COMPONENTS]
+    return [Table("Budget: contributions to the standard uncertainty, g·m²", head, rows, BUDGET_NOTE)]
+
+
+def scatter(result: Identification) -> list[Table]:
+    """Return what repeated runs show beside what their residuals foresee."""
+    found = result.pooling
+    if found is None or found.runs < 2:
+        return []
+    rows = [["foreseen by the residuals, one run", *_two_digits(found.predicted)]]
+    if found.between_runs is not None:
+        rows.append(["between runs", *_two_digits(found.between_runs)])
+    if found.between_mountings is not None:
+        rows.append([f"between {found.mountings} mountings", *_two_digits(found.between_mountings)])
+    return [Table("Repeatability: standard deviations, g·m²", ["", *COMPONENTS], rows)]
+
+
+def elsewhere(result: Identification) -> Iterator[Table]:
+    """Return the tensor about other points and in other frames, as far as it is known."""
+    if result.mass is None:
+        return
+    of_q = result.parameters.about()
+    named = [("about the load cell's centre Q, in the body frame", of_q.inertia, of_q.standard_uncertainty)]
+    if result.datum is not None:
+        moved = result.parameters.in_datum(result.datum)
+        where = "about the centre of gravity, in the frame of the declared datum"
+        named.append((where, moved.inertia, moved.standard_uncertainty[4:]))
+    for where, inertia, u in named:
+        values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * s)) for x, s in zip(inertia, u, strict=True)]
+        yield Table(f"Tensor {where}, g·m²", ["", *COMPONENTS], [["value", *values], ["u", *_two_digits(u)]])
+
+
+def checked(result: Identification) -> Table:
+    """Return what was checked."""
+    return Table("Checks", list(checks.HEAD), checks.rows(result), wrap=True)
+
+
+def _two_digits(values: np.ndarray) -> list[str]:
+    return [fixed(GRAM_METRE * x, min(decimals(GRAM_METRE * x), 4)) if x else "0" for x in values]
+
+
+TENSOR_NOTE = (
+    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; p: coverage probability; u: "
+    "standard uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
+)
+PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
+CONFORMITY_NOTE = "probability within: that the value lies within the limits, from a normal distribution of its u."
+BUDGET_NOTE = (
+    "A: from the data; B: declared. Correlated sources make the combined one differ from the root sum of squares."
+)

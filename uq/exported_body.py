@@ -1,0 +1,65 @@
+"""What every export format is written from: mass, centre of gravity, tensor, and what stands in its comments."""
+
+from dataclasses import dataclass, field
+from itertools import permutations
+
+import jax.numpy as jnp
+import numpy as np
+
+from identify.inertia import principal
+
+
+@dataclass(frozen=True)
+class ExportedBody:
+    """A rigid body in the frame in which it is exported. SI units."""
+
+    mass: float
+    """[kg]"""
+    r_cg: np.ndarray
+    """Centre of gravity from the frame's origin [m]."""
+    inertia: np.ndarray
+    """Packed tensor about the centre of gravity [kg·m²]."""
+    notes: tuple[str, ...] = ()
+    """Lines for a comment: uncertainty, provenance, warnings; plain ASCII."""
+    content: dict = field(default_factory=dict)
+    """What the JSON adds: covariance and provenance."""
+    name: str = "body"
+
+    @property
+    def named(self) -> dict[str, float]:
+        """The tensor's entries by the names that most formats give them: ixx, ixy, ixz, iyy, iyz, izz."""
+        return dict(zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), map(float, self.inertia), strict=True))
+
+    def principal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return principal moments [kg·m²] and the rotation from their axes' components to the frame's.
+
+        Of the 24 right-handed choices of principal axes it is the one that turns least: no turn for a diagonal tensor.
+        """
+        moments, rows = map(np.asarray, principal(jnp.asarray(self.inertia)))
+        choices = [(order, _aligned(rows[list(order)])) for order in permutations(range(3))]
+        order, axes = max(choices, key=lambda choice: np.trace(choice[1]))
+        return moments[list(order)], axes.T
+
+
+def _aligned(rows: np.ndarray) -> np.ndarray:
+    """Axes with the signs that bring each nearest to its namesake and make them right-handed."""
+    rows = rows * np.where(np.diag(rows) < 0, -1.0, 1.0)[:, None]
+    if np.linalg.det(rows) < 0:
+        rows[np.argmin(np.abs(np.diag(rows)))] *= -1
+    return rows
+
+
+def number(value: float) -> str:
+    """Return the shortest text that reads back as the same double; never a minus before nought."""
+    return repr(float(value) + 0.0)
+
+
+def numbers(values: np.ndarray, between: str = " ") -> str:
+    """Return several numbers in a row."""
+    return between.join(map(number, np.ravel(values)))
+
+
+def yaml_number(value: float) -> str:
+    """Return a number as YAML 1.1 takes it for one: an exponent needs a point before and a sign after its letter."""
+    mantissa, mark, exponent = number(value).partition("e")
+    return f"{mantissa if '.' in mantissa else f'{mantissa}.0'}e{int(exponent):+d}" if mark else mantissa
