@@ -1,6 +1,5 @@
 """The body without its fixture: against point masses, repeated draws, repeated laboratories; the command."""
 
-
 import numpy as np
 import pytest
 from tare_lab import BODY, laboratory
