@@ -58,14 +58,18 @@ def tare_files(
         if not np.isfinite(experiment.fixture.inertia).all():
             raise ExperimentError("no fixture.inertia: state it, or name runs of the empty platform with --tare")
         return tared(result, experiment.fixture)
+    loaded = {run.sha256 for run in result.runs}
     alone = fixture_alone(experiment, tare_centre)
     empty = identify_files(paths, alone, estimator=estimator, offsets=offsets, centre=tare_centre)
+    if both := [run.file for run in empty.runs if run.sha256 in loaded]:
+        raise RunError(f"{both[0]} is both loaded and empty: name the runs of the empty platform after --tare")
     if tare_centre is None:
         fixture = experiment.fixture
         assert fixture is not None  # noqa: S101 - fixture_alone has seen it
         empty = replace(empty, mass_uncertainty=float(fixture.standard_uncertainty[0]))
-    both = None if centre is None or tare_centre is None else (load_centre(centre), load_centre(tare_centre))
-    return tared(result, empty, cross=None if both is None else lasting_errors(result, empty, *both))
+    if centre is None or tare_centre is None:
+        return tared(result, empty)
+    return tared(result, empty, cross=lasting_errors(result, empty, load_centre(centre), load_centre(tare_centre)))
 
 
 def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Experiment:
