@@ -23,7 +23,7 @@ from identify.trajectory import exponential
 
 SpecificForce = Literal["still", "accelerometer", "none"]
 """Where the specific force at the centre of gravity comes from."""
-WANDER = 4
+WANDER = 3
 """Terms of the slow wander of the attitude that the gyro's white noise causes."""
 SIZES = {
     "inertia": 6, "mass": 1, "r_cg": 3, "force_offset": 3, "moment_offset": 3, "gyro_bias": 3, "tilt": 2, "delay": 1,
@@ -63,7 +63,7 @@ class Unknowns(NamedTuple):
     """Change of the force's offset from the run's start to its end [N]."""
     moment_drift: Float[Array, "3"]
     """The same of the moment's [N·m]."""
-    wander: Float[Array, "12"]
+    wander: Float[Array, "9"]
     """Amplitudes of the gyro's slow noise, three axes of each term [rad/s^0.5]; as its white noise's density."""
 
 
