@@ -10,12 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.stats import t as student
 
+from identify.centre_result import Centre
 from identify.estimate import Information, information, longest
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
 from identify.gram import normal_equations
 from identify.inertia import COMPONENTS, principal
 from identify.inertial import Datum, InertialParameters, by_component, principal_axes
+from identify.known_centre import with_centre
 from identify.offsets import OffsetChoice
 from identify.precision import check_precision
 from identify.run import Run, RunError
@@ -59,6 +61,8 @@ class Identification:
     """Between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
     cg_covariance: np.ndarray | None = None
     """Of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
+    mass_covariance: np.ndarray | None = None
+    """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
     datum: Datum | None = None
     """A frame in which the result is also wanted."""
 
@@ -72,6 +76,8 @@ class Identification:
         if self.cg_inertia_covariance is not None:
             covariance[1:4, 4:] = self.cg_inertia_covariance
             covariance[4:, 1:4] = self.cg_inertia_covariance.T
+        if self.mass_covariance is not None:
+            covariance[0, 1:] = covariance[1:, 0] = self.mass_covariance
         return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
 
     @property
@@ -169,26 +175,47 @@ class Identification:
 def identify(
     runs: Run | Sequence[Run],
     *,
-    r_cg: Sequence[float | int] | np.ndarray,
+    r_cg: Sequence[float | int] | np.ndarray | None = None,
     sigma_r_cg: Sequence[float | int] | np.ndarray = (0.0, 0.0, 0.0),
     estimator: EstimatorSpec | None = None,
     offsets: OffsetChoice = "estimate",
     mass: float | None = None,
+    centre: Centre | None = None,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
     Args:
         runs: the runs.
-        r_cg: centre of gravity from the load cell's centre Q, in B [m].
+        r_cg: centre of gravity from the load cell's centre Q, in B [m]; None: that of ``centre``.
         sigma_r_cg: its standard uncertainty on each axis [m].
         estimator: differentiator and filter; None: Savitzky–Golay matched to the band found in the runs.
         offsets: whether constant offsets of force and moment are estimated in each run along with the tensor, taken
             from its rest, or left in. A force's offset acts only through its moment about the centre of gravity.
         mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
+        centre: mass and centre of gravity from static poses, with their covariance, instead of the three above.
 
     Raises:
         RunError: no run, a run too short for the estimator, or components that the motion does not identify.
     """
+    if centre is not None:
+        sigma = centre.standard_uncertainty[1:4]
+        found = _plug_in(
+            runs, r_cg=centre.r_cg, sigma_r_cg=sigma, estimator=estimator, offsets=offsets, mass=centre.mass
+        )
+        return with_centre(found, centre)
+    return _plug_in(runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, estimator=estimator, offsets=offsets, mass=mass)
+
+
+def _plug_in(
+    runs: Run | Sequence[Run],
+    *,
+    r_cg: Sequence[float | int] | np.ndarray | None,
+    sigma_r_cg: Sequence[float | int] | np.ndarray,
+    estimator: EstimatorSpec | None,
+    offsets: OffsetChoice,
+    mass: float | None,
+) -> Identification:
+    """The source's estimator: r_CG as it is given, ordinary least squares over all rows."""
     runs = [runs] if isinstance(runs, Run) else list(runs)
     if not runs:
         raise RunError("no runs: give one or more")

@@ -77,7 +77,7 @@ def parse_recording(table: Table) -> Recording:
     """
     alike: dict[str, Any] = {key: table.typed(key, str, None) for key in TEXTS}
     alike |= {f"{name}_unit": _unit(table, f"{name}_unit", si) for name, si in UNITS.items()}
-    alike |= {key: _rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
+    alike |= {key: rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
     alike |= {key: _point(table, key) for key in ("wrench_point", "imu_position")}
     recording = Recording(
         **alike,
@@ -107,8 +107,12 @@ def _point(table: Table, key: str) -> np.ndarray | None:
     return table.vector(key, "m") if key in table.content else table.raw(key, None)
 
 
-def _rotation(table: Table, key: str) -> np.ndarray | None:
-    """A rotation as signed axes, quaternion or matrix."""
+def rotation(table: Table, key: str) -> np.ndarray | None:
+    """Return a rotation written as signed axes, quaternion or matrix; None: the key is missing.
+
+    Raises:
+        ExperimentError: it is no rotation.
+    """
     raw = table.raw(key, None)
     if raw is None:
         return None

@@ -22,6 +22,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("estimate", "still", "none"),
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
     add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
@@ -37,6 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
             estimator=arguments.estimator,
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
+            centre=arguments.centre,
         )
         finish(result, out)
     return 0
