@@ -74,20 +74,21 @@ class InBand(eqx.Module):
         return (self.first - 1) * self.step
 
 
-def in_band(run: Run, band: float, *, reach: float) -> InBand:
+def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False) -> InBand:
     """Reduce a run to its motion's band.
 
     Args:
         run: the run.
         band: highest frequency of the motion [Hz].
         reach: the largest delay of the motion against the load cell to allow for [s].
+        accelerometer: whether the specific force is a part of the motion.
 
     Raises:
         RunError: the run is too short for that.
     """
     fine, stride = _factors(run.rate, band)
     taps = _taps(run.rate, band, fine * stride)
-    channels = [run.force, run.moment, run.omega] + ([] if run.specific_force is None else [run.specific_force])
+    channels = [run.force, run.moment, run.omega] + ([run.specific_force] if accelerometer else [])
     samples = np.hstack(channels)
     margin = int(np.ceil(reach * run.rate / fine)) + 1
     rows = ((len(run.t) - len(taps)) // fine - 2 * margin) // stride + 1
@@ -142,7 +143,7 @@ def evaluate(
 ) -> tuple[Float[Array, "channels n"], Float[Array, "channels n"], Float[Array, "channels n"]]:
     """Return the spline, its slope and its second derivative at some instants [s] between the nodes."""
     cell = cell_of(motion, step, t)
-    since = (t - step * cell)[:, None]
+    since = (t - step * cell.astype(t.dtype))[:, None]
     pieces = motion[:, cell]
     value, slope, half_second = jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0])
     for piece in pieces:

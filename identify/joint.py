@@ -82,13 +82,6 @@ def information(
     return rows.T @ rows
 
 
-def in_band_level(left: Float[Array, "rows n"], used: Float[Array, " n"], share: float) -> Float[Array, " rows"]:
-    """Return the standard deviation of white noise with the residuals' power below ``share`` of half their rate."""
-    power = jnp.abs(jnp.fft.rfft(left, axis=1)) ** 2
-    bins = max(int(share * (power.shape[1] - 1)), 1)
-    return jnp.sqrt(power[:, 1 : bins + 1].mean(axis=1) / used.sum())
-
-
 def posterior(fit: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariance of the unknowns, (count, count), and the part of it that the priors' errors cause."""
     of_data, counted, root = (np.asarray(x) for x in (fit.of_data, prior.counted, prior.root))
