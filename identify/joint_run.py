@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from identify.filters import noise_level
 from identify.in_band import PASSED, InBand, evaluate, in_band
-from identify.joint import Fit, posterior, solve
+from identify.joint import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
 from identify.priors import Alignment, Known, Prior, prior
 from identify.regressor import OMEGA_R_OF_FEATURES, cross_matrix, features
@@ -20,6 +20,8 @@ from identify.trajectory import exponential
 
 DELAYS_PER_PERIOD = 16
 """Starts of the delay that are tried, a period of the motion."""
+SAFE_PHASE = 1.0
+"""Phase of the motion [rad], three standard uncertainties of the delay, below which none needs to be tried."""
 LEAST_NOISE = 1e-7
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
 REACH = 4.0
@@ -74,10 +76,10 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     """
     model, known, gyro_noise = prepare(run, setting)
     start = jnp.asarray(_start(model, known, setting))
-    first = solve(model, known, jnp.asarray(whitener(_raw_noise(run, model, known) / model.rows.factor)), start)
+    first = solve(model, known, jnp.asarray(whitener(_raw_noise(run, model, known) / model.rows.factor)), start, jnp.asarray(ROUGH))
     _check(run, model, known, first)
     left = noise_of(first, known, model)
-    fit = solve(model, known, jnp.asarray(whitener(left)), first.z)
+    fit = solve(model, known, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
     _check(run, model, known, fit)
     return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
 
@@ -162,7 +164,7 @@ def _raw_noise(run: Run, model: Model, known: Prior) -> np.ndarray:
 def _start(model: Model, known: Prior, setting: Setting) -> np.ndarray:
     """z to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
     theta = np.array(known.mean)
-    if 2 * np.pi * model.rows.band * 3 * setting.alignment.sigma_delay > 0.3:
+    if 2 * np.pi * model.rows.band * 3 * setting.alignment.sigma_delay > SAFE_PHASE:
         theta[SLICES["delay"]] = tried_delay(model, setting.alignment)
     if model.specific_force == "still":
         to_imu = np.asarray(exponential(jnp.asarray(setting.alignment.rotation, float))).T
