@@ -53,10 +53,10 @@ def linearised(
         moments |= lever | {"r_cg": -_hat(rest)}
         jacobian = -_assembled(moments, len(theta))
     else:
-        forces: dict[str, Array] = {name: x.mass * columns for name, columns in force.items()}
+        forces: dict[str, Array] = {name: x.mass[0] * columns for name, columns in force.items()}
         forces["mass"] = motion.specific_force.T[:, :, None]
         moments = _added(moments, {name: arm @ columns for name, columns in forces.items()})
-        moments = _added(moments, {"r_cg": -_hat(x.mass * motion.specific_force)})
+        moments = _added(moments, {"r_cg": -_hat(x.mass[0] * motion.specific_force)})
         forces |= {"force_offset": one, "force_drift": along * one}
         jacobian = -jnp.concatenate([_assembled(forces, len(theta)), _assembled(moments, len(theta))], axis=1)
     return residuals(model, x, motion), model.rows.used[:, None, None] * jacobian
