@@ -25,6 +25,7 @@ from uq.gram_moments import moments_of_signals, own_products
 from uq.law_expansion import (
     Ground,
     Point,
+    Quiet,
     TrueSums,
     expand_at,
     of_wrench_noise,
@@ -144,7 +145,7 @@ def _ground(
         {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
     )
     anyhow = eqx.tree_at(lambda p: p.trajectory, platform, None)  # its kind would make another compiled law of it
-    return Ground(experiment.body, anyhow, (now, first, second), moments, columns), peaks
+    return Ground(Quiet(experiment.body, anyhow, (now, first, second), columns), moments), peaks
 
 
 @jax.jit
@@ -252,7 +253,7 @@ def _evaluate(
         wrench: covariance of the load cell's noise in each case.
         freedom: how well the standard deviations are known.
     """
-    nominal = jnp.asarray(ground.body.inertia)
+    nominal = jnp.asarray(ground.quiet.body.inertia)
 
     def of_case(estimator, index, variant, correlation, wrench):
         equations, expansions, scatter = estimator
@@ -267,7 +268,7 @@ def _evaluate(
         return errors[0], about.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
 
     def of_estimator(estimator):
-        equations = to_equations(jnp.asarray(ground.body.r_cg_from_q))
+        equations = to_equations(jnp.asarray(ground.quiet.body.r_cg_from_q))
         expansions = jax.lax.map(lambda point: expand_at(ground, estimator, point, directions), points)
         scatter = jax.lax.map(lambda variance: _scatter(ground, estimator, variance, equations), variances)
         cases = jax.vmap(of_case, (None, 1, 0, 0, 0))
