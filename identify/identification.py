@@ -99,6 +99,11 @@ class Identification:
         return self.parameters if self.tare is None else self.tare.whole
 
     @property
+    def taken_off(self) -> np.ndarray:
+        """What a fixture adds to each run's own tensor, which is that of all that stood on the load cell [kg·m²]."""
+        return self._measured.inertia - self.inertia
+
+    @property
     def standard_uncertainty(self) -> np.ndarray:
         """Standard uncertainty of each component [kg·m²]."""
         return np.sqrt(np.diag(self.covariance))

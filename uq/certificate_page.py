@@ -38,6 +38,7 @@ def certificate(result: Identification) -> Page:
         [
             *tables.budget(result),
             *tables.scatter(result),
+            *tables.tare(result),
             tables.checked(result),
             *tables.elsewhere(result),
             run_table(result),

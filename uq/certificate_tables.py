@@ -107,6 +107,27 @@ def scatter(result: Identification) -> list[Table]:
     return [Table("Repeatability: standard deviations, g·m²", ["", *COMPONENTS], rows)]
 
 
+def tare(result: Identification) -> list[Table]:
+    """Return what was taken off, and what it was taken off from."""
+    if result.tare is None:
+        return []
+    both = {"with the fixture": result.tare.whole, "the fixture": result.tare.fixture, "the body": result.parameters}
+    rows = [
+        [name, *_with_u(of.values[:1], of.standard_uncertainty[:1], 1.0),
+         *_with_u(of.values[1:4], of.standard_uncertainty[1:4], 1e3),
+         *_with_u(of.values[4:], of.standard_uncertainty[4:], GRAM_METRE)]
+        for name, of in both.items()
+    ]  # fmt: skip
+    head = ["", "mass, kg", *(f"{axis}, mm" for axis in AXES), *COMPONENTS]
+    return [Table("Tare: mass, centre of gravity from Q, tensor in g·m²", head, rows, TARE_NOTE)]
+
+
+def _with_u(values: np.ndarray, u: np.ndarray, unit: float) -> list[str]:
+    """Figures to two digits of their standard uncertainty, which is exact where it is nought."""
+    shown = [decimals(unit * s) if s > 0 else 4 for s in u]
+    return [fixed(unit * x, places) for x, places in zip(values, shown, strict=True)]
+
+
 def elsewhere(result: Identification) -> Iterator[Table]:
     """Return the tensor about other points and in other frames, as far as it is known."""
     if result.mass is None:
@@ -137,6 +158,7 @@ TENSOR_NOTE = (
 )
 PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
 CONFORMITY_NOTE = "probability within: that the value lies within the limits, from a normal distribution of its u."
+TARE_NOTE = "Each tensor about its own centre of gravity; figures to two digits of their standard uncertainty."
 BUDGET_NOTE = (
     "A: from the data; B: declared. Correlated sources make the combined one differ from the root sum of squares."
 )
