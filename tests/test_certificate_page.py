@@ -12,6 +12,7 @@ import pytest
 from browser import Reader, drawn
 from test_certificate import FULL, T1
 
+from identify.inertial import InertialParameters
 from identify.tables import decimals, fixed
 from identify.trace import trace
 from uq import checks, sphere
@@ -20,10 +21,11 @@ from uq.contributions import contributions
 from uq.expanded import degrees_of_freedom, of_normal, of_tensor
 from uq.experiment import Experiment
 from uq.front import number_of
-from uq.page_parts import input_table
+from uq.page_parts import input_table, run_table
 from uq.recorded import identify_files
 from uq.report import files, report
 from uq.simulation import simulate
+from uq.tare import tared
 
 HOSTILE = 'A"} </style><script>alert(1)</script>\\'
 
@@ -169,6 +171,23 @@ def test_the_decision_rule_decides(value, simple, guarded):
         (one,) = decide(Conformity("a", rule, {"I22": (9.0, 11.0)}), inertia, u, 2 * u)
         assert (one.component, one.outcome) == ("I22", outcome)
     assert one.probability == pytest.approx({10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3)
+
+
+def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
+    fixture = InertialParameters(
+        2.0, np.array([0.0, 0.0, 0.01]), np.diag([5e-3, 5e-3, 9e-3])[np.triu_indices(3)],
+        np.diag([1e-3, *[1e-4] * 3, *[5e-5] * 6]) ** 2,
+    )  # fmt: skip
+    body = tared(plain, fixture)
+    text = " ".join(Reader(report(body)).text)
+    assert "Tare: mass, centre of gravity from Q, tensor" in text
+    assert "fixture taken off" in text
+    squares = sum(np.square(part) for part in contributions(body).values())
+    np.testing.assert_allclose(squares, np.diag(body.covariance), rtol=0.02)
+    shown = np.array([float(cell.replace("−", "-")) for cell in run_table(body).rows[0][4:]])
+    off = 1e3 * (plain.inertia - body.inertia)
+    assert off[0] > 5
+    np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth
 
 
 def test_every_item_stands_on_the_page_and_nothing_is_lost(full):
