@@ -3,15 +3,18 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from scipy.stats import t as student
 
 from identify.alignment import Aligned, alignment_warnings
 from identify.centre_result import Centre
 from identify.estimator import EstimatorSpec
 from identify.in_band import low_pass
-from identify.inertia import COMPONENTS
-from identify.joint_model import SLICES, SpecificForce
+from identify.inertia import COMPONENTS, unpack
+from identify.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint_pool import ALIGNED, CALIBRATED, Pooled, pool
 from identify.joint_run import JointRun, Setting, joint_run
 from identify.offsets import OffsetChoice, Offsets
@@ -20,6 +23,7 @@ from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate
 from identify.solve import excitation
+from identify.trace import Trace, trace
 
 if TYPE_CHECKING:
     from identify.identification import CgMotion, Identification
@@ -218,8 +222,27 @@ def _run_estimate(one: JointRun, theta: np.ndarray) -> RunEstimate:
         run.name, run.sha256, one.theta[tensor], np.sqrt(np.diag(covariance)[tensor]),
         int(one.model.rows.used.sum()) * one.model.rows.factor, run.rate, np.sqrt(np.diag(one.noise)[-3:]),
         1 / run.rate, _offsets(theta, covariance), True, run.parts, run.found, run.left_out, run.overview,
-        theta[SLICES["force_offset"]],
+        theta[SLICES["force_offset"]], trace=_trace(one, theta),
     )  # fmt: skip
+
+
+def _trace(one: JointRun, theta: np.ndarray) -> Trace:
+    """Residuals and motion of the rows that count, in the motion's band."""
+    used = np.asarray(one.model.rows.used) > 0
+    signals = [np.asarray(signal).T[used] for signal in _fitted(one.model, jnp.asarray(theta))]
+    left, fitted, omega, alpha = signals
+    t = float(one.run.t[0]) + np.asarray(one.model.rows.t)[used]
+    return trace(t, left, fitted + left, omega, alpha)
+
+
+@eqx.filter_jit
+def _fitted(model: Model, theta: Float[Array, " count"]) -> tuple[Array, Array, Array, Array]:
+    """Residual moment, the moment that motion and tensor ask for, angular velocity and acceleration."""
+    x = unknowns(theta)
+    motion = kinematics(model, x)
+    tensor = unpack(x.inertia)
+    needed = tensor @ motion.alpha + jnp.cross(motion.omega, tensor @ motion.omega, axis=0)
+    return residuals(model, x, motion)[-3:], needed, motion.omega, motion.alpha
 
 
 def _offsets(theta: np.ndarray, covariance: np.ndarray) -> Offsets:
