@@ -121,3 +121,12 @@ def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
     at = rows.t + 0.0131 + lag
     np.testing.assert_allclose(omega.T, jax.vmap(trajectory.omega)(at), atol=2e-7)
     np.testing.assert_allclose(alpha.T, jax.vmap(trajectory.alpha)(at), atol=4e-6)
+
+
+def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
+    """What figures draw: residuals of nothing but rounding, the motion turned into B."""
+    found = estimate(brief, silent_run).runs[0].trace
+    size = found.moment_density.max()
+    assert found.residual_density.max() < 1e-5 * size
+    speed = np.linalg.norm(found.omega, axis=1)
+    assert speed.max() == pytest.approx(np.linalg.norm(silent_run.omega, axis=1).max(), rel=0.03)
