@@ -15,6 +15,7 @@ from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
+from identify.trace import Trace, trace
 from identify.tare import Tare, subtract
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "RunEstimate",
     "Tare",
     "Tensor",
+    "Trace",
     "Verdict",
     "consistency",
     "identify",
@@ -46,6 +48,7 @@ __all__ = [
     "principal",
     "principal_axes",
     "rotate",
+    "trace",
     "subtract",
     "unpack",
     "wrench_regressor",
