@@ -15,8 +15,8 @@ from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
-from identify.trace import Trace, trace
 from identify.tare import Tare, subtract
+from identify.trace import Trace
 
 __all__ = [
     "COMPONENTS",
@@ -48,7 +48,6 @@ __all__ = [
     "principal",
     "principal_axes",
     "rotate",
-    "trace",
     "subtract",
     "unpack",
     "wrench_regressor",

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from joint_lab import BAND, shortened
 
 from identify.centre_result import Centre
 from identify.identification import identify
@@ -14,7 +15,6 @@ from identify.joint_jacobian import linearised
 from identify.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
 from identify.priors import Alignment
 from identify.run import RunError
-from joint_lab import BAND, shortened
 from uq.simulation import simulate
 from uq.sources import Source
 
