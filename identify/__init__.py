@@ -16,6 +16,7 @@ from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
 from identify.tare import Tare, subtract
+from identify.trace import Trace
 
 __all__ = [
     "COMPONENTS",
@@ -35,6 +36,7 @@ __all__ = [
     "RunEstimate",
     "Tare",
     "Tensor",
+    "Trace",
     "Verdict",
     "consistency",
     "identify",

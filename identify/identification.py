@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from identify.alignment import Aligned, alignment_notes
 from identify.centre_result import Centre
 from identify.consistency import Verdict
 from identify.estimate import Information, information, longest
@@ -22,16 +23,24 @@ from identify.known_centre import with_centre
 from identify.offsets import OffsetChoice
 from identify.pooling import Pooling, Repeat, pooling
 from identify.precision import check_precision
+from identify.priors import Alignment
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
 from identify.solve import excitation
 from identify.tables import decimals, fixed, html_table, text_table
 from identify.tare import Tare
+from identify.trajectory import exponential
 
 NORMAL = 1.959963984540054
 """Coverage factor of 95 % of a normal distribution."""
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
+
+
+CgMotion = Literal["still"]
+"""How the centre of gravity moves, where that is declared."""
+Method = Literal["source", "joint"]
+"""Estimators: the source's, and the joint estimate."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +87,12 @@ class Identification:
     """A frame in which the result is also wanted."""
     tare: Tare | None = field(default=None, repr=False)
     """What was taken off; None: nothing."""
+    method: Method = "source"
+    """How it was estimated; see :func:`identify`."""
+    delay: Aligned | None = None
+    """How much the IMU is late, where that was estimated [s]."""
+    rotation: Aligned | None = None
+    """Rotation from the IMU's axes, as declared, to B, where that was estimated [rad]."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -97,6 +112,11 @@ class Identification:
     def _measured(self) -> InertialParameters:
         """What stood on the load cell: with the fixture, where one was taken off."""
         return self.parameters if self.tare is None else self.tare.whole
+
+    @property
+    def taken_off(self) -> np.ndarray:
+        """What a fixture adds to each run's own tensor, which is that of all that stood on the load cell [kg·m²]."""
+        return self._measured.inertia - self.inertia
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -121,8 +141,9 @@ class Identification:
             "tare": None if self.tare is None else self.tare.to_dict(),
             "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
-            "delay": {"value": 0.0, "estimated": False},
-            "rotation": {"value": np.eye(3).tolist(), "estimated": False},
+            "method": self.method,
+            "delay": {"value": 0.0, "estimated": False} if self.delay is None else self.delay.to_dict(),
+            "rotation": _rotation_content(self.rotation),
             "offsets": {
                 "method": self.offsets,
                 "about": "CG",
@@ -186,6 +207,7 @@ class Identification:
         axes = principal_axes(self.inertia, self.covariance).note
         return [
             *used,
+            *alignment_notes(self.delay, self.rotation),
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
             *([] if axes is None else [f"principal axes: {axes}"]),
@@ -206,6 +228,11 @@ def identify(
     offsets: OffsetChoice = "estimate",
     mass: float | None = None,
     centre: Centre | None = None,
+    method: Method = "source",
+    alignment: Alignment | None = None,
+    cg_motion: CgMotion | None = None,
+    gravity: float = 9.80665,
+    mass_uncertainty: float | None = None,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
@@ -217,11 +244,27 @@ def identify(
         offsets: whether constant offsets of force and moment are estimated in each run along with the tensor, taken
             from its rest, or left in. A force's offset acts only through its moment about the centre of gravity.
         mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
-        centre: mass and centre of gravity from static poses, with their covariance, instead of the three above.
+        centre: mass and centre of gravity from static poses, with their covariance, instead of the three above; the
+            joint estimate takes its offsets along.
+        method: ``source``: r_CG as given, ordinary least squares; ``joint``: tensor, mass, r_CG, offsets, delay and
+            rotation together, most probable given all that is known before.
+        alignment: what is known beforehand of delay, rotation and slow errors (``joint``); None: little.
+        cg_motion: ``still`` where the motion keeps the centre of gravity still (``joint``); None: not declared, then an
+            accelerometer tells the specific force, or nothing does.
+        gravity: local gravity [m/s²] (``joint``).
+        mass_uncertainty: standard uncertainty of ``mass`` [kg] (``joint``); None: it counts as exact.
 
     Raises:
         RunError: no run, a run too short for the estimator, or components that the motion does not identify.
     """
+    if method not in get_args(Method):
+        raise ValueError(f"Argument `method` must be one of {', '.join(get_args(Method))}, but is {method!r}.")
+    if method == "joint":
+        return _joint(
+            runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, band=None if estimator is None else estimator.band, offsets=offsets,
+            mass=mass, mass_uncertainty=mass_uncertainty, centre=centre, alignment=alignment, cg_motion=cg_motion,
+            gravity=gravity,
+        )  # fmt: skip
     if centre is not None:
         sigma = centre.standard_uncertainty[1:4]
         found = _plug_in(
@@ -241,15 +284,8 @@ def _plug_in(
     mass: float | None,
 ) -> Identification:
     """The source's estimator: r_CG as it is given, ordinary least squares over all rows."""
-    runs = [runs] if isinstance(runs, Run) else list(runs)
-    if not runs:
-        raise RunError("no runs: give one or more")
+    runs, centre, sigma = _checked(runs, r_cg, sigma_r_cg)
     warned = check_precision("float64")
-    centre, sigma = np.asarray(r_cg, float), np.asarray(sigma_r_cg, float)
-    if centre.shape != (3,) or not np.isfinite(centre).all():
-        raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")
-    if sigma.shape != (3,) or not (np.isfinite(sigma) & (sigma >= 0)).all():
-        raise RunError(f"sigma_r_cg is {sigma_r_cg!r}: give three standard uncertainties [m], zero or more")
     if estimator is None:
         band = _common_band(runs)
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
@@ -300,6 +336,64 @@ def _plug_in(
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
         offsets=offsets, cg_inertia_covariance=(by_centre * sigma**2).T, pooling=together,
     )  # fmt: skip
+
+
+def _joint(
+    runs: Run | Sequence[Run],
+    *,
+    r_cg: Sequence[float | int] | np.ndarray | None,
+    sigma_r_cg: Sequence[float | int] | np.ndarray,
+    band: float | None,
+    offsets: OffsetChoice,
+    mass: float | None,
+    mass_uncertainty: float | None,
+    centre: Centre | None,
+    alignment: Alignment | None,
+    cg_motion: CgMotion | None,
+    gravity: float,
+) -> Identification:
+    """Everything together; see :mod:`identify.joint_estimate`."""
+    from identify.joint_estimate import joint, specific_force_of, static_knowledge
+
+    runs, r_cg, sigma_r_cg = _checked(runs, r_cg if centre is None else centre.r_cg, sigma_r_cg)
+    warned = check_precision("float64")
+    if warned:
+        raise RunError("the joint estimate needs float64: run jax.config.update('jax_enable_x64', True) first")
+    if offsets == "still":
+        raise RunError('the joint estimate finds offsets itself: write offsets = "estimate", or use the method source')
+    blocks = static_knowledge(
+        runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, mass=mass, mass_uncertainty=mass_uncertainty, gravity=gravity,
+        offsets=offsets, centre=centre,
+    )  # fmt: skip
+    return joint(
+        runs, band=_common_band(runs) if band is None else band, blocks=blocks, alignment=alignment or Alignment(),
+        specific_force=specific_force_of(runs, cg_motion), gravity=gravity, offsets=offsets,
+    )  # fmt: skip
+
+
+def _checked(
+    runs: Run | Sequence[Run],
+    r_cg: Sequence[float | int] | np.ndarray | None,
+    sigma_r_cg: Sequence[float | int] | np.ndarray,
+) -> tuple[list[Run], np.ndarray, np.ndarray]:
+    """The runs as a list, r_CG and its standard uncertainty as arrays."""
+    runs = [runs] if isinstance(runs, Run) else list(runs)
+    if not runs:
+        raise RunError("no runs: give one or more")
+    centre, sigma = np.asarray(r_cg, float), np.asarray(sigma_r_cg, float)
+    if centre.shape != (3,) or not np.isfinite(centre).all():
+        raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")
+    if sigma.shape != (3,) or not (np.isfinite(sigma) & (sigma >= 0)).all():
+        raise RunError(f"sigma_r_cg is {sigma_r_cg!r}: give three standard uncertainties [m], zero or more")
+    return runs, centre, sigma
+
+
+def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
+    """The rotation matrix, and how its rotation vector was estimated."""
+    if rotation is None:
+        return {"value": np.eye(3).tolist(), "estimated": False}
+    matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
+    return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}
 
 
 def _common_band(runs: Sequence[Run]) -> float:

@@ -87,7 +87,7 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
         RunError: the run is too short for that.
     """
     fine, stride = _factors(run.rate, band)
-    taps = _taps(run.rate, band, fine * stride)
+    taps = low_pass(run.rate, band, fine * stride)
     margin = int(np.ceil(reach * run.rate / fine)) + 1
     rows = ((len(run.t) - len(taps)) // fine - 2 * margin) // stride + 1
     if len(run.t) < len(taps) or rows < FEWEST_ROWS:
@@ -97,7 +97,7 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
         )
     first, step = margin * fine, fine / run.rate
     wrench = _decimated(np.hstack([run.force, run.moment])[first:], taps, fine * stride)[:rows]
-    motion = run.omega if not accelerometer else np.hstack([run.omega, run.specific_force])
+    motion = np.hstack([run.omega, run.specific_force]) if accelerometer else run.omega  # type: ignore[list-item]
     usable = _usable(run, len(taps))[first :: fine * stride][:rows]
     return InBand(
         jnp.asarray(step * np.arange(margin, margin + rows * stride, stride)),
@@ -113,7 +113,7 @@ def _factors(rate: float, band: float) -> tuple[int, int]:
     return fine, max(int(rate / fine / (ROWS_PER_PERIOD * band)), 1)
 
 
-def _taps(rate: float, band: float, factor: int) -> np.ndarray:
+def low_pass(rate: float, band: float, factor: int) -> np.ndarray:
     """A Kaiser low-pass, flat over what is kept and closed where decimation would fold noise onto it."""
     if factor == 1:
         return np.ones(1)

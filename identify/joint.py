@@ -4,7 +4,7 @@ Gauss–Newton on whitened residuals and priors (maximum a posteriori); the cova
 at the solution. Every function takes one run; ``vmap`` it over runs of one length.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -44,7 +44,7 @@ def solve(
     prior: Prior,
     whitener: Float[Array, "rows rows"],
     start: Float[Array, " free"],
-    tolerance: Float[Array, ""] | float = TOLERANCE,
+    tolerance: Any = TOLERANCE,
 ) -> Fit:
     """Return the most probable unknowns.
 
@@ -66,14 +66,14 @@ def solve(
         value, rows = _whitened(model, prior, whitener, *primals)
         return value, rows @ tangents[0]
 
-    solver = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
-    found = optimistix.least_squares(
+    solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
+    found: Any = optimistix.least_squares(
         lambda z, _: (whitened(z), prior.counted * z), solver, start, max_steps=MOST_STEPS, throw=False
     )
     value, rows = _whitened(model, prior, whitener, found.value)
     left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
     steps = jnp.asarray(found.stats["num_steps"]).astype(start.dtype)
-    return Fit(found.value, rows.T @ rows, left, steps, found.result == optimistix.RESULTS.successful)
+    return Fit(found.value, rows.T @ rows, left, steps, jnp.asarray(found.result == optimistix.RESULTS.successful))
 
 
 def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:

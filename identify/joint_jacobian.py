@@ -93,6 +93,7 @@ def _of_lever(arm: Array, motion: Kinematics, omega: Columns, alpha: Columns) ->
 def _of_vertical(model: Model, x: Unknowns, motion: Kinematics) -> Columns:
     """Derivatives of the direction opposite to gravity, in the IMU's axes, by tilt, bias and slow noise."""
     rows, attitude = model.rows, motion.attitude
+    assert attitude is not None  # noqa: S101 - it is integrated where the vertical is asked for
     start = vertical_at_start(model, x.tilt)
     by_tilt = jax.jacfwd(lambda tilt: vertical_at_start(model, tilt))(x.tilt)
     basis = slow_basis(rows, rows.t)

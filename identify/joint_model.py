@@ -159,7 +159,9 @@ def _carried(omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], arm: Float[
 def slow_basis(rows: InBand, t: Float[Array, " n"]) -> Float[Array, "terms n"]:
     """Return one and the rates of the Karhunen–Loève terms of a random walk over the run."""
     half_waves = jnp.asarray((np.arange(WANDER) + 0.5) * np.pi / rows.duration, t.dtype)
-    return jnp.concatenate([jnp.ones_like(t)[None], float(np.sqrt(2 / rows.duration)) * jnp.cos(jnp.outer(half_waves, t))])
+    return jnp.concatenate(
+        [jnp.ones_like(t)[None], float(np.sqrt(2 / rows.duration)) * jnp.cos(jnp.outer(half_waves, t))]
+    )
 
 
 def slow_terms(rows: InBand, t: Float[Array, " n"], x: Unknowns) -> Float[Array, "3 n"]:
@@ -184,7 +186,9 @@ def seen_later(
     """Return vectors, in the IMU's axes at the first node, as the IMU sees them at some instants."""
     cell = cell_of(rows.motion, rows.step, t)
     at_node = jnp.einsum("nij,ni->nj", attitude[cell], vectors)
-    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(_turn(rows, x, cell, t - rows.step * cell.astype(t.dtype)), at_node)
+    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(
+        _turn(rows, x, cell, t - rows.step * cell.astype(t.dtype)), at_node
+    )
 
 
 def _tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:
@@ -202,7 +206,7 @@ def attitude_at_nodes(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
 
 
 def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> Float[Array, "n 3"]:
-    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points (10.1017/S0962492900002154)."""
+    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points, as in `trajectory`."""
 
     def omega(fraction: float) -> Array:
         value = rows.motion[0, cell, :3]

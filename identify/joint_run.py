@@ -40,6 +40,8 @@ class Setting:
     specific_force: SpecificForce
     gravity: float
     """Local gravity [m/s²]."""
+    scale: float = 1.0
+    """Order of magnitude of the tensor [kg·m²]."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,13 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     """
     model, known, gyro_noise = prepare(run, setting)
     start = jnp.asarray(_start(model, known, setting))
-    first = solve(model, known, jnp.asarray(whitener(_raw_noise(run, model, known) / model.rows.factor)), start, jnp.asarray(ROUGH))
+    first = solve(
+        model,
+        known,
+        jnp.asarray(whitener(_raw_noise(run, model, known) / model.rows.factor)),
+        start,
+        jnp.asarray(ROUGH),
+    )
     _check(run, model, known, first)
     left = noise_of(first, known, model)
     fit = solve(model, known, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
@@ -88,18 +96,22 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     """Return the run's model, what is known of it beforehand, and its gyro's noise [rad/s]."""
     alignment, kind = setting.alignment, setting.specific_force
     rows = in_band(
-        run, setting.band, reach=abs(alignment.delay) + REACH * alignment.sigma_delay, accelerometer=kind == "accelerometer"
+        run,
+        setting.band,
+        reach=abs(alignment.delay) + REACH * alignment.sigma_delay,
+        accelerometer=kind == "accelerometer",
     )
     gyro = np.maximum(noise_level(*(run.omega[part] for part in run.used())), LEAST_NOISE * _size(run.omega))
-    scale = max(_size(rows.moment) / max(float(np.sqrt((_evaluate(rows, 0.0)[1][:3] ** 2).mean())), 1e-12), 1e-12)
     known = prior(
-        setting.blocks, alignment, gyro_density=gyro / np.sqrt(run.rate), scale=scale, wander=kind == "still"
+        setting.blocks, alignment, gyro_density=gyro / np.sqrt(run.rate), scale=setting.scale, wander=kind == "still"
     )
     to_imu = np.asarray(exponential(jnp.asarray(alignment.rotation, float))).T
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     model = Model(rows, jnp.asarray(to_imu[:, 2]), jnp.asarray(float(setting.gravity)), jnp.asarray(position), kind)
     if kind == "still" and alignment.sigma_tilt is None:
-        model = eqx.tree_at(lambda m: m.up, model, jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment))))
+        model = eqx.tree_at(
+            lambda m: m.up, model, jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment)))
+        )
     return model, known, gyro
 
 
@@ -152,17 +164,18 @@ def _raw_noise(run: Run, model: Model, known: Prior) -> np.ndarray:
     ]
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
-    x = unknowns(np.asarray(known.mean))
+    x = unknowns(known.mean)
     arm = np.asarray(cross_matrix(jnp.asarray(x.r_cg)))
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
+    assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
     accelerometer = np.maximum(noise_level(*(run.specific_force[part] for part in parts)), 1e-6)
     lever = float(x.mass[0]) * np.concatenate([np.eye(3), arm])
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
 
 def _start(model: Model, known: Prior, setting: Setting) -> np.ndarray:
-    """z to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
+    """Where to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
     theta = np.array(known.mean)
     if 2 * np.pi * model.rows.band * 3 * setting.alignment.sigma_delay > SAFE_PHASE:
         theta[SLICES["delay"]] = tried_delay(model, setting.alignment)
@@ -210,7 +223,7 @@ def _misfit(rows: InBand, turn: np.ndarray, delay: float) -> float:
 
 
 def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
-    """The gyro's bias that turns gravity as the force turns: ``γ' + omega × γ = bias × γ`` for γ = F/|F|, integrated."""
+    """The gyro's bias that turns gravity as the force turns: ``γ' + omega × γ = bias × γ``, γ = F/|F|, integrated."""
     rows = model.rows
     up = to_imu @ np.asarray(rows.force)
     up = (up / np.linalg.norm(up, axis=0)).T

@@ -12,7 +12,7 @@ from identify.dynamics import wrench
 from identify.gram import accumulate, solve
 from identify.inertia import Body, pack
 from identify.joint_run import JointRun, Setting, joint_run
-from identify.priors import STATIC, Alignment, Known
+from identify.priors import STATIC, Known
 from identify.run import Run
 from identify.trajectory import exponential, sample
 
@@ -60,7 +60,7 @@ class Laboratory:
         s = standard_deviations(self.experiment)
         return np.concatenate([[SIGMA_MASS], s["r_cg"], s["F_bias"], s["M_bias"]])
 
-    def run(self, rng, delay=0.0, rotation=np.zeros(3)):
+    def run(self, rng, delay=0.0, rotation=(0.0, 0.0, 0.0)):
         """A run whose IMU is late and turned; the load cell has no offset beside what the calibration says."""
         s, t = standard_deviations(self.experiment), np.asarray(self.motion.t)
         late = self.spline(t - delay) if delay else np.asarray(self.motion.omega.T)
@@ -102,7 +102,9 @@ def random_body(rng) -> Body:
     moments = second.sum() - second
     axes = np.asarray(exponential(jnp.asarray(rng.uniform(-2, 2, 3))))
     r_cg = rng.uniform(-0.06, 0.06, 3)
-    return Body(jnp.asarray(rng.uniform(10.0, 30.0)), jnp.asarray(r_cg), pack(jnp.asarray(axes @ np.diag(moments) @ axes.T)))
+    return Body(
+        jnp.asarray(rng.uniform(10.0, 30.0)), jnp.asarray(r_cg), pack(jnp.asarray(axes @ np.diag(moments) @ axes.T))
+    )
 
 
 def shortened(experiment, duration):

@@ -1,15 +1,17 @@
 """The two studies of the joint estimate, in chunks of trials: what each trial says, for tables and verdicts."""
 
 import numpy as np
+from joint_lab import Laboratory, random_body
 
 from identify.inertia import COMPONENTS, Body
 from identify.joint_model import SLICES
 from identify.priors import Alignment
-from joint_lab import Laboratory, random_body
 
 NAMES = (*COMPONENTS, "delay", "rotation 1", "rotation 2", "rotation 3", "r_cg 1", "r_cg 2", "r_cg 3")
 """What the laboratories' intervals are of."""
-SHOWN = np.r_[tuple(np.arange(SLICES[name].start, SLICES[name].stop) for name in ("inertia", "delay", "rotation", "r_cg"))]
+SHOWN = np.r_[
+    tuple(np.arange(SLICES[name].start, SLICES[name].stop) for name in ("inertia", "delay", "rotation", "r_cg"))
+]
 
 
 def own_laboratory(experiment):

@@ -12,18 +12,22 @@ import pytest
 from browser import Reader, drawn
 from test_certificate import FULL, T1
 
+from identify.alignment import Aligned
+from identify.inertial import InertialParameters
 from identify.tables import decimals, fixed
 from identify.trace import trace
 from uq import checks, sphere
+from uq.certificate_tables import alignment
 from uq.conformity import Conformity, decide
 from uq.contributions import contributions
 from uq.expanded import degrees_of_freedom, of_normal, of_tensor
 from uq.experiment import Experiment
 from uq.front import number_of
-from uq.page_parts import input_table
+from uq.page_parts import input_table, run_table
 from uq.recorded import identify_files
 from uq.report import files, report
 from uq.simulation import simulate
+from uq.tare import tared
 
 HOSTILE = 'A"} </style><script>alert(1)</script>\\'
 
@@ -169,6 +173,34 @@ def test_the_decision_rule_decides(value, simple, guarded):
         (one,) = decide(Conformity("a", rule, {"I22": (9.0, 11.0)}), inertia, u, 2 * u)
         assert (one.component, one.outcome) == ("I22", outcome)
     assert one.probability == pytest.approx({10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3)
+
+
+def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
+    fixture = InertialParameters(
+        2.0, np.array([0.0, 0.0, 0.01]), np.diag([5e-3, 5e-3, 9e-3])[np.triu_indices(3)],
+        np.diag([1e-3, *[1e-4] * 3, *[5e-5] * 6]) ** 2,
+    )  # fmt: skip
+    body = tared(plain, fixture)
+    text = " ".join(Reader(report(body)).text)
+    assert "Tare: mass, centre of gravity from Q, tensor" in text
+    assert "fixture taken off" in text
+    squares = sum(np.square(part) for part in contributions(body).values())
+    np.testing.assert_allclose(squares, np.diag(body.covariance), rtol=0.02)
+    shown = np.array([float(cell.replace("−", "-")) for cell in run_table(body).rows[0][4:]])
+    off = 1e3 * (plain.inertia - body.inertia)
+    assert off[0] > 5
+    np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth
+
+
+def test_delay_and_rotation_have_their_table_where_they_were_estimated(plain):
+    delay = Aligned(np.array([2.1e-3]), np.diag([1e-8]), np.array([[1.9e-3, 2.3e-3]]), np.array([0.01]))
+    turned = Aligned(np.deg2rad([1.0, -2.0, 0.5]), np.diag(np.deg2rad([0.1] * 3) ** 2),
+                     np.deg2rad([[0.8, 1.2], [-2.2, -1.8], [0.3, 0.7]]), np.array([0.1, 0.2, 0.9]))  # fmt: skip
+    (found,) = alignment(dataclasses.replace(plain, delay=delay, rotation=turned))
+    assert found.rows[0] == ["delay of the IMU, ms", "2.10", "0.10", "1.90 … 2.30", "1"]
+    assert found.rows[2] == ["rotation vector of the IMU, deg, b2", "−2.00", "0.10", "−2.20 … −1.80", "20"]
+    assert alignment(plain) == []
+    assert "Alignment of load cell and IMU" in report(dataclasses.replace(plain, delay=delay, rotation=turned))
 
 
 def test_every_item_stands_on_the_page_and_nothing_is_lost(full):

@@ -45,6 +45,7 @@ _WHERE = {
     "Normal": "distributions",
     "PaperResult": "barreto2016",
     "Rectangular": "distributions",
+    "Report": "certificate",
     "Reference": "reference",
     "ScatterVerdict": "repeatability",
     "SimulatedRun": "simulation",

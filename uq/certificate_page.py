@@ -25,7 +25,7 @@ def certificate(result: Identification) -> Page:
     tensor = of_tensor(result, factor=report.coverage_factor, probability=report.coverage_probability)
     return Page(
         report.texts.get("title", TITLE),
-        [*UNCERTAINTY, *_decision_rule(report)],
+        [f"{TYPE_A.get(result.method, '')} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
         result.warnings,
         [
             tables.tensor(result, tensor),
@@ -38,6 +38,8 @@ def certificate(result: Identification) -> Page:
         [
             *tables.budget(result),
             *tables.scatter(result),
+            *tables.alignment(result),
+            *tables.tare(result),
             tables.checked(result),
             *tables.elsewhere(result),
             run_table(result),
@@ -99,10 +101,18 @@ RESIDUALS = (
     "What the fit leaves of the moment about the centre of gravity: over time, and as amplitude density beside that of "
     "the moment itself."
 )
+TYPE_A = {
+    "source": "What the runs show, residuals correlated in time and scatter between runs, is evaluated as type A.",
+    "joint": "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
+    "noise and from what was declared of them beforehand; where the runs scatter more, that counts.",
+}
+"""How an estimator's uncertainty comes about, by method."""
 UNCERTAINTY = (
-    "The standard uncertainty combines what the runs show, residuals correlated in time and scatter (type A), with the "
-    "declared systematic sources, the centre of gravity among them (type B; GUM 4.2, 4.3, 5.1). The coverage interval "
-    "is from the distributions of both: k = 1.96 where they are normal, larger where few runs tell the scatter.",
+    "What is declared and stays constant through the runs, the centre of gravity among it, is type B (GUM 4.2, 4.3, "
+    "5.1). The coverage interval is from the distributions of both: k = 1.96 where they are normal, larger where few "
+    "runs tell the scatter."
+)
+BIAS = (
     "The bias is the expected mean error from the gyro's noise in the regressor and from the declared sources. It is "
-    "stated, not subtracted from the value; the interval allows for that of the sources, not for that of the noise.",
+    "stated, not subtracted from the value; the interval allows for that of the sources, not for that of the noise."
 )

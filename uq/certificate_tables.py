@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from identify.alignment import Aligned
 from identify.identification import Identification
 from identify.inertia import COMPONENTS
 from identify.inertial import LARGEST_ANGLE, principal_axes
@@ -18,6 +19,7 @@ from uq.front import INSTRUMENT_HEAD, MISSING, instrument_rows
 from uq.page_parts import Table
 from uq.plots import display_name
 
+DEGREE = float(np.degrees(1.0))
 AXES = ("b1", "b2", "b3")
 
 
@@ -107,6 +109,47 @@ def scatter(result: Identification) -> list[Table]:
     return [Table("Repeatability: standard deviations, g·m²", ["", *COMPONENTS], rows)]
 
 
+def alignment(result: Identification) -> list[Table]:
+    """Return delay and rotation between load cell and IMU, where they were estimated."""
+    named = [("delay of the IMU, ms", result.delay, 1e3), ("rotation vector of the IMU, deg", result.rotation, DEGREE)]
+    rows = [
+        [f"{name}, {axis}" if len(of.value) > 1 else name, *of_row, f"{100 * share:.2g}"]
+        for name, of, unit in named if of is not None and of.estimated
+        for axis, of_row, share in zip(AXES, _aligned(of, unit), of.prior_share, strict=False)
+    ]  # fmt: skip
+    head = ["", "value", "u", "95 % interval", "prior's share, %"]
+    return [Table("Alignment of load cell and IMU, estimated with the tensor", head, rows, PRIOR_NOTE)] if rows else []
+
+
+def _aligned(of: Aligned, unit: float) -> Iterator[list[str]]:
+    """Value, standard uncertainty and interval of each number."""
+    for value, u, (low, high) in zip(of.value, of.standard_uncertainty, of.interval95, strict=True):
+        places = decimals(unit * u)
+        low, high = (fixed(unit * end, places) for end in (low, high))
+        yield [fixed(unit * value, places), fixed(unit * u, places), f"{low} … {high}"]
+
+
+def tare(result: Identification) -> list[Table]:
+    """Return what was taken off, and what it was taken off from."""
+    if result.tare is None:
+        return []
+    both = {"with the fixture": result.tare.whole, "the fixture": result.tare.fixture, "the body": result.parameters}
+    rows = [
+        [name, *_with_u(of.values[:1], of.standard_uncertainty[:1], 1.0),
+         *_with_u(of.values[1:4], of.standard_uncertainty[1:4], 1e3),
+         *_with_u(of.values[4:], of.standard_uncertainty[4:], GRAM_METRE)]
+        for name, of in both.items()
+    ]  # fmt: skip
+    head = ["", "mass, kg", *(f"{axis}, mm" for axis in AXES), *COMPONENTS]
+    return [Table("Tare: mass, centre of gravity from Q, tensor in g·m²", head, rows, TARE_NOTE)]
+
+
+def _with_u(values: np.ndarray, u: np.ndarray, unit: float) -> list[str]:
+    """Figures to two digits of their standard uncertainty, which is exact where it is nought."""
+    shown = [decimals(unit * s) if s > 0 else 4 for s in u]
+    return [fixed(unit * x, places) for x, places in zip(values, shown, strict=True)]
+
+
 def elsewhere(result: Identification) -> Iterator[Table]:
     """Return the tensor about other points and in other frames, as far as it is known."""
     if result.mass is None:
@@ -137,6 +180,8 @@ TENSOR_NOTE = (
 )
 PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
 CONFORMITY_NOTE = "probability within: that the value lies within the limits, from a normal distribution of its u."
+PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data say nothing."
+TARE_NOTE = "Each tensor about its own centre of gravity; figures to two digits of their standard uncertainty."
 BUDGET_NOTE = (
     "A: from the data; B: declared. Correlated sources make the combined one differ from the root sum of squares."
 )

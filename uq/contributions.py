@@ -21,7 +21,7 @@ def contributions(result: Identification) -> Mapping[str, np.ndarray]:
     The budget of the declared sources where there is one; else residuals, scatter and centre of gravity.
     """
     if result.budget is not None:
-        return result.budget
+        return {**result.budget, **_fixture(result)}
     said = result.diagnostics
     if "standard_uncertainty_from_residuals" not in said or "standard_uncertainty_from_cg" not in said:
         return {}
@@ -29,6 +29,14 @@ def contributions(result: Identification) -> Mapping[str, np.ndarray]:
     beyond = residual * np.sqrt(np.maximum(ratio**2 - 1, 0))
     parts = {RESIDUALS: residual, SCATTER: beyond, CG: np.array(said["standard_uncertainty_from_cg"])}
     return {name: values for name, values in parts.items() if values.any()}
+
+
+def _fixture(result: Identification) -> dict[str, np.ndarray]:
+    """What taking a fixture off adds to the standard uncertainty of all that stood on the load cell."""
+    if result.tare is None:
+        return {}
+    whole = result.tare.whole.standard_uncertainty[4:]
+    return {"fixture taken off": np.sqrt(np.maximum(result.standard_uncertainty**2 - whole**2, 0))}
 
 
 def evaluated(name: str) -> str:

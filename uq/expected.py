@@ -177,8 +177,7 @@ def compare(result: Identification, reference: Reference) -> Comparison:
     ten = result.parameters
     u = ten.standard_uncertainty
     mass = (float(ten.mass), float(u[0])) if np.isfinite(ten.mass) and np.isfinite(u[0]) else None
-    off = 0.0 if result.tare is None else result.inertia - result.tare.whole.inertia  # what the fixture adds to a run
-    alone = [run.inertia + off for run in result.runs if run.alone]
+    alone = [run.inertia - result.taken_off for run in result.runs if run.alone]
     return Comparison(
         reference, ten.tensor, np.array(alone).reshape(-1, 6), suspicions(ten.tensor, reference), mass,
         (np.asarray(ten.r_cg), u[1:4]), result.provenance,

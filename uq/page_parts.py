@@ -122,8 +122,8 @@ def run_table(result: Identification) -> Table:
     head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
     rows = []
     for run in result.runs:
-        pairs = zip(GRAM_METRE * run.inertia, GRAM_METRE * run.standard_uncertainty, strict=True)
-        values = [fixed(value, decimals(u)) if run.alone else "–" for value, u in pairs]
+        pairs = zip(run.inertia - result.taken_off, run.standard_uncertainty, strict=True)
+        values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * u)) if run.alone else "–" for x, u in pairs]
         residual = f"{float(np.sqrt(np.mean(run.residual**2))):.3g}"
         rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values])
     note = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."

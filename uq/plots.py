@@ -157,7 +157,7 @@ def estimates(result: Identification) -> Figure:
             low, high = GRAM_METRE * result.interval95[k]
             axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
             axes.axhline(GRAM_METRE * result.inertia[k], color=PALETTE[1])
-            values = [GRAM_METRE * run.inertia[k] for run in runs]
+            values = [GRAM_METRE * (run.inertia - result.taken_off)[k] for run in runs]
             bars = [GRAM_METRE * 1.96 * run.standard_uncertainty[k] for run in runs]
             axes.errorbar(range(1, len(runs) + 1), values, bars, fmt="o", markersize=2.6, color=PALETTE[0],
                           elinewidth=0.7, capsize=1.4, label="each run, ±1.96 u")  # fmt: skip

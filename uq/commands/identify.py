@@ -1,7 +1,9 @@
 """``inertia identify``: the tensor from recorded runs."""
 
 import argparse
+from typing import get_args
 
+from identify.identification import Method
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.document import ExperimentError
 from uq.expected import compare
@@ -45,6 +47,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
     )
     parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
+    parser.add_argument(
+        "--method",
+        choices=get_args(Method),
+        help="the estimator: the source's, or all unknowns together (recording.method)",
+    )
     add_part_options(parser)
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
     parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
@@ -68,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
             parts=pair(arguments.limits),
             mountings=None if arguments.mounting is None else names(arguments.mounting),
             centre=arguments.centre,
+            method=arguments.method,
         )
         result = tare_files(
             result,
