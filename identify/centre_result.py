@@ -269,7 +269,8 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         )
     if mass <= 0:
         raise RunError(f"mass of {content.name} is {mass:g} kg: give one above zero")
-    free = [np.inf if value is None else value for value in content.content.get("degrees_of_freedom") or [np.nan] * n]
+    said = content.content.get("degrees_of_freedom")
+    free = [np.inf if value is None else value for value in said] if isinstance(said, list) else []
     if len(free) != n or not all(isinstance(value, (int, float)) and value > 0 for value in free):
         raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
     return cls(
