@@ -172,6 +172,7 @@ class Identification:
         axes = principal_axes(self.inertia, self.covariance).note
         return [
             *used,
+            *([] if self.tare is None else [self.tare.without(self.parameters)]),
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
             *([] if axes is None else [f"principal axes: {axes}"]),

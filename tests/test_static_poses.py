@@ -176,7 +176,7 @@ def test_the_platforms_pose_tells_the_attitude_and_the_pose_that_creeps_is_left_
     assert found.poses == 7
     assert (np.abs(found.values - TRUTH) < 4 * found.standard_uncertainty + 1e-9).all()
     np.testing.assert_allclose(found.r_cg, R_CG, atol=5e-4)
-    assert "pose 4 (12.0 to 1" in found.warnings[0]
+    assert "pose 4 (12.4 to 14" in found.warnings[0]
     assert "left out: within it the force changes by" in found.warnings[0]
     assert "the z axis of the recorded poses' frame points up" in found.assumptions
 
