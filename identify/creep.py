@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import t as student
 
-BLOCKS_OF = 0.25
+BLOCKS_OF = 0.2
 """Seconds whose mean counts as one independent reading."""
 CHANCE = 1e-4
 """Of a false alarm, for each pose."""
@@ -17,7 +17,8 @@ BEYOND = 3.0
 def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
     """Return how much signals change within a pose, by a straight line, and whether that is beyond their noise.
 
-    The line is fitted to means over a quarter of a second, so that noise which is correlated over less counts once.
+    The line is fitted to means over a fifth of a second, so that noise which is correlated over less counts once; what
+    a parabola leaves is the noise, since creep bends.
 
     Args:
         signal: samples of one pose.
@@ -25,19 +26,20 @@ def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.nda
     """
     size = max(round(BLOCKS_OF * rate), 1)
     count = len(signal) // size
-    if count < 4:
+    if count < 5:
         return np.zeros(signal.shape[1]), np.zeros(signal.shape[1], bool)
     means = signal[: count * size].reshape(count, size, -1).mean(axis=1)
     time = np.linspace(-0.5, 0.5, count)
     slope = time @ (means - means.mean(axis=0)) / (time @ time)
-    left = means - means.mean(axis=0) - np.outer(time, slope)
-    sigma = np.sqrt((left**2).sum(axis=0) / (count - 2) / (time @ time))
-    limit = student.ppf(1 - CHANCE / (2 * signal.shape[1]), count - 2)
+    bend = time**2 - (time**2).mean()
+    left = means - means.mean(axis=0) - np.outer(time, slope) - np.outer(bend, bend @ means / (bend @ bend))
+    sigma = np.sqrt((left**2).sum(axis=0) / (count - 3) / (time @ time))
+    limit = student.ppf(1 - CHANCE / (2 * signal.shape[1]), count - 3)
     return slope, np.abs(slope) > limit * sigma
 
 
 def creeping(
-    poses: Sequence[Float[np.ndarray, "n 6"]], rate: float
+    poses: Sequence[Float[np.ndarray, "_ 6"]], rate: float
 ) -> tuple[Bool[np.ndarray, " poses"], Float[np.ndarray, "poses 6"], bool]:
     """Return which poses hold a drift or creep of their own, the change within each, and whether all of them drift.
 

@@ -208,6 +208,7 @@ class Identification:
         return [
             *used,
             *alignment_notes(self.delay, self.rotation),
+            *([] if self.tare is None else [self.tare.without(self.parameters)]),
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
             *([] if axes is None else [f"principal axes: {axes}"]),

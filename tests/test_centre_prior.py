@@ -16,6 +16,7 @@ from identify.identification import identify
 from uq.cli import main
 from uq.recorded import identify_files
 from uq.simulation import simulate
+from uq.tare import lasting_errors
 
 POSES = SHORT + "\n[poses]\n"
 
@@ -78,6 +79,22 @@ def test_the_centres_covariance_goes_into_the_tensor_in_full(short, files, plain
     assert content["provenance"]["centre"]["inputs"] == [{"file": "poses.csv", "sha256": "ab"}]
     assert len(content["provenance"]["centre"]["sha256"]) == 64
     assert not any("body." in text for text in plain.warnings)
+
+
+def test_what_lasts_from_one_series_of_poses_to_the_next_moves_the_whole_result(short):
+    """A result of a shifted centre against the stated effect on all ten parameters; the tensor is linear in r."""
+    run, estimator = simulate(experiment_of(short, WHOLE), "T1").run, short.estimator("smoothed")
+    lasting = np.zeros((10, 1))
+    lasting[:4, 0] = 2e-3, 1e-4, -3e-4, 2e-4
+    plain = dataclasses.replace(centre_of(WHOLE), lasting=lasting)
+    moved = dataclasses.replace(plain, mass=plain.mass + 2e-3, r_cg=plain.r_cg + lasting[1:4, 0])
+    one, other = (identify(run, centre=known, estimator=estimator) for known in (plain, moved))
+    effect = other.parameters.values - one.parameters.values
+    cross = lasting_errors(one, one, plain, plain)
+    np.testing.assert_allclose(
+        cross, np.outer(effect, effect), rtol=1e-3, atol=1e-4 * np.abs(np.outer(effect, effect)).max()
+    )
+    assert lasting_errors(one, one, plain, centre_of(WHOLE)) is None
 
 
 def test_a_centre_that_contradicts_the_experiment_wins_with_a_warning(short, files):

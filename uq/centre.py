@@ -25,6 +25,9 @@ from uq.recording import UNITS, Recording
 
 TABLES = (".csv", ".tsv", ".txt")
 
+SLOW = 1.0
+"""Highest frequency of interest where poses are turned to angular velocity [Hz]: only rest is looked for."""
+
 
 @dataclass(frozen=True)
 class _Wrenches:
@@ -134,7 +137,7 @@ def as_recording(
 
 def _of_run(path: str | Path, experiment: Experiment, parts: Sequence[Part]) -> _Wrenches:
     named = any(isinstance(limit, str) for part in parts for limit in part)
-    recorded = load(path, experiment.recording, marks=named)
+    recorded = load(path, experiment.recording, band=SLOW, marks=named)
     run = recorded.run
     if run.specific_force is None and recorded.attitude is None:
         raise RunError(

@@ -117,6 +117,7 @@ def tared(
     whole = result.parameters
     body = subtract(whole, part, cross)
     half = _half_width(result, empty, body)
+    middle = body.inertia + _shift(result) - (_shift(empty) if isinstance(empty, Identification) else 0.0)
     own = empty.warnings if isinstance(empty, Identification) else ()
     runs = tuple((run.file, run.sha256) for run in empty.runs) if isinstance(empty, Identification) else ()
     before = "fixture" if runs else "stated fixture"
@@ -127,7 +128,7 @@ def tared(
         sigma_r_cg=body.standard_uncertainty[1:4],
         inertia=body.inertia,
         covariance=body.covariance[4:, 4:],
-        interval95=np.stack([body.inertia - half, body.inertia + half], axis=1),
+        interval95=np.stack([middle - half, middle + half], axis=1),
         bias=result.bias - (empty.bias if isinstance(empty, Identification) else 0.0),
         mass_uncertainty=float(body.standard_uncertainty[0]),
         mass_covariance=body.covariance[0, 1:],
@@ -175,6 +176,11 @@ def _half_width(
     factors = [_factor(result), _factor(empty) if isinstance(empty, Identification) else np.full(6, NORMAL)]
     square = factors[0] ** 2 * alone[0] + factors[1] ** 2 * alone[1] + NORMAL**2 * common
     return np.sqrt(np.maximum(square, 0.0))
+
+
+def _shift(result: Identification) -> np.ndarray:
+    """How far the middle of a result's intervals is from its value: expected errors of declared sources."""
+    return result.interval95.mean(axis=1) - result.inertia
 
 
 def _factor(result: Identification) -> np.ndarray:
