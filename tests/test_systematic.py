@@ -156,6 +156,10 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
     low, high = wide.interval95.T
     assert ((low < short.inertia) & (short.inertia < high))[[0, 3, 5]].all()
     assert not (low[0] < result.inertia[0] < high[0])
+    # an estimator that evaluates its own noise: the same sources on top of its covariance
+    other = with_declared_sources(dataclasses.replace(result, pooling=None), [run], experiment)
+    np.testing.assert_allclose(np.diag(other.covariance), np.diag(wide.covariance), rtol=1e-6)
+    np.testing.assert_allclose(other.interval95, wide.interval95, atol=0.1 * wide.standard_uncertainty.max())
     assert 1 < wide.to_dict()["budget"]["M_gain"]["I11"] / (1e-3 * short.inertia[0]) < 2
 
 
