@@ -136,7 +136,8 @@ def with_declared_sources(
         budget=budget_of(together, {name: errors.std(axis=0) for name, errors in found.alone.items()}),
         diagnostics={
             **result.diagnostics,
-            **_diagnostics(result, together, covariance, of_sources, (low, high), trials),
+            **_diagnostics(together, covariance, of_sources, (low, high)),
+            "declared_sources": {"trials": trials, "seed": seed},
         },
     )
 
@@ -332,12 +333,10 @@ def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str,
 
 
 def _diagnostics(
-    result: Identification,
     together: Pooling,
     covariance: np.ndarray,
     of_sources: np.ndarray,
     ends: tuple[np.ndarray, np.ndarray],
-    trials: int,
 ) -> dict[str, Any]:
     """What the covariance is made of; effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
     combined, own = np.diag(covariance), np.diag(together.covariance)
@@ -348,5 +347,4 @@ def _diagnostics(
         "effective_degrees_of_freedom": np.minimum(freedom, 1e9).tolist(),
         "coverage_factor": ((ends[1] - ends[0]) / 2 / np.sqrt(np.maximum(combined, 1e-300))).tolist(),
         "scatter_between_runs": together.excess.tolist(),
-        "trials_of_declared_sources": trials,
     }
