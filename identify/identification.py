@@ -3,26 +3,27 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import t as student
 
 from identify.estimate import Information, information, longest
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
-from identify.gram import normal_equations
+from identify.gls import whitened
 from identify.inertia import COMPONENTS, principal
 from identify.inertial import Datum, InertialParameters, by_component, principal_axes
 from identify.offsets import OffsetChoice
+from identify.pool import pool
 from identify.precision import check_precision
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
-from identify.solve import excitation
 from identify.tables import html_table, text_table
 
+Method = Literal["source", "gls"]
+"""How the tensor is estimated."""
+METHODS = {"source": information, "gls": whitened}
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
 
@@ -174,6 +175,7 @@ def identify(
     estimator: EstimatorSpec | None = None,
     offsets: OffsetChoice = "estimate",
     mass: float | None = None,
+    method: Method = "source",
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
@@ -185,13 +187,17 @@ def identify(
         offsets: whether constant offsets of force and moment are estimated in each run along with the tensor, taken
             from its rest, or left in. A force's offset acts only through its moment about the centre of gravity.
         mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
+        method: the source's ordinary least squares, or generalised least squares (:mod:`identify.gls`).
 
     Raises:
-        RunError: no run, a run too short for the estimator, or components that the motion does not identify.
+        RunError: no run, a run too short for the estimator, or a motion that identifies nothing.
     """
     runs = [runs] if isinstance(runs, Run) else list(runs)
     if not runs:
         raise RunError("no runs: give one or more")
+    for name, given, known in (("offsets", offsets, OffsetChoice), ("method", method, Method)):
+        if given not in get_args(known):
+            raise ValueError(f"Argument `{name}` must be one of {', '.join(get_args(known))}, but is {given!r}.")
     warned = check_precision("float64")
     centre, sigma = np.asarray(r_cg, float), np.asarray(sigma_r_cg, float)
     if centre.shape != (3,) or not np.isfinite(centre).all():
@@ -201,35 +207,16 @@ def identify(
     if estimator is None:
         band = _common_band(runs)
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
-    parts = [information(run, estimator, centre, offsets=offsets) for run in runs]
-    weights = np.array([part.weight for part in parts])
-    normal = np.einsum("k,kij->ij", weights, [part.normal for part in parts])
-    noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
-    verdict = excitation(normal, noise)
-    if verdict.unidentifiable or not verdict.identifiable.all():
-        names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
-        raise RunError(f"the motion in {_named(runs)} does not identify {names}: rotate about more axes, or faster")
-
-    if offsets not in get_args(OffsetChoice):
-        raise ValueError(f"Argument `offsets` must be one of {', '.join(get_args(OffsetChoice))}, but is {offsets!r}.")
-
-    def pooled(centre):
-        sides = [normal_equations(part.sums, centre)[1] * weight for part, weight in zip(parts, weights, strict=True)]
-        return jnp.linalg.solve(jnp.asarray(normal), sum(sides))
-
-    inertia = np.asarray(pooled(jnp.asarray(centre)))
-    by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
-    inverse = np.linalg.inv(normal)
-    residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    scatter, freedom = _scatter(parts, inertia, weights, inverse)
-    of_noise = residual * np.outer(scatter, scatter)
-    covariance = of_noise + by_centre * sigma**2 @ by_centre.T
-    freedom = freedom * (np.diag(covariance) / np.maximum(np.diag(of_noise), 1e-300)) ** 2  # GUM G.4: r_CG's are known
-    factor = student.ppf(0.975, freedom)
-    share = weights * [part.rows for part in parts]
-    gain_error = share @ [part.gain_error for part in parts] / share.sum()
-    bias = inertia - np.linalg.solve(normal - noise, normal @ inertia) + gain_error * inertia
-    half = factor * np.sqrt(np.diag(covariance))
+    parts = [METHODS[method](run, estimator, centre, offsets=offsets) for run in runs]
+    pooled = pool(parts, sigma)
+    inertia, bias, covariance, scatter, verdict = (
+        pooled.inertia,
+        pooled.bias,
+        pooled.covariance,
+        pooled.scatter,
+        pooled.excitation,
+    )
+    half = pooled.coverage_factor * np.sqrt(np.diag(covariance))
     warnings = [*warned, *_warnings(parts, inertia, bias, covariance, scatter)]
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
@@ -237,15 +224,15 @@ def identify(
         "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[0])),
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
         "scatter_between_runs": scatter.tolist(),
-        "coverage_factor": factor.tolist(),
-        "degrees_of_freedom": freedom.tolist(),
-        "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
-        "standard_uncertainty_from_cg": np.sqrt(np.diag(by_centre * sigma**2 @ by_centre.T)).tolist(),
+        "coverage_factor": pooled.coverage_factor.tolist(),
+        "degrees_of_freedom": pooled.degrees_of_freedom.tolist(),
+        "standard_uncertainty_from_residuals": np.sqrt(np.diag(pooled.residual)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(pooled.by_centre * sigma**2 @ pooled.by_centre.T)).tolist(),
     }  # fmt: skip
     return Identification(
         inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
-        offsets=offsets, cg_inertia_covariance=(by_centre * sigma**2).T,
+        offsets=offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T,
     )  # fmt: skip
 
 
@@ -259,20 +246,6 @@ def _common_band(runs: Sequence[Run]) -> float:
                 "record for longer, or name an estimator"
             )
     return max(motion_band(longest(run), run.rate) for run in runs)
-
-
-def _scatter(
-    parts: list[Information], inertia: np.ndarray, weights: np.ndarray, inverse: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """By component: how much more runs scatter than their residuals say, at least 1; effective degrees of freedom."""
-    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
-    own = squares.sum(axis=0) ** 2 / (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)  # GUM G.4
-    alone = [part for part in parts if part.excitation.identifiable.all()]
-    if len(alone) < 2:
-        return np.ones(6), own
-    squares = np.array([(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone])
-    ratio = np.sqrt(squares.sum(axis=0) / (len(alone) - 1))
-    return np.maximum(ratio, 1.0), np.where(ratio > 1, len(alone) - 1.0, own)
 
 
 def _warnings(

@@ -99,9 +99,7 @@ def _of_vertical(model: Model, x: Unknowns, motion: Kinematics) -> Columns:
     rate = jnp.einsum("nij,kn->nikj", attitude[rows.at_rows], basis).reshape(len(rows.t), 3, -1)
     by_slow = -cross_matrix(start) @ _summed(rate, rows)
     both = jnp.concatenate([jnp.broadcast_to(by_tilt, (len(rows.t), 3, 2)), by_slow], axis=2)
-    later = jax.vmap(
-        lambda columns: seen_later(rows, x, attitude, rows.t + x.delay[0], columns), in_axes=2, out_axes=2
-    )
+    later = jax.vmap(lambda columns: seen_later(rows, x, attitude, rows.t + x.delay[0], columns), in_axes=2, out_axes=2)
     seen = later(both)
     return {"tilt": seen[:, :, :2]} | _named(seen[:, :, 2:].reshape(len(rows.t), 3, 1 + WANDER, 3))
 
@@ -128,7 +126,5 @@ def _added(one: Columns, other: Columns) -> dict[str, Array]:
 def _assembled(columns: Columns, count: int) -> Float[Array, "n 3 count"]:
     """Columns in the unknowns' order, zero where nothing acts."""
     n = len(next(iter(columns.values())))
-    parts = [
-        columns.get(name, jnp.zeros((n, 3, part.stop - part.start))) for name, part in SLICES.items()
-    ]
+    parts = [columns.get(name, jnp.zeros((n, 3, part.stop - part.start))) for name, part in SLICES.items()]
     return jnp.concatenate(parts, axis=2)

@@ -183,7 +183,9 @@ def seen_later(
     """Return vectors, in the IMU's axes at the first node, as the IMU sees them at some instants."""
     cell = cell_of(rows.motion, rows.step, t)
     at_node = jnp.einsum("nij,ni->nj", attitude[cell], vectors)
-    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(_turn(rows, x, cell, t - rows.step * cell), at_node)
+    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(
+        _turn(rows, x, cell, t - rows.step * cell), at_node
+    )
 
 
 def _tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:

@@ -56,7 +56,9 @@ class Alignment:
         for name, value in vars(self).items():
             numbers = np.atleast_1d(np.asarray(0.0 if value is None else value, float))
             if not np.isfinite(numbers).all() or (name.startswith("sigma") and (numbers < 0).any()):
-                raise RunError(f"{name} of the alignment is {value!r}: give finite numbers, uncertainties not below zero")
+                raise RunError(
+                    f"{name} of the alignment is {value!r}: give finite numbers, uncertainties not below zero"
+                )
             if len(numbers) not in (1, 3) or (len(numbers) == 3 and name in ("delay", "sigma_delay", "sigma_tilt")):
                 raise RunError(f"{name} of the alignment has {len(numbers)} numbers: give one, or one an axis")
 

@@ -1,0 +1,97 @@
+"""One tensor from several runs: their normal equations added, their scatter counted."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from identify.estimate import Information
+from identify.run import RunError
+from identify.solve import Excitation, excitation
+
+
+class Pooled(NamedTuple):
+    """What runs say together. What the motion does not excite is zero in all of it."""
+
+    inertia: np.ndarray
+    """Packed tensor [kg·m²]."""
+    bias: np.ndarray
+    """Expected mean error from white gyro noise and the differentiator's gain [kg·m²]."""
+    covariance: np.ndarray
+    """Residuals, scatter between runs, centre of gravity, (6, 6) [(kg·m²)²]."""
+    residual: np.ndarray
+    """The part of it that the residuals say."""
+    by_centre: np.ndarray
+    """Derivative of the tensor with respect to r_CG, (6, 3)."""
+    scatter: np.ndarray
+    """By component: how much more runs scatter than their residuals say, at least 1."""
+    degrees_of_freedom: np.ndarray
+    """Effective, by component."""
+    excitation: Excitation
+    """What the motions together excite."""
+
+    @property
+    def coverage_factor(self) -> np.ndarray:
+        """By component, of 95 %."""
+        return student.ppf(0.975, self.degrees_of_freedom)
+
+
+def pool(parts: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
+    """Return the tensor of several runs, each weighted by the inverse of its noise variance.
+
+    Args:
+        parts: what each run says.
+        sigma_r_cg: standard uncertainty of the centre of gravity on each axis [m].
+
+    Raises:
+        RunError: the motion tells nothing at all.
+    """
+    weights = np.array([part.weight for part in parts])
+    normal = np.einsum("k,kij->ij", weights, [part.normal for part in parts])
+    noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
+    verdict = excitation(normal, noise)
+    seen = verdict.directions[verdict.identifiable]
+    if not len(seen):
+        first, more = parts[0].run.name, len(parts) - 1
+        names = ", ".join(verdict.unidentifiable)
+        raise RunError(
+            f"the motion in {first}{f' and {more} more' if more else ''} does not identify {names}: "
+            "rotate about more axes, or faster"
+        )
+    inverse = seen.T @ np.diag(1 / verdict.strength[verdict.identifiable]) @ seen
+    inertia = inverse @ (weights @ [part.right for part in parts])
+    by_centre = inverse @ np.einsum("k,kij->ij", weights, [part.right_by_centre for part in parts])
+    residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
+    scatter, freedom = _scatter(parts, inertia, weights, inverse)
+    of_noise = residual * np.outer(scatter, scatter)
+    covariance = of_noise + by_centre * sigma_r_cg**2 @ by_centre.T
+    freedom = freedom * (np.diag(covariance) / np.maximum(np.diag(of_noise), 1e-300)) ** 2  # GUM G.4: r_CG's are known
+    bias = seen.T @ (seen @ inertia - np.linalg.solve(seen @ (normal - noise) @ seen.T, seen @ normal @ inertia))
+    share = weights * [part.rows for part in parts]
+    gain_error = share @ [part.gain_error for part in parts] / share.sum()
+    return Pooled(
+        inertia,
+        bias + gain_error * inertia,
+        covariance,
+        residual,
+        by_centre,
+        scatter,
+        np.clip(freedom, 1, 1e9),
+        verdict,
+    )
+
+
+def _scatter(
+    parts: Sequence[Information], inertia: np.ndarray, weights: np.ndarray, inverse: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """By component: how much more runs scatter than their residuals say, at least 1; effective degrees of freedom."""
+    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
+    terms = (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)
+    own = squares.sum(axis=0) ** 2 / np.maximum(terms, 1e-300)  # GUM G.4
+    alone = [part for part in parts if part.excitation.identifiable.all()]
+    if len(alone) < 2:
+        return np.ones(6), own
+    squares = np.array([(part.inertia - inertia) ** 2 / np.diag(part.covariance) for part in alone])
+    ratio = np.sqrt(squares.sum(axis=0) / (len(alone) - 1))
+    return np.maximum(ratio, 1.0), np.where(ratio > 1, len(alone) - 1.0, own)
