@@ -11,7 +11,7 @@ the coverage factor (Batlle, Patil, Stanley, Kuusela and Owhadi 2023, doi:10.485
 far from the edge; never empty, and never short for the reason that the estimate fell outside.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -60,11 +60,15 @@ class Admissible(NamedTuple):
         }
 
 
-def finite(values: Any) -> Any:
-    """Return numbers as lists that JSON can hold: None for what is infinite or unknown."""
-    if np.ndim(values):
-        return [finite(value) for value in values]
-    return float(values) if np.isfinite(values) else None
+def finite(content: Any) -> Any:
+    """Return content as JSON can hold it: arrays as lists, None for what is infinite or unknown."""
+    if isinstance(content, Mapping):
+        return {key: finite(value) for key, value in content.items()}
+    if isinstance(content, np.ndarray | list | tuple):
+        return [finite(value) for value in content]
+    if isinstance(content, float | np.floating):
+        return float(content) if np.isfinite(content) else None
+    return content
 
 
 def log_cholesky(free: Float[Array, "6"]) -> Float[Array, "6"]:
@@ -141,11 +145,11 @@ def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, st
     scale = 1 / jnp.sqrt(jnp.diag(metric))
     root = jnp.linalg.cholesky(metric * jnp.outer(scale, scale))
     to_free = lambda z: start + scale * jax.scipy.linalg.solve_triangular(root.T, z)  # noqa: E731
-    solver = optimistix.BFGS(rtol=1e-9, atol=1e-7)
-    found = optimistix.minimise(
+    solver: optimistix.BFGS = optimistix.BFGS(rtol=1e-9, atol=1e-7)
+    found: optimistix.Solution = optimistix.minimise(
         lambda z, _: cost(to_free(z)), solver, jnp.zeros_like(start), max_steps=2000, throw=False
     )
-    return to_free(found.value), found.result == optimistix.RESULTS.successful
+    return to_free(found.value), jnp.asarray(found.result == optimistix.RESULTS.successful)
 
 
 def roundness(inertia: Float[Array, "6"]) -> Float[Array, ""]:
@@ -177,6 +181,8 @@ def admissible(
         seen: orthonormal directions in the space of packed tensors that the data determine; None: all.
     """
     seen = np.eye(6) if seen is None else seen
+    exact = 1e-6 * np.abs(inertia).max()
+    covariance = covariance + exact**2 * np.eye(6)
     inside = margin(inertia, covariance)
     if len(seen) == 6 and inside >= NEAR:
         return None

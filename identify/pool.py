@@ -11,6 +11,10 @@ from identify.run import RunError
 from identify.solve import Excitation, excitation
 
 
+CLEAR = 0.01
+"""Part of a component in what is not excited that counts as none."""
+
+
 class Pooled(NamedTuple):
     """What runs say together. What the motion does not excite is zero in all of it."""
 
@@ -30,6 +34,13 @@ class Pooled(NamedTuple):
     """Effective, by component."""
     excitation: Excitation
     """What the motions together excite."""
+
+    @property
+    def seen(self) -> np.ndarray:
+        """The directions in the space of packed tensors that it does excite, (k, 6); small parts of them left out."""
+        blind = self.excitation.directions[~self.excitation.identifiable]
+        clear = np.where(np.abs(blind) < CLEAR, 0.0, blind)
+        return np.linalg.qr(np.concatenate([clear, np.eye(6)]).T)[0].T[len(blind) :]
 
     @property
     def coverage_factor(self) -> np.ndarray:

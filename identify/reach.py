@@ -77,9 +77,9 @@ def size(data: Data) -> float:
 
 
 def _farthest(data: Data, direction: np.ndarray, start: np.ndarray, most: float) -> float:
-    """The largest value along a direction, from a body inside, to a thousandth of the way there."""
+    """The largest value along a direction, from a body inside, to a thousandth of the way there or of the size."""
     x, weight, way = start, 1.0, 0.0
-    while BARRIERS / weight > 1e-3 * way and weight < SHARPEST:
+    while BARRIERS / weight > 1e-3 * min(way, 1.0) and weight < SHARPEST:
         weight *= 10
         x = _newton(_sum(_linear(-weight * direction), _bodies, _within(data, most)), x)
         way = float(direction @ (x - start))
@@ -134,16 +134,18 @@ def _bodies(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def _newton(function: Function, x: np.ndarray) -> np.ndarray:
-    """The minimum of a self-concordant function, by damped Newton steps."""
+    """The minimum of a self-concordant function, by Newton steps."""
     value, slope, curvature = function(x)
-    for _ in range(60):
+    for _ in range(100):
         scale = 1 / np.sqrt(np.diag(curvature))
         step = -scale * np.linalg.solve(curvature * np.outer(scale, scale), scale * slope)
         decrement = -float(slope @ step)
         if decrement < 1e-9:
             break
-        length = 1.0 if decrement < 0.1 else 1 / (1 + np.sqrt(decrement))
-        while not (new := function(x + length * step))[0] <= value + 1e-12 * abs(value) and length > 1e-12:
+        length, rounding = 1.0, 1e-13 * abs(value)
+        while not (new := function(x + length * step))[0] <= value - 0.1 * length * decrement + rounding:
             length /= 2
+            if length < 1e-12:
+                return x
         x, (value, slope, curvature) = x + length * step, new
     return x
