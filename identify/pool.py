@@ -10,7 +10,6 @@ from identify.estimate import Information
 from identify.run import RunError
 from identify.solve import Excitation, excitation
 
-
 CLEAR = 0.01
 """Part of a component in what is not excited that counts as none."""
 

@@ -1,14 +1,19 @@
 """What a weak run leaves open, in words: which components, and why."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.admissible import Admissible
+from identify.admissible import Admissible, admissible, margin
 from identify.inertia import COMPONENTS
 from identify.reach import PAIRS, UNITS
-from identify.run import Run
+from identify.run import Run, RunError
+
+if TYPE_CHECKING:
+    from identify.identification import Identification
 
 ONE_AXIS = 1e-3
 """Part of the angular velocity's power below which an axis counts as not turned about."""
@@ -29,37 +34,56 @@ def covariance_of(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> 
     return found
 
 
-def shortcomings(
-    bounded: Admissible | None,
-    inertia: Float[np.ndarray, "6"],
-    covariance: Float[np.ndarray, "6 6"],
-    interval95: Float[np.ndarray, "6 2"],
-    runs: Sequence[Run],
-) -> list[str]:
-    """Return a line on each thing that a result's reader must not overlook."""
-    found = []
-    if bounded is not None and not bounded.determined.all():
-        found.append(_undetermined(bounded, covariance, runs))
-    elif bounded is not None:
-        what = (
-            "the estimate is that of the nearest body" if (bounded.inertia != bounded.plain).any() else "kept as it is"
-        )
-        found.append(f"{bounded.reason}: {what}, its intervals are over bodies only (plain ones: key admissible)")
-    names = _hardly_known(bounded, inertia, interval95)
-    if names:
-        found.append(
-            f"{', '.join(names)} hardly known: the interval reaches half of the moments themselves; record for longer, "
-            "or rotate more about the other axes"
-        )
-    return found
+def within_bodies(result: "Identification", runs: Run | Sequence[Run]) -> "Identification":
+    """Return a result with the tensor and the intervals that bodies allow, where data are weak; else unchanged.
+
+    Args:
+        result: a plain estimate.
+        runs: what it was made of.
+
+    Raises:
+        RunError: what the motion determines is no body's.
+    """
+    runs = [runs] if isinstance(runs, Run) else list(runs)
+    sigma = np.maximum(result.standard_uncertainty, 1e-300)
+    factor = np.maximum(np.ptp(result.interval95, axis=1) / 2 / sigma, 1.0)
+    found = admissible(result.inertia, result.covariance, factor, result.seen)
+    if found is None:
+        if result.seen is not None:
+            raise RunError(f"what {runs[0].name} determines is no body's: check signs, frames and r_CG")
+        return replace(result, warnings=(*result.warnings, *_impossible(result), *_hardly_known(result)))
+    bounded = replace(
+        result,
+        inertia=found.inertia,
+        bias=np.where(found.determined, result.bias, np.nan),
+        covariance=covariance_of(found, result.covariance),
+        interval95=found.interval95,
+        admissible=found,
+    )
+    said = _undetermined(found, result.covariance, runs) if not found.determined.all() else _changed(found)
+    return replace(bounded, warnings=(*result.warnings, said, *_hardly_known(bounded)))
 
 
-def _hardly_known(bounded: Admissible | None, inertia: np.ndarray, interval95: np.ndarray) -> list[str]:
-    determined = np.ones(6, bool) if bounded is None else bounded.determined
-    moments = np.abs(inertia[[0, 3, 5]])
+def _impossible(result: "Identification") -> list[str]:
+    if margin(result.inertia, result.covariance) >= 0:
+        return []
+    return ["no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"]
+
+
+def _changed(found: Admissible) -> str:
+    moved = (found.inertia != found.plain).any()
+    what = "the estimate is that of the nearest body" if moved else "it is kept"
+    return f"{found.reason}: {what}, intervals hold bodies only"
+
+
+def _hardly_known(result: "Identification") -> list[str]:
+    determined = np.ones(6, bool) if result.admissible is None else result.admissible.determined
+    moments = np.abs(result.inertia[[0, 3, 5]])
     scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
-    wide = np.ptp(interval95, axis=1) / 2 > WIDE * scale
-    return [name for name, one in zip(COMPONENTS, wide & determined, strict=True) if one]
+    wide = determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
+    names = [name for name, one in zip(COMPONENTS, wide, strict=True) if one]
+    advice = "half the interval is more than half the moments there; record for longer, or rotate about more axes"
+    return [f"{', '.join(names)} hardly known: {advice}"] if names else []
 
 
 def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:

@@ -41,9 +41,10 @@ def test_exact_poses_give_the_exact_parameters(generator):
 
 
 def test_the_stated_covariance_is_that_of_repeated_experiments(generator):
-    """400 draws of 12 poses: every normalised deviation has variance 1 within 5 standard errors, and so has the whole.
+    """400 draws of 12 poses: every normalised deviation has the variance of Student's t, and so has the whole.
 
-    The variance of 400 normal draws has a standard error of 7 %; Student's t of 30 degrees adds 7 % to it.
+    A noise level from 10 to 30 degrees of freedom makes it 1.07 to 1.25; the variance of 400 draws has a standard error
+    of 9 %, so that 5 of them are 0.45.
     """
     f = specific_forces(generator, 12)
     force, moment = wrench_on_body(f)
@@ -54,8 +55,8 @@ def test_the_stated_covariance_is_that_of_repeated_experiments(generator):
         error = found.values - TRUTH
         deviations.append(error / found.standard_uncertainty)
         distances.append(error @ np.linalg.solve(found.covariance, error))
-    assert (np.abs(np.var(deviations, axis=0) - 1.07) < 5 * 0.08).all(), np.var(deviations, axis=0)
-    assert np.mean(distances) == pytest.approx(10 * 1.07, abs=5 * np.sqrt(2 * 10 / 400) + 0.5)
+    assert (np.abs(np.var(deviations, axis=0) - 1.15) < 0.1 + 5 * 0.09).all(), np.var(deviations, axis=0)
+    assert np.mean(distances) == pytest.approx(10 * 1.2, abs=5 * np.sqrt(2 * 10 / 400) + 0.5)
 
 
 def test_an_accelerometers_offset_and_gain_are_found(generator):

@@ -20,15 +20,20 @@ import numpy as np
 from identify.estimator import EstimatorSpec
 from identify.gravity import normal_gravity
 from identify.inertia import Body
+from identify.inertial import Datum, InertialParameters
 from identify.trajectory import Harmonic, Sphere, Trajectory
 from uq.document import ExperimentError, Table
 from uq.poses import Poses, parse_poses
 from uq.recording import Recording, parse_recording
 from uq.source_table import parse_sources
 from uq.sources import Mixing, Source
+from uq.stated import inertia as inertia_of
+from uq.stated import parse_datum, parse_fixture, parse_scale
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
+STATED = {"scale": parse_scale, "datum": parse_datum, "fixture": parse_fixture}
+"""Tables that state a quantity with its standard uncertainty."""
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
 STANDARD_GRAVITY = 9.80665
 """Gravity where none is stated [m/s²]."""
@@ -75,6 +80,12 @@ class Experiment:
     """The file's content, for the provenance of results."""
     folder: Path = field(default=Path("."), repr=False)
     """Where the file is, and beside it the files that it names."""
+    scale: tuple[float, float] | None = None
+    """What a scale says of the mass on the load cell, with its standard uncertainty [kg]; None: there is none."""
+    datum: Datum | None = None
+    """A frame in which the result is also wanted; None: there is none."""
+    fixture: InertialParameters | None = None
+    """What is to be subtracted from the identified body, by its stated parameters; None: nothing."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
@@ -129,7 +140,11 @@ class Experiment:
         recording = top.table("recording", parse_recording, {})
         if recording.urdf is not None:
             recording = replace(recording, urdf=str(Path(folder) / recording.urdf))
+        more: dict[str, Any] = {
+            name: top.table(name, parse) for name, parse in STATED.items() if top.raw(name, None) is not None
+        }
         top.finish()
+        _same_mass(mass, more.get("scale"))
         names = [estimator.name for estimator in estimators]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -140,7 +155,7 @@ class Experiment:
             )
         return cls(
             r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, mixing, recording,
-            poses, document, Path(folder),
+            poses, document, Path(folder), **more,
         )  # fmt: skip
 
     @property
@@ -213,6 +228,14 @@ class Experiment:
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
 
 
+def _same_mass(mass: float | None, scale: tuple[float, float] | None) -> None:
+    """Refuse two masses that contradict each other."""
+    if mass is not None and scale is not None and abs(mass - scale[0]) > 3 * scale[1]:
+        raise ExperimentError(
+            f"body.mass is {mass:g} kg, scale.mass {scale[0]:g} kg with {scale[1]:g} kg: keep the right one"
+        )
+
+
 def _read(source: str | Path) -> dict[str, Any]:
     """Return the content of an experiment file or preset."""
     if str(source) in PRESETS:
@@ -246,22 +269,9 @@ def _whole_body(top: Table, *, stated: bool) -> tuple[np.ndarray | None, float |
 def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     r_cg = table.vector("r_cg_from_q", "m")
     mass = table.quantity("mass", "kg", None, positive=True)
-    inertia = table.table("inertia", _inertia) if "inertia" in table.content else None
+    inertia = table.table("inertia", inertia_of) if "inertia" in table.content else None
     table.finish()
     return r_cg, mass, inertia
-
-
-def _inertia(table: Table) -> np.ndarray:
-    i11, i22, i33 = (table.quantity(name, "kg*m^2", positive=True) for name in ("I11", "I22", "I33"))
-    i12, i13, i23 = (table.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23"))
-    table.finish()
-    low, middle, high = np.linalg.eigvalsh([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
-    if low <= 0 or low + middle < high * (1 - 1e-12):
-        raise ExperimentError(
-            f"{table.where} is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
-            "its moments must be positive and obey the triangle inequality"
-        )
-    return np.array([i11, i12, i13, i22, i23, i33])
 
 
 def _platform(table: Table) -> tuple[float, np.ndarray]:

@@ -1,5 +1,6 @@
 """What a result was computed from: inputs, versions, machine, time."""
 
+import hashlib
 import platform
 import subprocess
 from collections.abc import Mapping
@@ -24,6 +25,12 @@ def provenance(**inputs: Any) -> dict[str, Any]:
         "devices": f"{len(devices)} x {devices[0].device_kind}",
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def sha256(path: str | Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _version(distribution: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.estimator import EstimatorSpec
 from identify.filters import occupied_band
-from identify.identification import Identification, identify
+from identify.identification import Identification, Method, identify
 from identify.offsets import OffsetChoice, rest_of
 from identify.resample import UNEQUAL, interval
 from identify.run import Run, RunError
@@ -17,6 +17,7 @@ from identify.stretches import Stretch, still
 from rig import notes
 from rig.bag import read_any
 from rig.channels import Recording as BagRecording
+from uq.centre_prior import known_by, load_centre, told
 from uq.clocks import instants
 from uq.compensation import undo
 from uq.declared import Rig, declared
@@ -167,6 +168,8 @@ def identify_files(
     estimator: str | None = None,
     offsets: OffsetChoice | None = None,
     parts: Sequence[Part] | None = None,
+    centre: str | Path | None = None,
+    method: Method | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body.
 
@@ -176,6 +179,8 @@ def identify_files(
         estimator: name of the estimator; None for the recording's, or the first.
         offsets: where constant offsets come from; None: as the experiment says.
         parts: the parts of each run that count; None: where it moves.
+        centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
+        method: the estimator of :func:`identify.identify`; None: the recording's.
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.parts.resolve`,
@@ -185,6 +190,13 @@ def identify_files(
         raise RunError("a run is given twice: name each file once")
     if offsets is not None:
         experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
+    declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
+    if centre is not None:
+        prior = load_centre(centre)
+        experiment, differing = known_by(experiment, prior)
+        declared_inputs |= {"centre": told(centre, prior)}
+    elif experiment.scale is not None:
+        experiment = replace(experiment, mass=experiment.scale[0])
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, parts) for path in paths]
     runs = [run for run, _ in prepared]
@@ -195,15 +207,24 @@ def identify_files(
         estimator=spec,
         offsets=experiment.recording.offsets,
         mass=experiment.mass,
+        centre=prior,
+        method=method or experiment.recording.method,
+        alignment=experiment.recording.alignment,
+        cg_motion=experiment.recording.cg_motion,
+        gravity=experiment.gravity,
+        mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
     )
+    if prior is None and experiment.scale is not None and result.method != "joint":
+        result = replace(result, mass_uncertainty=experiment.scale[1])
     suspicious = [text for run in runs for text in warned(run, experiment)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
     inputs = [{"file": str(path), "sha256": run.sha256} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*result.warnings, *suspicious),
+        warnings=(*differing, *result.warnings, *suspicious),
         assumptions=(*assumed, *result.assumptions),
-        provenance=provenance(**experiment.inputs(), inputs=inputs),
+        provenance=provenance(**declared_inputs, inputs=inputs),
+        datum=experiment.datum,
     )
 
 

@@ -4,13 +4,16 @@ Nothing here touches a recording; :mod:`uq.recorded` applies it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.frames import from_axes, from_quaternion, nearest_rotation
+from identify.identification import CgMotion, Method
+from identify.priors import Alignment
+from uq.alignment import parse_alignment
 from uq.document import ExperimentError, Table
 from uq.units import UnitError, scale
 
@@ -60,6 +63,12 @@ class Recording:
     """Path of the robot's description, where the motion is told by joint states."""
     urdf_frame: str | None = None
     """The frame of the description that turns with the body."""
+    method: Method = "source"
+    """The estimator: the source's, or tensor, centre, offsets, delay and rotation together."""
+    cg_motion: CgMotion | None = None
+    """Whether the motion keeps the centre of gravity still; None: not declared."""
+    alignment: Alignment = field(default_factory=Alignment)
+    """What is known beforehand of delay, rotation and slow errors, for the joint estimate."""
 
     def unit(self, quantity: str) -> str | None:
         """Return the declared unit's name of ``force``, ``moment``, ``angular_velocity`` or ``acceleration``."""
@@ -77,10 +86,13 @@ def parse_recording(table: Table) -> Recording:
     """
     alike: dict[str, Any] = {key: table.typed(key, str, None) for key in TEXTS}
     alike |= {f"{name}_unit": _unit(table, f"{name}_unit", si) for name, si in UNITS.items()}
-    alike |= {key: _rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
+    alike |= {key: rotation(table, key) for key in ("wrench_rotation_to_body", "imu_rotation_to_body")}
     alike |= {key: _point(table, key) for key in ("wrench_point", "imu_position")}
     recording = Recording(
         **alike,
+        method=table.choice("method", get_args(Method), "source"),
+        cg_motion=table.choice("cg_motion", get_args(CgMotion), None),
+        alignment=parse_alignment(table),
         wrench=table.choice("wrench", ("on_body", "on_sensor"), None),
         calibration=_calibration(table),
         offsets=table.choice("offsets", ("estimate", "still", "none"), "estimate"),
@@ -107,8 +119,12 @@ def _point(table: Table, key: str) -> np.ndarray | None:
     return table.vector(key, "m") if key in table.content else table.raw(key, None)
 
 
-def _rotation(table: Table, key: str) -> np.ndarray | None:
-    """A rotation as signed axes, quaternion or matrix."""
+def rotation(table: Table, key: str) -> np.ndarray | None:
+    """Return a rotation written as signed axes, quaternion or matrix; None: the key is missing.
+
+    Raises:
+        ExperimentError: it is no rotation.
+    """
     raw = table.raw(key, None)
     if raw is None:
         return None

@@ -1,7 +1,9 @@
 """``inertia identify``: the tensor from recorded runs."""
 
 import argparse
+from typing import get_args
 
+from identify.identification import Method
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.experiment import Experiment
 from uq.parts import pair
@@ -22,6 +24,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("estimate", "still", "none"),
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
+    parser.add_argument(
+        "--method",
+        choices=get_args(Method),
+        help="the estimator: the source's, or all unknowns together (recording.method)",
+    )
     add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
@@ -37,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
             estimator=arguments.estimator,
             offsets=arguments.offsets,
             parts=pair(arguments.limits),
+            centre=arguments.centre,
+            method=arguments.method,
         )
         finish(result, out)
     return 0

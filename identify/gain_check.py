@@ -1,0 +1,56 @@
+"""The mass that a load cell tells beside the mass from a scale: a check of the cell's gain."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class GainCheck:
+    """Mass from the load cell over mass from the scale."""
+
+    mass: float
+    """From the scale [kg]."""
+    standard_uncertainty: float
+    """Its standard uncertainty [kg]."""
+    ratio: float
+    """The load cell's mass over the scale's: the gain of its force, where gravity is right."""
+    ratio_uncertainty: float
+    """Standard uncertainty of the ratio."""
+    coverage_factor: float
+    """Of 95 %."""
+
+    @property
+    def normalised(self) -> float:
+        """Deviation of the ratio from 1 over its expanded uncertainty: |E_n| of ISO/IEC 17043."""
+        return abs(self.ratio - 1) / (self.coverage_factor * self.ratio_uncertainty)
+
+    @property
+    def within(self) -> bool:
+        """Whether the ratio is 1 within its expanded uncertainty."""
+        return self.normalised <= 1
+
+    @property
+    def verdict(self) -> str:
+        """The check in words."""
+        figures = f"{self.ratio:.5f} ± {self.ratio_uncertainty:.5f}, E_n {self.normalised:.2f}"
+        said = f"load cell's mass over the scale's {figures}"
+        return f"{said}: the gain agrees" if self.within else f"{said}: the load cell's gain, or gravity, is wrong"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what centre.json says of it."""
+        return {
+            "mass": self.mass,
+            "standard_uncertainty": self.standard_uncertainty,
+            "ratio": self.ratio,
+            "ratio_standard_uncertainty": self.ratio_uncertainty,
+            "coverage_factor": self.coverage_factor,
+            "normalised": self.normalised,
+            "within": self.within,
+        }
+
+
+def gain_check(mass: float, sigma: float, of_cell: float, sigma_of_cell: float, factor: float) -> GainCheck:
+    """Return the check of a load cell's mass [kg] against a scale's, each with its standard uncertainty."""
+    ratio = of_cell / mass
+    spread = ratio * ((sigma / mass) ** 2 + (sigma_of_cell / of_cell) ** 2) ** 0.5
+    return GainCheck(mass, sigma, ratio, spread, factor)

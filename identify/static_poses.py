@@ -1,0 +1,137 @@
+"""Least squares over static poses: the ten parameters' linear form ``(m, F0, m r, M0)`` with its covariance.
+
+Force and moment are fitted without weights. What the fit leaves has a covariance of its own across the six axes, W,
+since one axis of a load cell may be three times as noisy as another and an error of attitude shows in force and moment
+at once: the estimate's covariance is ``Σ G_i W G_iᵀ`` over the poses, G the least squares' gain. Errors that are common
+to all poses do not show in the residuals and come on top.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+CHANNELS = 6
+LINEAR = 10
+
+
+@dataclass(frozen=True)
+class Attitudes:
+    """How far the attitudes of static poses may be off."""
+
+    each: Float[np.ndarray, " n"] | float = 0.0
+    """Standard uncertainty of each pose's own tilt about any axis, independent from pose to pose [rad]."""
+    common: Float[np.ndarray, "n 3 k"] | None = None
+    """What k independent errors of one standard uncertainty each, common to all poses, do to f [m/s²]; None: none."""
+
+
+EXACT = Attitudes()
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What static poses tell."""
+
+    values: Float[np.ndarray, "10"]
+    """(m, F0, m r, M0)."""
+    covariance: Float[np.ndarray, "10 10"]
+    residuals: Float[np.ndarray, "n 6"]
+    degrees_of_freedom: Float[np.ndarray, "10"] = field(default_factory=lambda: np.full(LINEAR, np.inf))
+    """Effective, of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
+
+
+def fit(
+    force: Float[np.ndarray, "n 3"],
+    moment: Float[np.ndarray, "n 3"],
+    specific_force: Float[np.ndarray, "n 3"],
+    attitudes: Attitudes = EXACT,
+    *,
+    mass: tuple[float, float] | None = None,
+) -> Fit:
+    """Return the least squares of ``F = m f + F0`` and ``M = (m r) × f + M0``.
+
+    Args:
+        force: on the body [N].
+        moment: on the body about Q [N·m].
+        specific_force: opposite to gravity [m/s²].
+        attitudes: how far this may be off.
+        mass: what is known of it from elsewhere, with its standard uncertainty, as one more observation [kg].
+    """
+    rows, measured = _rows(specific_force), np.hstack([force, moment])
+    gain = np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
+    values = np.einsum("pnc,nc->p", gain, measured)
+    residuals = measured - rows @ values
+    free = np.maximum(len(rows) - np.einsum("ncp,pnc->c", rows, gain), 0.1)
+    scatter = shrunk(residuals.T @ residuals / np.sqrt(np.outer(free, free)), float(free.min()))
+    tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
+    scatter = _positive(scatter - np.einsum("nck,ndk->cd", tilts, tilts) / len(rows))
+    common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
+    known = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
+    covariance = _covariance(gain, scatter, tilts, known)
+    if mass is not None:
+        by_mass = covariance[:, 0] / (covariance[0, 0] + mass[1] ** 2)
+        left = np.eye(LINEAR) - np.outer(by_mass, np.eye(LINEAR)[0])
+        values = left @ values + by_mass * mass[0]
+        gain = np.einsum("pq,qnc->pnc", left, gain)
+        known = np.column_stack([left @ known, by_mass * mass[1]])
+        covariance = _covariance(gain, scatter, tilts, known)
+    degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
+    return Fit(values, covariance, measured - rows @ values, degrees)
+
+
+def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:
+    """Return a sample covariance whose correlations are shrunk by as much as their own noise asks for.
+
+    The intensity is that of Schäfer and Strimmer (2005), doi:10.2202/1544-6115.1175, target D of their table: few poses
+    show correlations where there are none, and trust in these would be false confidence in some combination of axes.
+    """
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    apart = covariance / np.outer(sigma, sigma) - np.eye(len(covariance))
+    noise = ((1 - np.minimum(apart**2, 1)) ** 2 * (apart != 0)).sum() / max(free, 1.0)
+    kept = 1 - min(1.0, noise / max((apart**2).sum(), 1e-300))
+    return covariance * (kept + (1 - kept) * np.eye(len(covariance)))
+
+
+def cross_matrices(v: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the matrices of ``v ×``."""
+    x, y, z = v.T
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+
+
+def _rows(f: np.ndarray) -> np.ndarray:
+    """The regressor of the wrench over (m, F0, m r, M0), (n, 6, 10)."""
+    rows = np.zeros((len(f), CHANNELS, LINEAR))
+    rows[:, :3, 0], rows[:, :3, 1:4] = f, np.eye(3)
+    rows[:, 3:, 4:7], rows[:, 3:, 7:] = -cross_matrices(f), np.eye(3)
+    return rows
+
+
+def _of_tilt(values: np.ndarray, f: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """What changes (n, 3, k) of f do to the fitted wrench, (n, 6, k)."""
+    moment = np.cross(values[4:7], change, axisb=1, axisc=1)
+    return np.concatenate([values[0] * change, moment], axis=1)
+
+
+def _each(attitudes: Attitudes, n: int) -> np.ndarray:
+    return np.broadcast_to(np.asarray(attitudes.each, float), n)[:, None, None]
+
+
+def _positive(matrix: np.ndarray) -> np.ndarray:
+    """The matrix without its negative part."""
+    values, vectors = np.linalg.eigh(matrix)
+    return vectors * np.maximum(values, 0) @ vectors.T
+
+
+def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Of the estimate: from the residuals, from each pose's own tilt, from what is common to all."""
+    of_tilts = np.einsum("pnc,nck->pnk", gain, tilts).reshape(LINEAR, -1)
+    of_scatter = np.einsum("pnc,cd,qnd->pq", gain, scatter, gain)
+    return of_scatter + of_tilts @ of_tilts.T + known @ known.T
+
+
+def _degrees(gain: np.ndarray, scatter: np.ndarray, free: float, variance: np.ndarray) -> np.ndarray:
+    """Effective degrees of freedom: of ``tr(A W)``, W estimated with ``free``, as a part of the whole variance."""
+    weights = np.einsum("pnc,pnd->pcd", gain, gain) @ scatter
+    square = np.einsum("pcd,pdc->p", weights, weights)
+    return free * variance**2 / np.maximum(square, 1e-300)
