@@ -145,15 +145,15 @@ def leverage(rows: Float[np.ndarray, "m 3 p"], inverse: Float[np.ndarray, "p p"]
 
 
 def _colour(residuals: np.ndarray, free: np.ndarray, gain: np.ndarray, constants: int) -> np.ndarray:
-    """A power of the frequency, 0 to -2, fitted to the logarithm of the first lines' residuals; 1 a line at first."""
+    """A power of the frequency, 0 to -2, where the first lines' residuals show one."""
     n = len(residuals)
     number = np.arange(1, min(n, SLOPE_LINES) + 1)
     power = (residuals[: len(number)] ** 2 / np.maximum(free[: len(number)], 0.1)).sum(axis=1) / gain[: len(number)]
     usable = power > 0
     if usable.sum() < LEAST_LINES:
         return np.ones(n + constants)
-    slope = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1)[0]
-    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0)
+    (slope, _), spread = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1, cov=True)
+    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0) if slope < -2 * np.sqrt(spread[0, 0]) else np.ones(n)
     return np.concatenate([np.ones(constants), shape])
 
 

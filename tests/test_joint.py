@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from joint_lab import BAND, shortened
 
 from identify.centre_result import Centre
 from identify.identification import identify
@@ -14,7 +15,6 @@ from identify.joint_jacobian import linearised
 from identify.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
 from identify.priors import Alignment
 from identify.run import RunError
-from joint_lab import BAND, shortened
 from uq.simulation import simulate
 from uq.sources import Source
 
@@ -42,7 +42,9 @@ def imperfect(experiment, *sources):
 def calibrated(experiment, sigma=(0.05, *(1.5e-4,) * 3, 0.7, 0.4, 1.4, 0.014, 0.016, 0.019)):
     """A static calibration that is right."""
     values = np.concatenate([[experiment.mass], experiment.r_cg_from_q, np.zeros(6)])
-    return Centre(values[0], values[1:4], values[4:7], values[7:], np.diag(np.square(sigma)), np.zeros((4, 6)), 18.0, 9.81)
+    return Centre(
+        values[0], values[1:4], values[4:7], values[7:], np.diag(np.square(sigma)), np.zeros((4, 6)), 18.0, 9.81
+    )
 
 
 def estimate(experiment, run, **options):
@@ -104,7 +106,9 @@ def test_the_closed_form_derivatives_are_finite_differences(brief, silent_run, g
             step = 1e-6 * np.eye(COUNT)[k]
             differences = (value(theta + step) - value(theta - step)) / 2e-6
             column = np.asarray(jacobian[:, :, k]).T
-            np.testing.assert_allclose(column, differences, atol=tolerance * max(np.abs(column).max(), 1e-9), err_msg=name)
+            np.testing.assert_allclose(
+                column, differences, atol=tolerance * max(np.abs(column).max(), 1e-9), err_msg=name
+            )
 
 
 def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
