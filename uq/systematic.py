@@ -79,6 +79,9 @@ class Problem(eqx.Module):
         return (frozenset(), names - self.anew, self.anew, *(frozenset([source.name]) for source in self.sources))
 
 
+UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
+
+
 class Systematic(NamedTuple):
     """What the systematic sources do to a pooled tensor."""
 
@@ -118,8 +121,10 @@ def with_declared_sources(
         ExperimentError: ``anew`` names no constant source, or one that is correlated with another that is not named.
         RunError: a declared delay takes more than half of a run.
     """
+    if result.seen is not None:
+        return replace(result, warnings=(*result.warnings, UNDETERMINED))
     found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
-    if result.pooling is None:
+    if result.pooling is None or result.admissible is not None:
         return _widened(result, found)
     together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
     if not found.sources:
