@@ -18,7 +18,7 @@ from identify.joint_jacobian import linearised
 from identify.joint_model import Model, kinematics, residuals, unknowns
 from identify.priors import Prior
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-5
 """Of the solution, in standard uncertainties known beforehand."""
 ROUGH = 1e-2
 """Tolerance of a solution that only shows the noise."""

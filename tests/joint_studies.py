@@ -1,7 +1,7 @@
 """The two studies of the joint estimate, in chunks of trials: what each trial says, for tables and verdicts."""
 
 import numpy as np
-from joint_lab import Laboratory, random_body
+from joint_lab import Laboratory, random_body, shortened
 
 from identify.inertia import COMPONENTS, Body
 from identify.joint_model import SLICES
@@ -51,14 +51,31 @@ def _correlated(sigma, rng):
 
 
 def efficiency(experiment, trials, *, aligned, seed=1):
-    """Errors of the joint and of the source's estimator on the same runs [kg·m²], (trials, 2, 6), priors re-drawn."""
-    laboratory = own_laboratory(experiment)
-    alignment = known_alignment() if aligned else unknown_alignment()
+    """Errors of the joint estimate on T1's rows, drawn decimated, noise declared, priors re-drawn; (trials, count)."""
+    laboratory, alignment = own_laboratory(experiment), known_alignment() if aligned else unknown_alignment()
     found = []
     for trial in trials:
         rng = np.random.default_rng([seed, int(aligned), trial])
-        delay, rotation = (0.0, np.zeros(3)) if aligned else (rng.normal(0, 0.01), rng.normal(0, np.radians(3), 3))
-        run, calibration = laboratory.run(rng, delay, rotation), laboratory.calibration(rng)
+        delay, rotation = _misalignment(rng, aligned)
+        rows, calibration = laboratory.rows(rng, delay, rotation), laboratory.calibration(rng)
+        theta, _ = laboratory.estimate_rows(rows, calibration, alignment)
+        truth = np.concatenate([laboratory.body.inertia, [delay], rotation, laboratory.body.r_cg_from_q])
+        found.append(theta[SHOWN] - truth)
+    return np.array(found)
+
+
+def _misalignment(rng, aligned):
+    return (0.0, np.zeros(3)) if aligned else (rng.normal(0, 0.01), rng.normal(0, np.radians(3), 3))
+
+
+def against_the_source(experiment, trials, *, aligned, seed=2):
+    """Errors of the joint and of the source's estimator on the same runs, sample by sample [kg·m²]; (trials, 2, 6)."""
+    laboratory, alignment = own_laboratory(experiment), known_alignment() if aligned else unknown_alignment()
+    found = []
+    for trial in trials:
+        rng = np.random.default_rng([seed, int(aligned), trial])
+        run = laboratory.run(rng, *_misalignment(rng, aligned))
+        calibration = laboratory.calibration(rng)
         joint = laboratory.estimate(run, calibration, alignment).theta[SLICES["inertia"]]
         source = laboratory.source_estimate(run, calibration.mean[1:4])
         found.append(np.array([joint, source]) - np.asarray(laboratory.body.inertia))
