@@ -4,19 +4,25 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
+from identify.alignment import Aligned
+from identify.bounds import Bound, bound
 from identify.centre import Centre
 from identify.estimator import EstimatorSpec
 from identify.identification import Identification, identify
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
 from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
 from identify.precision import PrecisionWarning
+from identify.priors import Alignment
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
 
 __all__ = [
     "COMPONENTS",
+    "Aligned",
+    "Alignment",
     "Body",
+    "Bound",
     "Centre",
     "Datum",
     "EstimatorSpec",
@@ -29,6 +35,7 @@ __all__ = [
     "RunError",
     "RunEstimate",
     "Tensor",
+    "bound",
     "identify",
     "is_admissible",
     "omega_r",

@@ -84,9 +84,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
 
 
-def fitted(
-    model: Model, known: Prior, noise: np.ndarray, setting: Setting, name: str
-) -> tuple[Fit, np.ndarray]:
+def fitted(model: Model, known: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
     """Return the solution of a run, and the covariance of one row's noise that it was weighed with.
 
     Args:
@@ -117,9 +115,7 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
 
 
-def prepared(
-    rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting
-) -> tuple[Model, Prior]:
+def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
     """Return the model of decimated rows, and what is known beforehand."""
     alignment, kind = setting.alignment, setting.specific_force
     known = prior(setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still")

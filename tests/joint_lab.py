@@ -10,8 +10,8 @@ from scipy.interpolate import make_interp_spline
 
 from identify.dynamics import wrench
 from identify.gram import accumulate, solve
-from identify.inertia import Body, pack
 from identify.in_band import in_band, low_pass, spline_of
+from identify.inertia import Body, pack
 from identify.joint import posterior
 from identify.joint_run import REACH, JointRun, Setting, fitted, joint_run, prepared
 from identify.priors import STATIC, Known

@@ -1,7 +1,7 @@
 """The two studies of the joint estimate, in chunks of trials: what each trial says, for tables and verdicts."""
 
 import numpy as np
-from joint_lab import Laboratory, random_body, shortened
+from joint_lab import Laboratory, random_body
 
 from identify.inertia import COMPONENTS, Body
 from identify.joint_model import SLICES

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
+    "bound": "bounds",
     "budget": "source_budget",
     "centre_file": "centre",
     "datasheet": "datasheets",
@@ -20,6 +21,8 @@ _WHERE = {
     "shapley": "sensitivity",
     "simulate": "simulation",
     "sobol": "sensitivity",
+    "Alignment": "alignment",
+    "Bound": "bounds",
     "BudgetResult": "budget_result",
     "Centre": "centre",
     "CurvilinearTrapezoid": "distributions",
