@@ -50,16 +50,14 @@ def _aligned(rows: np.ndarray) -> np.ndarray:
 
 
 def number(value: float) -> str:
-    """Return the shortest text that reads back as the same double; never a minus before nought."""
-    return repr(float(value) + 0.0)
+    """Return the shortest text that reads back as the same double, never a minus before nought.
+
+    An exponent has a point before it and a sign, or YAML 1.1 and some controllers would not take it for a number.
+    """
+    mantissa, mark, exponent = repr(float(value) + 0.0).partition("e")
+    return f"{mantissa if '.' in mantissa else f'{mantissa}.0'}e{int(exponent):+d}" if mark else mantissa
 
 
 def numbers(values: np.ndarray, between: str = " ") -> str:
     """Return several numbers in a row."""
     return between.join(map(number, np.ravel(values)))
-
-
-def yaml_number(value: float) -> str:
-    """Return a number as YAML 1.1 takes it for one: an exponent needs a point before and a sign after its letter."""
-    mantissa, mark, exponent = number(value).partition("e")
-    return f"{mantissa if '.' in mantissa else f'{mantissa}.0'}e{int(exponent):+d}" if mark else mantissa
