@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -425,3 +426,12 @@ def test_bad_files(tmp_path):
     assert isinstance(found.parameters, InertialParameters)
     assert found.name == "body"
     assert len(found.sha256) == 64
+
+
+def test_the_files_of_the_docs():
+    """Their figures as docs/expected.md has them; the CAD report is a body's."""
+    folder = Path(__file__).parent.parent / "docs" / "experiments"
+    bar = load_reference(folder / "cylinder.toml").parameters
+    np.testing.assert_allclose(1e3 * bar.inertia[[0, 3]], [379.37, 12.915], atol=5e-3)
+    np.testing.assert_allclose(1e3 * bar.standard_uncertainty[[4, 7]], [0.27, 0.005], rtol=0.07)
+    assert load_reference(folder / "cad-report.toml").warnings == ()

@@ -5,16 +5,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.errors import RunError
-from identify.inertia import principal
 from identify.inertial import PARAMETERS, InertialParameters
 from identify.tables import html_table, text_table
 from uq import export_loads, export_models
 from uq.document import ExperimentError
-from uq.exported_body import ExportedBody
+from uq.exported_body import ExportedBody, principal_axes
 
 FORMATS: Mapping[str, tuple[str, Callable[[ExportedBody], str], str]] = {
     "urdf": ("body.urdf", export_models.urdf, "URDF, a robot of one link"),
@@ -138,7 +136,7 @@ def _refuse_unfit(parameters: InertialParameters) -> None:
         raise RunError("the mass is not known, and an export needs it: state body.mass, or give --centre")
     if not np.isfinite(parameters.values).all():
         raise RunError("mass, centre of gravity or tensor are not finite: identify them before they are exported")
-    low, middle, high = np.asarray(principal(jnp.asarray(parameters.inertia))[0])
+    low, middle, high = principal_axes(parameters.inertia)[0]
     if low <= 0 or low + middle < high * (1 - ROUNDING):
         raise RunError(
             f"no body has this tensor (principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m²), so it is not "
