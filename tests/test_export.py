@@ -17,6 +17,7 @@ from identify import RunError
 from identify.inertial import Datum, InertialParameters
 from uq import ExperimentError, export
 from uq.export_loads import turns_zyx
+from uq.exported_body import ExportedBody
 from uq.exports import FORMATS
 
 RTOL = 1e-9
@@ -169,13 +170,19 @@ def test_franka_is_read_back(one):
 
 
 def test_principal_axes_turn_least_and_are_right_handed(one):
-    from uq.exported_body import ExportedBody
-
     _, axes = ExportedBody(one.mass, one.r_cg, one.inertia).principal()
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1)
     if not one.inertia[[1, 2, 4]].any():
         np.testing.assert_array_equal(axes, np.eye(3))
+
+
+def test_principal_axes_are_the_nearest_of_all_24(generator):
+    group = Rotation.create_group("O").as_matrix()
+    for turn in Rotation.random(200, rng=generator).as_matrix():
+        _, axes = ExportedBody(1.0, np.zeros(3), turned([0.2, 0.3, 0.4], turn)).principal()
+        assert np.linalg.det(axes) == pytest.approx(1)
+        assert np.trace(axes) == pytest.approx(np.trace(turn @ group, axis1=1, axis2=2).max())
 
 
 @pytest.mark.filterwarnings("ignore:Gimbal lock")

@@ -45,11 +45,12 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _aligned(rows: np.ndarray) -> np.ndarray:
-    """Axes with the signs that bring each nearest to its namesake and make them right-handed."""
-    rows = rows * np.where(np.diag(rows) < 0, -1.0, 1.0)[:, None]
-    if np.linalg.det(rows) < 0:
-        rows[np.argmin(np.abs(np.diag(rows)))] *= -1
-    return rows
+    """Axes with the signs that bring each nearest to its namesake.
+
+    Of all orders the one with the largest trace is right-handed: a turn of at most 62.8° is among them, whose trace is
+    1.9 or more, and no left-handed axes have one above 1.
+    """
+    return rows * np.where(np.diag(rows) < 0, -1.0, 1.0)[:, None]
 
 
 def number(value: float) -> str:
