@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.interpolate import make_interp_spline
-from scipy.signal import fftconvolve, firwin, kaiser_beta
+from scipy.signal import firwin, kaiser_beta, upfirdn
 
 from identify.run import Run, RunError
 
@@ -74,21 +74,20 @@ class InBand(eqx.Module):
         return (self.first - 1) * self.step
 
 
-def in_band(run: Run, band: float, *, reach: float) -> InBand:
+def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False) -> InBand:
     """Reduce a run to its motion's band.
 
     Args:
         run: the run.
         band: highest frequency of the motion [Hz].
         reach: the largest delay of the motion against the load cell to allow for [s].
+        accelerometer: whether the specific force is a part of the motion.
 
     Raises:
         RunError: the run is too short for that.
     """
     fine, stride = _factors(run.rate, band)
-    taps = _taps(run.rate, band, fine * stride)
-    channels = [run.force, run.moment, run.omega] + ([] if run.specific_force is None else [run.specific_force])
-    samples = np.hstack(channels)
+    taps = low_pass(run.rate, band, fine * stride)
     margin = int(np.ceil(reach * run.rate / fine)) + 1
     rows = ((len(run.t) - len(taps)) // fine - 2 * margin) // stride + 1
     if len(run.t) < len(taps) or rows < FEWEST_ROWS:
@@ -96,14 +95,15 @@ def in_band(run: Run, band: float, *, reach: float) -> InBand:
             f"{run.name} lasts {run.t[-1] - run.t[0]:.3g} s, too short for the joint estimate of a motion of "
             f"{band:.3g} Hz: record for longer, or use the method source"
         )
-    signals = samples if len(taps) == 1 else fftconvolve(samples, taps[:, None], mode="valid", axes=0)
-    nodes, step = signals[::fine], fine / run.rate
-    at_rows = slice(margin, margin + (rows - 1) * stride + 1, stride)
+    first, step = margin * fine, fine / run.rate
+    wrench = _decimated(np.hstack([run.force, run.moment])[first:], taps, fine * stride)[:rows]
+    motion = np.hstack([run.omega, run.specific_force]) if accelerometer else run.omega  # type: ignore[list-item]
+    usable = _usable(run, len(taps))[first :: fine * stride][:rows]
     return InBand(
         jnp.asarray(step * np.arange(margin, margin + rows * stride, stride)),
-        jnp.asarray(nodes[at_rows, :3].T), jnp.asarray(nodes[at_rows, 3:6].T),
-        jnp.asarray(_usable(run, len(taps))[::fine][at_rows]),
-        jnp.asarray(_spline(nodes[:, 6:], step)), float(step), stride, margin, fine * stride, float(band),
+        jnp.asarray(wrench[:, :3].T), jnp.asarray(wrench[:, 3:].T), jnp.asarray(usable),
+        jnp.asarray(_spline(_decimated(motion, taps, fine), step)), float(step), stride, margin, fine * stride,
+        float(band),
     )  # fmt: skip
 
 
@@ -113,7 +113,7 @@ def _factors(rate: float, band: float) -> tuple[int, int]:
     return fine, max(int(rate / fine / (ROWS_PER_PERIOD * band)), 1)
 
 
-def _taps(rate: float, band: float, factor: int) -> np.ndarray:
+def low_pass(rate: float, band: float, factor: int) -> np.ndarray:
     """A Kaiser low-pass, flat over what is kept and closed where decimation would fold noise onto it."""
     if factor == 1:
         return np.ones(1)
@@ -121,6 +121,16 @@ def _taps(rate: float, band: float, factor: int) -> np.ndarray:
     width = 2 * (closed - passed) / rate
     count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
     return firwin(count, (passed + closed) / 2, window=("kaiser", kaiser_beta(ATTENUATION)), fs=rate)
+
+
+def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
+    """Filtered samples, every ``factor``-th, from the first on that has all its neighbours."""
+    count = (len(samples) - len(taps)) // factor + 1
+    padded = samples[: (count - 1) * factor + len(taps)]
+    skipped = -(len(taps) - 1) % factor  # so that the first complete sum is one of those kept
+    kept = upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
+    start = (len(taps) - 1 + skipped) // factor
+    return np.ascontiguousarray(kept[start : start + count])
 
 
 def _usable(run: Run, taps: int) -> np.ndarray:
@@ -142,7 +152,7 @@ def evaluate(
 ) -> tuple[Float[Array, "channels n"], Float[Array, "channels n"], Float[Array, "channels n"]]:
     """Return the spline, its slope and its second derivative at some instants [s] between the nodes."""
     cell = cell_of(motion, step, t)
-    since = (t - step * cell)[:, None]
+    since = (t - step * cell.astype(t.dtype))[:, None]
     pieces = motion[:, cell]
     value, slope, half_second = jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0])
     for piece in pieces:

@@ -4,7 +4,7 @@ Gauss–Newton on whitened residuals and priors (maximum a posteriori); the cova
 at the solution. Every function takes one run; ``vmap`` it over runs of one length.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,6 +20,8 @@ from identify.priors import Prior
 
 TOLERANCE = 1e-6
 """Of the solution, in standard uncertainties known beforehand."""
+ROUGH = 1e-2
+"""Tolerance of a solution that only shows the noise."""
 MOST_STEPS = 30
 
 
@@ -37,7 +39,13 @@ class Fit(NamedTuple):
 
 
 @eqx.filter_jit
-def solve(model: Model, prior: Prior, whitener: Float[Array, "rows rows"], start: Float[Array, " free"]) -> Fit:
+def solve(
+    model: Model,
+    prior: Prior,
+    whitener: Float[Array, "rows rows"],
+    start: Float[Array, " free"],
+    tolerance: Any = TOLERANCE,
+) -> Fit:
     """Return the most probable unknowns.
 
     Args:
@@ -45,6 +53,7 @@ def solve(model: Model, prior: Prior, whitener: Float[Array, "rows rows"], start
         prior: what is known beforehand.
         whitener: W with ``W C Wᵀ = 1``, C the covariance of one instant's rows.
         start: z to start from.
+        tolerance: of the solution, in standard uncertainties known beforehand.
     """
 
     @jax.custom_jvp
@@ -57,14 +66,14 @@ def solve(model: Model, prior: Prior, whitener: Float[Array, "rows rows"], start
         value, rows = _whitened(model, prior, whitener, *primals)
         return value, rows @ tangents[0]
 
-    solver = optimistix.GaussNewton(TOLERANCE, TOLERANCE, linear_solver=lineax.Normal(lineax.Cholesky()))
-    found = optimistix.least_squares(
+    solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
+    found: Any = optimistix.least_squares(
         lambda z, _: (whitened(z), prior.counted * z), solver, start, max_steps=MOST_STEPS, throw=False
     )
     value, rows = _whitened(model, prior, whitener, found.value)
     left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
     steps = jnp.asarray(found.stats["num_steps"]).astype(start.dtype)
-    return Fit(found.value, rows.T @ rows, left, steps, found.result == optimistix.RESULTS.successful)
+    return Fit(found.value, rows.T @ rows, left, steps, jnp.asarray(found.result == optimistix.RESULTS.successful))
 
 
 def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:
@@ -80,13 +89,6 @@ def information(
     """Return the information of the samples on z."""
     rows = _whitened(model, prior, whitener, z)[1]
     return rows.T @ rows
-
-
-def in_band_level(left: Float[Array, "rows n"], used: Float[Array, " n"], share: float) -> Float[Array, " rows"]:
-    """Return the standard deviation of white noise with the residuals' power below ``share`` of half their rate."""
-    power = jnp.abs(jnp.fft.rfft(left, axis=1)) ** 2
-    bins = max(int(share * (power.shape[1] - 1)), 1)
-    return jnp.sqrt(power[:, 1 : bins + 1].mean(axis=1) / used.sum())
 
 
 def posterior(fit: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:

@@ -53,10 +53,10 @@ def linearised(
         moments |= lever | {"r_cg": -_hat(rest)}
         jacobian = -_assembled(moments, len(theta))
     else:
-        forces: dict[str, Array] = {name: x.mass * columns for name, columns in force.items()}
+        forces: dict[str, Array] = {name: x.mass[0] * columns for name, columns in force.items()}
         forces["mass"] = motion.specific_force.T[:, :, None]
         moments = _added(moments, {name: arm @ columns for name, columns in forces.items()})
-        moments = _added(moments, {"r_cg": -_hat(x.mass * motion.specific_force)})
+        moments = _added(moments, {"r_cg": -_hat(x.mass[0] * motion.specific_force)})
         forces |= {"force_offset": one, "force_drift": along * one}
         jacobian = -jnp.concatenate([_assembled(forces, len(theta)), _assembled(moments, len(theta))], axis=1)
     return residuals(model, x, motion), model.rows.used[:, None, None] * jacobian
@@ -93,6 +93,7 @@ def _of_lever(arm: Array, motion: Kinematics, omega: Columns, alpha: Columns) ->
 def _of_vertical(model: Model, x: Unknowns, motion: Kinematics) -> Columns:
     """Derivatives of the direction opposite to gravity, in the IMU's axes, by tilt, bias and slow noise."""
     rows, attitude = model.rows, motion.attitude
+    assert attitude is not None  # noqa: S101 - it is integrated where the vertical is asked for
     start = vertical_at_start(model, x.tilt)
     by_tilt = jax.jacfwd(lambda tilt: vertical_at_start(model, tilt))(x.tilt)
     basis = slow_basis(rows, rows.t)

@@ -19,11 +19,12 @@ from jaxtyping import Array, Float
 from identify.dynamics import acceleration_at
 from identify.in_band import InBand, cell_of, evaluate
 from identify.inertia import unpack
+from identify.regressor import cross_matrix
 from identify.trajectory import exponential
 
 SpecificForce = Literal["still", "accelerometer", "none"]
 """Where the specific force at the centre of gravity comes from."""
-WANDER = 4
+WANDER = 3
 """Terms of the slow wander of the attitude that the gyro's white noise causes."""
 SIZES = {
     "inertia": 6, "mass": 1, "r_cg": 3, "force_offset": 3, "moment_offset": 3, "gyro_bias": 3, "tilt": 2, "delay": 1,
@@ -63,7 +64,7 @@ class Unknowns(NamedTuple):
     """Change of the force's offset from the run's start to its end [N]."""
     moment_drift: Float[Array, "3"]
     """The same of the moment's [N·m]."""
-    wander: Float[Array, "12"]
+    wander: Float[Array, "9"]
     """Amplitudes of the gyro's slow noise, three axes of each term [rad/s^0.5]; as its white noise's density."""
 
 
@@ -136,14 +137,14 @@ def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "ro
     tensor = unpack(x.inertia)
     moment = moment - tensor @ motion.alpha - jnp.cross(motion.omega, tensor @ motion.omega, axis=0)
     if motion.specific_force is None:
-        return rows.used * (moment - levered(x.r_cg, force))
-    predicted = x.mass * motion.specific_force
-    return rows.used * jnp.concatenate([force - predicted, moment - levered(x.r_cg, predicted)])
+        return rows.used[None] * (moment - levered(x.r_cg, force))
+    predicted = x.mass[0] * motion.specific_force
+    return rows.used[None] * jnp.concatenate([force - predicted, moment - levered(x.r_cg, predicted)])
 
 
 def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
     """Return ``arm × force``."""
-    return jnp.cross(arm, force, axisb=0, axisc=0)
+    return cross_matrix(arm) @ force
 
 
 def progress(rows: InBand) -> Float[Array, " n"]:
@@ -157,8 +158,10 @@ def _carried(omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], arm: Float[
 
 def slow_basis(rows: InBand, t: Float[Array, " n"]) -> Float[Array, "terms n"]:
     """Return one and the rates of the Karhunen–Loève terms of a random walk over the run."""
-    half_waves = (jnp.arange(WANDER) + 0.5) * jnp.pi / rows.duration
-    return jnp.concatenate([jnp.ones_like(t)[None], np.sqrt(2 / rows.duration) * jnp.cos(jnp.outer(half_waves, t))])
+    half_waves = jnp.asarray((np.arange(WANDER) + 0.5) * np.pi / rows.duration, t.dtype)
+    return jnp.concatenate(
+        [jnp.ones_like(t)[None], float(np.sqrt(2 / rows.duration)) * jnp.cos(jnp.outer(half_waves, t))]
+    )
 
 
 def slow_terms(rows: InBand, t: Float[Array, " n"], x: Unknowns) -> Float[Array, "3 n"]:
@@ -184,7 +187,7 @@ def seen_later(
     cell = cell_of(rows.motion, rows.step, t)
     at_node = jnp.einsum("nij,ni->nj", attitude[cell], vectors)
     return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(
-        _turn(rows, x, cell, t - rows.step * cell), at_node
+        _turn(rows, x, cell, t - rows.step * cell.astype(t.dtype)), at_node
     )
 
 
@@ -203,13 +206,13 @@ def attitude_at_nodes(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
 
 
 def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> Float[Array, "n 3"]:
-    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points (10.1017/S0962492900002154)."""
+    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points, as in `trajectory`."""
 
     def omega(fraction: float) -> Array:
         value = rows.motion[0, cell, :3]
         for piece in rows.motion[1:, :, :3]:
             value = value * (fraction * since)[:, None] + piece[cell]
-        return value - slow_terms(rows, rows.step * cell + fraction * since, x).T
+        return value - slow_terms(rows, rows.step * cell.astype(since.dtype) + fraction * since, x).T
 
     first, second = omega(0.5 - np.sqrt(3) / 6), omega(0.5 + np.sqrt(3) / 6)
     return since[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * since**2)[:, None] * jnp.cross(first, second)

@@ -4,6 +4,7 @@ Unknowns are written ``theta = mean + root @ z``: with a prior, z is standard no
 free. What is known exactly has no column, so it is neither estimated nor costs anything.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,8 +18,6 @@ from identify.run import RunError
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
 """What static poses tell, in the order of their covariance."""
-FLAT = ("inertia",)
-"""What nothing is known of."""
 
 
 class Known(NamedTuple):
@@ -82,40 +81,50 @@ class Prior(eqx.Module):
         return root @ root.T
 
 
-def prior(static: Known, alignment: Alignment, *, gyro_density: np.ndarray, scale: float, wander: bool = True) -> Prior:
+def prior(
+    blocks: Mapping[tuple[str, ...], Known],
+    alignment: Alignment,
+    *,
+    gyro_density: np.ndarray,
+    scale: float,
+    wander: bool = True,
+) -> Prior:
     """Return the prior of one run.
 
     Args:
-        static: mass, r_CG, offsets of force and moment: mean (10,) and covariance (10, 10).
+        blocks: mean and covariance of mass, r_CG, offsets of force and moment; what is known together, in one block.
         alignment: what is known of the IMU.
         gyro_density: density of the gyro's white noise on each axis [rad/s^0.5].
         scale: order of magnitude of the tensor [kg·m²].
         wander: whether the attitude is integrated, so that the gyro's noise makes it wander.
     """
     sigma = {
+        "inertia": scale,
         "gyro_bias": alignment.sigma_gyro_bias,
-        "tilt": 1.0 if alignment.sigma_tilt is None else alignment.sigma_tilt,
+        "tilt": (1.0 if alignment.sigma_tilt is None else alignment.sigma_tilt) if wander else 0.0,
         "delay": alignment.sigma_delay,
         "rotation": alignment.sigma_rotation,
-        "accelerometer_bias": alignment.sigma_accelerometer_bias,
+        "accelerometer_bias": 0.0 if wander else alignment.sigma_accelerometer_bias,
         "force_drift": alignment.sigma_force_drift,
         "moment_drift": alignment.sigma_moment_drift,
         "wander": np.tile(gyro_density, WANDER) if wander else 0.0,
     }
-    mean = np.zeros(COUNT)
+    mean, spread = np.zeros(COUNT), np.zeros((COUNT, COUNT))
     mean[SLICES["delay"]], mean[SLICES["rotation"]] = alignment.delay, alignment.rotation
-    mean[_STATIC] = static.mean
-    spread = np.zeros((COUNT, COUNT))
-    spread[_STATIC, _STATIC] = _root(static.covariance)
     for name, value in sigma.items():
         spread[SLICES[name], SLICES[name]] = np.diag(np.broadcast_to(value, SIZES[name]))
-    spread[SLICES["inertia"], SLICES["inertia"]] = scale * np.eye(6)
+    for names, known in blocks.items():
+        where = indices(names)
+        mean[where] = known.mean
+        spread[np.ix_(where, where)] = _root(known.covariance)
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
     counted = (free >= SIZES["inertia"]).astype(float)
     return Prior(jnp.asarray(mean), jnp.asarray(spread[:, free]), jnp.asarray(counted))
 
 
-_STATIC = slice(SLICES["mass"].start, SLICES["moment_offset"].stop)
+def indices(names: Iterable[str]) -> np.ndarray:
+    """Return where some unknowns stand among all."""
+    return np.concatenate([np.arange(COUNT)[SLICES[name]] for name in names])
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

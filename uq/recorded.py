@@ -9,7 +9,7 @@ import numpy as np
 from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.filters import occupied_band
-from identify.identification import Identification, identify
+from identify.identification import Identification, Method, identify
 from identify.offsets import OffsetChoice, rest_of
 from identify.resample import UNEQUAL, interval
 from identify.run import Run, RunError
@@ -180,6 +180,7 @@ def identify_files(
     parts: Sequence[Part] | None = None,
     mountings: Sequence[str] | None = None,
     centre: str | Path | None = None,
+    method: Method | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body.
 
@@ -191,6 +192,7 @@ def identify_files(
         parts: the parts of each run that count; None: where it moves.
         mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
         centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
+        method: the estimator of :func:`identify.identify`; None: the recording's.
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.parts.resolve`,
@@ -220,8 +222,13 @@ def identify_files(
         offsets=experiment.recording.offsets,
         mass=experiment.mass,
         centre=prior,
+        method=method or experiment.recording.method,
+        alignment=experiment.recording.alignment,
+        cg_motion=experiment.recording.cg_motion,
+        gravity=experiment.gravity,
+        mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
     )
-    if prior is None and experiment.scale is not None:
+    if prior is None and experiment.scale is not None and result.method != "joint":
         result = replace(result, mass_uncertainty=experiment.scale[1])
     result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
     followed = [one for run in runs for one in _followed(run, result)]
@@ -242,7 +249,7 @@ def identify_files(
 
 def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
     """What the run's residuals follow; not of a method that turns and delays the signals before it fits them."""
-    if getattr(result, "method", "source") == "joint":
+    if result.method == "joint" or result.seen is not None:
         return ()
     return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
 

@@ -4,13 +4,16 @@ Nothing here touches a recording; :mod:`uq.recorded` applies it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.frames import from_axes, from_quaternion, nearest_rotation
+from identify.identification import CgMotion, Method
+from identify.priors import Alignment
+from uq.alignment import parse_alignment
 from uq.document import ExperimentError, Table
 from uq.units import UnitError, scale
 
@@ -62,6 +65,12 @@ class Recording:
     """The frame of the description that turns with the body."""
     drawn_by_mounting: tuple[str, ...] = ()
     """Names of the sources whose errors each mounting of the body draws anew."""
+    method: Method = "source"
+    """The estimator: the source's, or tensor, centre, offsets, delay and rotation together."""
+    cg_motion: CgMotion | None = None
+    """Whether the motion keeps the centre of gravity still; None: not declared."""
+    alignment: Alignment = field(default_factory=Alignment)
+    """What is known beforehand of delay, rotation and slow errors, for the joint estimate."""
 
     def unit(self, quantity: str) -> str | None:
         """Return the declared unit's name of ``force``, ``moment``, ``angular_velocity`` or ``acceleration``."""
@@ -83,6 +92,9 @@ def parse_recording(table: Table) -> Recording:
     alike |= {key: _point(table, key) for key in ("wrench_point", "imu_position")}
     recording = Recording(
         **alike,
+        method=table.choice("method", get_args(Method), "source"),
+        cg_motion=table.choice("cg_motion", get_args(CgMotion), None),
+        alignment=parse_alignment(table),
         wrench=table.choice("wrench", ("on_body", "on_sensor"), None),
         calibration=_calibration(table),
         offsets=table.choice("offsets", ("estimate", "still", "none"), "estimate"),

@@ -118,8 +118,10 @@ def with_declared_sources(
         ExperimentError: ``anew`` names no constant source, or one that is correlated with another that is not named.
         RunError: a declared delay takes more than half of a run.
     """
+    if result.seen is not None:  # some directions are not determined at all: what bodies allow says more
+        return result
     found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
-    if result.pooling is None:
+    if result.pooling is None or result.admissible is not None:
         return _widened(result, found)
     together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
     if not found.sources:
@@ -219,12 +221,12 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
 
     The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
     """
-    estimated = ESTIMATED.get(getattr(result, "method", "source"), frozenset())
+    estimated = ESTIMATED.get(result.method, frozenset())
     sources = [
         s for s in experiment.sources if s.constant and s.target not in HELD and (s.target, s.kind) not in estimated
     ]
     mixing = list(experiment.mixing)
-    if result.pooling is None:  # the estimator holds the centre's uncertainty
+    if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already
         sources = [s for s in sources if s.target != "r_cg"]
         names = {source.name for source in sources}
         return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))

@@ -1,7 +1,9 @@
 """``inertia identify``: the tensor from recorded runs."""
 
 import argparse
+from typing import get_args
 
+from identify.identification import Method
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.experiment import Experiment
 from uq.mountings import names
@@ -31,6 +33,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
     )
+    parser.add_argument(
+        "--method",
+        choices=get_args(Method),
+        help="the estimator: the source's, or all unknowns together (recording.method)",
+    )
     add_part_options(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
@@ -48,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
             parts=pair(arguments.limits),
             mountings=None if arguments.mounting is None else names(arguments.mounting),
             centre=arguments.centre,
+            method=arguments.method,
         )
         finish(result, out)
     return 0

@@ -1,0 +1,78 @@
+"""Delay and rotation between load cell and IMU as results: value, uncertainty, and how much of it the data tell."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+TOLD_BY_PRIOR = 0.5
+"""The prior's share of a variance from which on the motion does not tell the quantity."""
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """A delay [s], or a rotation vector [rad], of the IMU against the load cell, estimated with the tensor."""
+
+    value: np.ndarray
+    """The delay (1,), or the rotation vector (3,) of the rotation from the IMU's axes, as declared, to B."""
+    covariance: np.ndarray
+    """Of ``value``."""
+    interval95: np.ndarray
+    """Coverage interval of 95 %, (1 or 3, 2)."""
+    prior_share: np.ndarray
+    """How much of each variance comes from what was declared beforehand: 1 where the data say nothing."""
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of each number of ``value``."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def estimated(self) -> bool:
+        """Whether it was left free."""
+        return bool((np.diag(self.covariance) > 0).any())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of it: plain numbers for a delay, three for a rotation."""
+        parts = {"value": self.value, "standard_uncertainty": self.standard_uncertainty, "interval95": self.interval95,
+                 "prior_share": self.prior_share}  # fmt: skip
+        one = len(self.value) == 1
+        listed: dict[str, Any] = {name: (part[0] if one else part).tolist() for name, part in parts.items()}
+        return listed | {"estimated": self.estimated}
+
+
+def alignment_warnings(delay: Aligned, rotation: Aligned) -> list[str]:
+    """Return a line for what the motion does not tell: there the declared uncertainty is all that stands behind it."""
+    found = []
+    if delay.estimated and delay.prior_share[0] > TOLD_BY_PRIOR:
+        found.append(
+            f"the motion does not tell the delay: {100 * delay.prior_share[0]:.0f} % of its variance is what was "
+            "declared; accelerate more, or declare it better"
+        )
+    axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > TOLD_BY_PRIOR]
+    if rotation.estimated and axes:
+        found.append(
+            f"the motion does not tell the rotation between load cell and IMU about axis {_and(axes)}: the interval is "
+            "what was declared; rotate about more axes, or declare it better"
+        )
+    return found
+
+
+def alignment_notes(delay: Aligned | None, rotation: Aligned | None) -> list[str]:
+    """Return a line for each that was estimated."""
+    found = []
+    if delay is not None and delay.estimated:
+        found.append(f"delay of the IMU: {_with_error(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms")
+    if rotation is not None and rotation.estimated:
+        angles, errors = np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty)
+        found.append(f"rotation vector of the IMU against the body frame: ({_with_error(angles, errors)})°")
+    return found
+
+
+def _with_error(values: np.ndarray, errors: np.ndarray) -> str:
+    return ", ".join(f"{value:.3f} ± {error:.3f}" for value, error in zip(values, errors, strict=True))
+
+
+def _and(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

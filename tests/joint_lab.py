@@ -1,0 +1,117 @@
+"""Laboratories for the joint estimate: runs of T1 with the source's noise, static calibrations, misaligned IMUs."""
+
+import dataclasses
+from functools import cached_property
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from identify.dynamics import wrench
+from identify.gram import accumulate, solve
+from identify.inertia import Body, pack
+from identify.joint_run import JointRun, Setting, joint_run
+from identify.priors import STATIC, Known
+from identify.run import Run
+from identify.trajectory import exponential, sample
+
+BAND = 1.553
+"""Of T1 [Hz]: Ω + ε of the sphere."""
+SIGMA_MASS = 0.05
+"""Standard uncertainty of the laboratories' mass [kg]."""
+
+
+def standard_deviations(experiment):
+    """The source's σ by source name."""
+    return {source.name: np.asarray(source.sigma) for source in experiment.sources}
+
+
+@dataclasses.dataclass
+class Laboratory:
+    """One body on T1: true signals, and runs with errors."""
+
+    experiment: object
+    body: Body
+
+    @cached_property
+    def motion(self):
+        spec = self.experiment.trajectories["T1"]
+        t = jnp.asarray(np.arange(round(spec.duration * spec.rate)) / spec.rate)
+        return sample(spec.trajectory, t, r_cg_from_still=np.zeros(3), gravity=self.experiment.gravity)
+
+    @cached_property
+    def true(self):
+        m = self.motion
+        found = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(self.body, m.omega, m.alpha, m.specific_force_cg)
+        return np.asarray(found.force), np.asarray(found.moment)
+
+    @cached_property
+    def spline(self):
+        return make_interp_spline(np.asarray(self.motion.t), np.asarray(self.motion.omega.T), k=5)
+
+    @property
+    def static(self):
+        """Mass, r_CG, offsets as they are, these being zero."""
+        return np.concatenate([[self.body.mass], self.body.r_cg_from_q, np.zeros(6)])
+
+    @property
+    def sigma_static(self):
+        s = standard_deviations(self.experiment)
+        return np.concatenate([[SIGMA_MASS], s["r_cg"], s["F_bias"], s["M_bias"]])
+
+    def run(self, rng, delay=0.0, rotation=(0.0, 0.0, 0.0)):
+        """A run whose IMU is late and turned; the load cell has no offset beside what the calibration says."""
+        s, t = standard_deviations(self.experiment), np.asarray(self.motion.t)
+        late = self.spline(t - delay) if delay else np.asarray(self.motion.omega.T)
+        seen = late @ np.asarray(exponential(jnp.asarray(rotation)))  # rows: Eᵀ omega
+        force, moment = self.true
+        noise = rng.standard_normal((3, len(t), 3))
+        return Run(
+            t, force + s["F_precision"] * noise[0], moment + s["M_precision"] * noise[1],
+            seen + s["omega_precision"] * noise[2] + s["omega_bias"] * rng.standard_normal(3),
+        )  # fmt: skip
+
+    def calibration(self, rng, correlated=None):
+        """What static poses say of this body: drawn around the truth with the declared covariance."""
+        covariance = np.diag(self.sigma_static**2) if correlated is None else correlated
+        return Known(rng.multivariate_normal(self.static, covariance, method="cholesky"), covariance)
+
+    def estimate(self, run, known, alignment) -> JointRun:
+        return joint_run(run, Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity))
+
+    def source_estimate(self, run, r_cg):
+        """The source's estimator with the smoothing differentiator, as the Monte Carlo runs it."""
+        spec = self.experiment.estimator("smoothed")
+        return np.asarray(_ordinary(*(jnp.asarray(x.T) for x in (run.omega, run.force, run.moment)),
+                                    jnp.asarray(spec.taps(run.rate)), jnp.asarray(r_cg)))  # fmt: skip
+
+
+@jax.jit
+def _ordinary(omega, force, moment, taps, r_cg):
+    from identify.differentiate import derivative
+
+    inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
+    sums = accumulate(omega[:, inner], derivative(omega, taps), force[:, inner], moment[:, inner])
+    return solve(sums, r_cg).inertia
+
+
+def random_body(rng) -> Body:
+    """An admissible body of 10 to 30 kg: principal second moments of mass drawn, axes turned anyhow."""
+    second = rng.uniform(0.01, 0.2, 3)
+    moments = second.sum() - second
+    axes = np.asarray(exponential(jnp.asarray(rng.uniform(-2, 2, 3))))
+    r_cg = rng.uniform(-0.06, 0.06, 3)
+    return Body(
+        jnp.asarray(rng.uniform(10.0, 30.0)), jnp.asarray(r_cg), pack(jnp.asarray(axes @ np.diag(moments) @ axes.T))
+    )
+
+
+def shortened(experiment, duration):
+    """The experiment with T1 of another duration [s]."""
+    spec = experiment.trajectories["T1"]
+    ramp = np.array(float(spec.trajectory.ramp) * duration / spec.duration)
+    trajectory = dataclasses.replace(spec.trajectory, duration=np.array(duration), ramp=ramp)
+    return dataclasses.replace(
+        experiment, trajectories={"T1": dataclasses.replace(spec, duration=duration, trajectory=trajectory)}
+    )
