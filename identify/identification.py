@@ -306,15 +306,16 @@ def _plug_in(
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
     parts = [ROWS[method](run, estimator, centre, offsets=offsets) for run in runs]
     pooled = pool(parts, sigma)
-    inertia, covariance, verdict, half = pooled.inertia, pooled.covariance, pooled.excitation, pooled.half_width
+    inertia, covariance, verdict = pooled.inertia, pooled.covariance, pooled.excitation
+    half = pooled.half_width
     warnings = [*warned, *_warnings(parts, pooled)]
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
                       "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
         "condition_number": float(np.sqrt(verdict.strength[-1] / max(verdict.strength[0], 1e-300))),
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
-        "scatter_between_runs": pooled.type_a.excess.tolist(),
-        "coverage_factor": (half / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)).tolist(),
+        "scatter_between_runs": pooled.together.excess.tolist(),
+        "coverage_factor": pooled.coverage_factor.tolist(),
         "degrees_of_freedom": pooled.degrees_of_freedom.tolist(),
         "standard_uncertainty_from_residuals": np.sqrt(np.diag(pooled.type_a.from_residuals)).tolist(),
         "standard_uncertainty_from_cg": np.sqrt(np.diag(pooled.of_centre)).tolist(),
@@ -323,8 +324,8 @@ def _plug_in(
         inertia, pooled.bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass,
         estimator,
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
-        offsets=offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, pooling=pooled.type_a, method=method,
-        seen=None if verdict.identifiable.all() else pooled.seen,
+        offsets=offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
+        pooling=pooled.together, seen=None if verdict.identifiable.all() else pooled.seen,
     )  # fmt: skip
 
 
@@ -406,7 +407,7 @@ def _warnings(parts: list[Information], pooled: Pooled) -> list[str]:
             found.append(
                 f"gyro noise and differentiator bias {name} by about {1e3 * one:.3g} g·m²: match a smoother to the band"
             )
-    for name, ratio in zip(COMPONENTS, pooled.type_a.excess, strict=True):
+    for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
         if ratio > 2:
             found.append(f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes")
     return found

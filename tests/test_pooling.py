@@ -31,7 +31,7 @@ def pooled(tensors, mountings):
         Repeat(NORMAL @ (one - mean), one, OWN, alone=True, mounting=name)
         for one, name in zip(tensors, mountings, strict=True)
     ]
-    return mean, pooling(repeats, count * NORMAL, np.diag(OWN**2) / count, np.full(6, 1000.0))
+    return mean, pooling(repeats, np.linalg.inv(count * NORMAL), np.diag(OWN**2) / count, np.full(6, 1000.0))
 
 
 def test_equal_runs_scatter_as_their_mean_does(generator):

@@ -257,7 +257,7 @@ def identify_files(
 
 def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
     """What the run's residuals follow; not of a method that turns and delays the signals before it fits them."""
-    if getattr(result, "method", "source") == "joint":
+    if result.method == "joint" or result.seen is not None:
         return ()
     return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
 

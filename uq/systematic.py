@@ -224,12 +224,12 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
 
     The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
     """
-    estimated = ESTIMATED.get(getattr(result, "method", "source"), frozenset())
+    estimated = ESTIMATED.get(result.method, frozenset())
     sources = [
         s for s in experiment.sources if s.constant and s.target not in HELD and (s.target, s.kind) not in estimated
     ]
     mixing = list(experiment.mixing)
-    if result.pooling is None:  # the estimator holds the centre's uncertainty
+    if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already
         sources = [s for s in sources if s.target != "r_cg"]
         names = {source.name for source in sources}
         return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
