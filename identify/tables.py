@@ -66,6 +66,13 @@ def decimals(uncertainty: float, digits: int = 2) -> int:
     return shown - int(round(uncertainty, shown) >= 10.0 ** (digits - shown))
 
 
+def rounded(value: float, uncertainty: float, digits: int = 2) -> str:
+    """Return a figure to so many digits of its uncertainty; to four of its own where that is nought or not known."""
+    if math.isfinite(value) and not (math.isfinite(uncertainty) and uncertainty > 0):
+        return f"{float(f'{value:.4g}') + 0.0:.6g}".replace("-", "−")
+    return fixed(value, decimals(uncertainty, digits))
+
+
 def fixed(value: float, places: int) -> str:
     """Return a figure with these decimals and a minus sign, but never a minus before nought; – for none."""
     if math.isinf(value):

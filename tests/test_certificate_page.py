@@ -98,6 +98,25 @@ def test_expanded_uncertainty_keeps_the_results_intervals_or_scales_them(plain):
     assert all("+" in row[2] and "−" in row[2] for row in of_tensor(skewed).rows(1e3))
 
 
+def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
+    """A component that nothing bounds above, and one of which nothing is known."""
+    covariance, interval = plain.covariance.copy(), plain.interval95.copy()
+    covariance[[1, 3]] = covariance[:, [1, 3]] = np.nan
+    interval[3], interval[1] = (1e-3, np.inf), (-np.inf, np.inf)
+    weak = dataclasses.replace(plain, covariance=covariance, interval95=interval, bias=np.full(6, np.nan))
+    rows = of_tensor(weak).rows(1e3)
+    assert rows[1][1:] == [rows[1][1], "–", "–", "–", "–", "−∞ … ∞"]
+    assert rows[3][6] == "1 … ∞"
+    assert rows[0] == of_tensor(plain).rows(1e3)[0]
+    for rule in ("simple", "guarded"):
+        (one,) = decide(Conformity("a", rule, {"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
+                        of_tensor(weak).expanded)  # fmt: skip
+        assert one.outcome == "undecided"
+    text = Reader(report(reported(weak, coverage_factor=2))).text
+    assert "not determined about every axis" in " ".join(text)
+    assert not {"nan", "inf"} & set(" ".join(text).split())
+
+
 def test_uncertainty_about_an_axis_is_that_of_the_turned_tensor(plain):
     about = sphere.uncertainty_about(plain)
     draws = np.random.default_rng(0).multivariate_normal(np.zeros(6), plain.covariance, 4000, method="cholesky")

@@ -30,7 +30,7 @@ def certificate(result: Identification) -> Page:
         [
             tables.tensor(result, tensor),
             tables.mass_and_centre(result, report),
-            tables.principal(result, report),
+            *tables.principal(result, report),
             *tables.conformity(report, tensor),
             tables.instruments(report),
         ],
@@ -82,13 +82,17 @@ def _coverage_words(result: Identification) -> str:
     least, known = sphere.rms_about(paths[1]), sphere.uncertainty_about(result)
     (weak, low), (strong, high) = least.least, least.largest
     doubtful, u = known.largest
+    certain = (
+        f"The moment of inertia is least certain about {_axis(doubtful)}: u = {GRAM_METRE * u:.2g} g·m²."
+        if np.isfinite(u)
+        else "The moment of inertia is not determined about every axis."
+    )
     return (
         "Excitation over the sphere of directions, in the body frame: discs of equal area about b3, the half of −b3 "
         f"seen through from +b3. Within 15° of {of_omega} of all axes the angular velocity came with half its "
         f"largest magnitude or more, the angular acceleration within 15° of {of_alpha}. Root mean square of the "
         f"angular acceleration: {low:.3g} rad/s² about {_axis(weak)}, the weakest axis, {high:.3g} about "
-        f"{_axis(strong)}. The moment of inertia is least certain about {_axis(doubtful)}: u = "
-        f"{GRAM_METRE * u:.2g} g·m²."
+        f"{_axis(strong)}. {certain}"
     )
 
 

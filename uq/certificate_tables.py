@@ -8,7 +8,7 @@ from identify.alignment import Aligned
 from identify.identification import Identification
 from identify.inertia import COMPONENTS
 from identify.inertial import LARGEST_ANGLE, principal_axes
-from identify.tables import decimals, fixed
+from identify.tables import decimals, fixed, rounded
 from uq import checks
 from uq.campaign import GRAM_METRE
 from uq.certificate import Report
@@ -49,8 +49,10 @@ def _mass(result: Identification, asked: dict[str, float | None]) -> list[list[s
     return of_normal(("mass, kg",), np.array([result.mass]), np.array([result.mass_uncertainty]), **asked).rows()
 
 
-def principal(result: Identification, report: Report) -> Table:
+def principal(result: Identification, report: Report) -> list[Table]:
     """Return the principal moments with their axes, or how well an axis is known where it is not."""
+    if not np.isfinite(result.covariance).all():
+        return []
     found = principal_axes(result.inertia, result.covariance)
     asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
     of = of_normal(tuple("123"), found.moments, found.standard_uncertainty, **asked)
@@ -59,7 +61,7 @@ def principal(result: Identification, report: Report) -> Table:
         components = [fixed(x, 3) if known else "–" for x in axis]
         rows.append([*row[:3], *components, _degrees(angle) if angle <= LARGEST_ANGLE else "–"])
     note = PRINCIPAL_NOTE + (f" {found.note[0].upper()}{found.note[1:]}." if found.note else "")
-    return Table("Principal moments, g·m², and their axes", ["", "value", "U", *AXES, "turn, deg"], rows, note)
+    return [Table("Principal moments, g·m², and their axes", ["", "value", "U", *AXES, "turn, deg"], rows, note)]
 
 
 def _degrees(angle: float) -> str:
@@ -74,7 +76,7 @@ def conformity(report: Report, of: Expanded) -> list[Table]:
     rows = []
     for one in decide(report.conformity, of.value, of.standard, of.expanded):
         low, high = (f"{GRAM_METRE * end:.6g}".replace("-", "−") for end in one.limits)
-        rows.append([one.component, f"{low} … {high}", one.outcome, f"{100 * one.probability:.3g}"])
+        rows.append([one.component, f"{low} … {high}", one.outcome, rounded(100 * one.probability, 0.0)])
     head = ["", "limits, g·m²", "outcome", "probability within, %"]
     return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
 
@@ -146,8 +148,7 @@ def tare(result: Identification) -> list[Table]:
 
 def _with_u(values: np.ndarray, u: np.ndarray, unit: float) -> list[str]:
     """Figures to two digits of their standard uncertainty, which is exact where it is nought."""
-    shown = [decimals(unit * s) if s > 0 else 4 for s in u]
-    return [fixed(unit * x, places) for x, places in zip(values, shown, strict=True)]
+    return [rounded(unit * x, unit * s) for x, s in zip(values, u, strict=True)]
 
 
 def elsewhere(result: Identification) -> Iterator[Table]:
@@ -161,8 +162,8 @@ def elsewhere(result: Identification) -> Iterator[Table]:
         where = "about the centre of gravity, in the frame of the declared datum"
         named.append((where, moved.inertia, moved.standard_uncertainty[4:]))
     for where, inertia, u in named:
-        values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * s)) for x, s in zip(inertia, u, strict=True)]
-        yield Table(f"Tensor {where}, g·m²", ["", *COMPONENTS], [["value", *values], ["u", *_two_digits(u)]])
+        rows = [["value", *_with_u(inertia, u, GRAM_METRE)], ["u", *_two_digits(u)]]
+        yield Table(f"Tensor {where}, g·m²", ["", *COMPONENTS], rows)
 
 
 def checked(result: Identification) -> Table:

@@ -40,7 +40,7 @@ def _admissible(result: Identification) -> list[str]:
     """Positive moments and the triangle inequality, in units of what the uncertainty allows."""
     moments, _ = principal(jnp.asarray(result.inertia))
     margin = 1e3 * float(jnp.minimum(moments[0], moments[0] + moments[1] - moments[2]))
-    slack = 2e3 * float(np.sqrt(np.trace(result.covariance)))
+    slack = 2e3 * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
     what = "a mass distribution has this tensor: least margin of moments and triangle inequality, g·m²"
     return [what, fixed(margin, 2), f"≥ {fixed(-slack, 2)}", _verdict(margin >= -slack)]
 

@@ -93,6 +93,8 @@ def decide(
 
 
 def _outcome(rule: Rule, value: float, expanded: float, low: float, high: float) -> Outcome:
+    if not np.isfinite(expanded):
+        return "undecided"
     guard = expanded if rule == "guarded" else 0.0
     if low + guard <= value <= high - guard:
         return "conforms"

@@ -51,7 +51,7 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
         parts: contributions to the standard uncertainty by name [kg·m²], each of six components.
         standard_uncertainty: the combined one of each component [kg·m²].
     """
-    variances = np.array([np.square(values) for values in parts.values()])
+    variances = np.nan_to_num([np.square(values) for values in parts.values()], posinf=0.0)
     total = variances.sum(axis=0)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.4), layout="constrained")

@@ -9,7 +9,7 @@ from scipy.stats import norm, t
 
 from identify.identification import Identification
 from identify.inertia import COMPONENTS
-from identify.tables import decimals, fixed
+from identify.tables import decimals, fixed, rounded
 
 USUAL = 0.95
 """Coverage probability of the intervals that results hold."""
@@ -45,8 +45,9 @@ class Expanded:
     def _row(self, k: int, unit: float) -> list[str]:
         value, u, low, high = (unit * x for x in (self.value[k], self.standard[k], *self.interval[k]))
         half = (high - low) / 2
-        if not np.isfinite([value, half]).all():
-            return [self.names[k], fixed(value, 6) if np.isfinite(value) else "–", "–", "–", "–", "–", "–"]
+        if not np.isfinite([value, half, u]).all():
+            ends = f"{rounded(low, u) if np.isfinite(low) else '−∞'} … {rounded(high, u) if np.isfinite(high) else '∞'}"
+            return [self.names[k], rounded(value, u), *["–"] * 4, ends]
         places = decimals(half)
         below, above = fixed(value - low, places), fixed(high - value, places)
         even = abs((high - value) - (value - low)) <= EVEN * (high - low) or below == above
@@ -77,7 +78,10 @@ def of_tensor(result: Identification, *, factor: float | None = None, probabilit
     freedom = np.array([degrees_of_freedom(one) for one in usual])
     k, p = _factor(freedom, factor, probability)
     k = usual if factor is None and probability in (None, USUAL) else k
-    arms = (result.interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
+    if k is usual:
+        return Expanded(COMPONENTS, value, u, k, p, result.interval95)
+    with np.errstate(invalid="ignore"):
+        arms = (result.interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
     return Expanded(COMPONENTS, value, u, k, p, value[:, None] + arms)
 
 

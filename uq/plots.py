@@ -155,7 +155,8 @@ def estimates(result: Identification) -> Figure:
         figure = Figure(figsize=(PAGE, 3.6), layout="constrained")
         for k, axes in enumerate(figure.subplots(2, 3).flat):
             low, high = GRAM_METRE * result.interval95[k]
-            axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
+            if np.isfinite([low, high]).all():
+                axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
             axes.axhline(GRAM_METRE * result.inertia[k], color=PALETTE[1])
             values = [GRAM_METRE * (run.inertia - result.taken_off)[k] for run in runs]
             bars = [GRAM_METRE * 1.96 * run.standard_uncertainty[k] for run in runs]

@@ -73,13 +73,16 @@ def _directions(panel: Panel, path: np.ndarray, side: int) -> Any:
 
 
 def _about(figure: Figure, panel: Panel, of: Axes, title: str, label: str, *, weak: str) -> None:
-    """A map of a figure of every axis, the weakest marked."""
+    """A map of a figure of every axis, the weakest marked; empty where it is not known of all."""
     _disc(panel)
+    panel.set_title(title)
+    if not np.isfinite(of.values).all():
+        panel.text(0, 0, "not determined", ha="center", va="center")
+        return
     at = _projected(of.directions)
     drawn = panel.tripcolor(Triangulation(*at.T), of.values, shading="gouraud", cmap="viridis_r",
                             vmin=0, vmax=max(of.values.max(), 1e-300), rasterized=True)  # fmt: skip
     figure.colorbar(drawn, ax=panel, shrink=0.75, aspect=14, label=label)
     (place,) = _projected(getattr(of, weak)[0][None])
     panel.plot(*place, "x", color=PALETTE[6], markersize=6, markeredgewidth=1.4, zorder=4, label="weakest axis")
-    panel.set_title(title)
     panel.legend(loc="lower center", bbox_to_anchor=(0.5, -0.14))
