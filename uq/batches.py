@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
+from uq.collapsed import CollapsedSetup, collapsed_trials
 from uq.sampled import AnySetup, any_trial
 from uq.trial import TrialEstimates
 
@@ -84,6 +85,8 @@ def _stretch(batch: int) -> int:
 @eqx.filter_jit
 def _batch(setup: AnySetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
     def on_one_device(setup, key, mine):
+        if isinstance(setup, CollapsedSetup):
+            return _whole_batches(setup, key, mine, batch)
         one = lambda index: any_trial(setup, key, index)  # noqa: E731
         return jax.lax.map(one, mine, batch_size=None if batch == 1 else batch)
 
@@ -97,3 +100,12 @@ def _batch(setup: AnySetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch
         check_vma=False,
     )
     return sharded(arrays, key, trials)
+
+
+def _whole_batches(setup: CollapsedSetup, key: jax.Array, mine: jax.Array, batch: int) -> TrialEstimates:
+    """Run trials that are computed many at a time; the last batch is filled up with trials that nobody asked for."""
+    size = min(batch, len(mine))
+    count = -(-len(mine) // size)
+    numbers = jnp.resize(mine, (count, size))
+    found = jax.lax.map(lambda some: collapsed_trials(setup, key, some), numbers)
+    return jax.tree.map(lambda leaf: leaf.reshape(count * size, *leaf.shape[2:])[: len(mine)], found)
