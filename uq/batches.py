@@ -1,7 +1,6 @@
 """Trials in stretches: batched, sharded over devices, the same numbers however they are cut."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -87,7 +86,7 @@ WIDE = {"xla_cpu_prefer_vector_width": 512}
 """Lets a processor use its widest vectors, which XLA by default does not; others take no notice."""
 
 
-@partial(eqx.filter_jit, compiler_options=WIDE)
+@eqx.filter_jit(compiler_options=WIDE)  # type: ignore[call-overload]
 def _batch(setup: AnySetup, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
     def on_one_device(setup, key, mine):
         at_once = mesh.devices.flat[0].platform != "cpu"
@@ -114,7 +113,11 @@ def _whole_batches(
     """Run trials that are computed many at a time; the last batch is filled up with trials that nobody asked for."""
     size = min(batch, len(mine))
     count = -(-len(mine) // size)
-    collapsed = isinstance(setup, CollapsedSetup)
-    run = partial(collapsed_trials, setup, key) if collapsed else partial(trials, setup, key, at_once=at_once)
+
+    def run(some: jax.Array) -> TrialEstimates:
+        if isinstance(setup, CollapsedSetup):
+            return collapsed_trials(setup, key, some)
+        return trials(setup, key, some, at_once=at_once)
+
     found = jax.lax.map(run, jnp.resize(mine, (count, size)))
     return jax.tree.map(lambda leaf: leaf.reshape(count * size, *leaf.shape[2:])[: len(mine)], found)
