@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from identify.gram import Sums, sums_of
 from identify.regressor import features
 from uq.trial import SHARED, Setup
-from uq.wick import WHITE, Kernel, Monomial, Term, correlations, terms
+from uq.wick import WHITE, Kernel, Monomial, Term, correlations, summed_products, terms
 
 
 class GramMoments(eqx.Module):
@@ -62,6 +62,15 @@ def own_products(estimators: int, number: int) -> np.ndarray:
     where[row, column] = np.arange(len(row))
     wrench = len(row) + np.arange(6 * everything).reshape(everything, 6)
     return np.concatenate([where[np.ix_(own, own)][_upper(len(own))], wrench[own].ravel()])
+
+
+@cache
+def distinct_products(estimators: int) -> dict[Monomial, int]:
+    """Return where each product of signals stands first among those of :func:`pack`; some of these are the same."""
+    found: dict[Monomial, int] = {}
+    for number, product in enumerate(summed_products(estimators)):
+        found.setdefault(next(signals for signals, noise in product if not noise), number)
+    return found
 
 
 class _Layout(NamedTuple):
