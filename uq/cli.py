@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import keyword
+import os
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -41,6 +42,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"error: unknown command '{name}': choose one of {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
+    if "--distributed" in rest:
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # a lost process is one line of ours, not the runtime's
+    if "--no-cache" in rest:
+        rest.remove("--no-cache")
+        os.environ["INERTIA_CACHE"] = "off"
     module = importlib.import_module(f"uq.commands.{name}{'_' * keyword.iskeyword(name)}")
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
@@ -63,7 +69,8 @@ def _overview() -> str:
     return (
         "usage: inertia COMMAND [ARGUMENTS]\n\n"
         + "\n".join(lines)
-        + "\n\n'inertia COMMAND --help' explains one command."
+        + "\n\n'inertia COMMAND --help' explains one command. Compiled code is kept in the user's cache folder; with"
+        "\n--no-cache it is not."
     )
 
 

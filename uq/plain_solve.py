@@ -1,4 +1,4 @@
-"""Roots and solutions of six equations in plain arithmetic, so that thousands of trials go through vector units at once.
+"""Roots and solutions of six equations in plain arithmetic: thousands of trials go through vector units at once.
 
 A symmetric matrix is the entries of its lower triangle, each an array over trials (or one figure that all share).
 """

@@ -140,5 +140,7 @@ def residual_covariance(cell: Float[Array, "6 6"], r_cg: Sequence[Trials]) -> li
     """Return the covariance of ``M - r × F`` at one sample, in the order of ``AXES``, for that of force and moment."""
     r1, r2, r3 = r_cg
     crossed: list[dict[int, Trials]] = [{1: r3, 2: -r2}, {0: -r3, 2: r1}, {0: r2, 1: -r1}]  # -r ×, row by row
-    rows = [[total([cell[3 + a, m], *(x * cell[k, m] for k, x in crossed[a].items())]) for m in range(6)] for a in range(3)]
+    rows = [
+        [total([cell[3 + a, m], *(x * cell[k, m] for k, x in crossed[a].items())]) for m in range(6)] for a in range(3)
+    ]
     return [total([rows[a][3 + b], *(rows[a][k] * x for k, x in crossed[b].items())]) for a, b in AXES]
