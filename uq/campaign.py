@@ -43,7 +43,7 @@ TRIALS, MOST_TRIALS = 10_000, 1_000_000
 COLLAPSED_BATCH = 1000
 """Trials that a device computes at a time when they hold no samples."""
 
-EARLY = 500
+EARLY = 200
 """Trials after which a trajectory's figures are shown for the first time."""
 
 Shown = Callable[[str, int, Mapping[str, Breakdown]], None]
@@ -96,7 +96,7 @@ def montecarlo(
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
-        shown: called as a trajectory's figures come: early, after 500 trials, and when it is done; not if adaptive.
+        shown: called as a trajectory's figures come: early, after 200 trials, and when it is done; not if adaptive.
 
     Among several processes (:mod:`uq.cluster`) each computes its share of the trials, and all return the result.
 

@@ -8,6 +8,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from uq.watch import divide
+
 COMMANDS = {
     "paper": "reproduce the source's Table 2 and figures, beside its printed values",
     "montecarlo": "Monte Carlo of any body, platform, sensors and trajectory",
@@ -31,6 +33,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 done but something is missing, 2 bad input."""
+    by_itself = argv is None
     argv = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -42,8 +45,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"error: unknown command '{name}': choose one of {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
-    if "--distributed" in rest:
-        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # a lost process is one line of ours, not the runtime's
+    if "--distributed" in rest and by_itself:
+        status = divide()
+        if status is not None:
+            return status
     if "--no-cache" in rest:
         rest.remove("--no-cache")
         os.environ["INERTIA_CACHE"] = "off"

@@ -18,6 +18,7 @@ from jax.experimental import multihost_utils
 
 from uq.document import ExperimentError
 from uq.trial import TrialEstimates
+from uq.watch import LOST_LINE
 
 T = TypeVar("T")
 
@@ -49,7 +50,6 @@ def join(coordinator: str | None = None, processes: int | None = None, process: 
         ExperimentError: no cluster is detected, or the others do not come.
     """
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
-    jax.config.update("jax_enable_recoverability", True)  # a lost process is an exception, not an abort
     try:
         with _silent():
             jax.distributed.initialize(
@@ -95,9 +95,7 @@ def guarded() -> Iterator[None]:
     except (ValueError, RuntimeError) as error:
         if not several() or isinstance(error, ExperimentError):
             raise
-        raise LostProcess(
-            "another process of the campaign is gone: the same command goes on from what is kept in --out"
-        ) from error
+        raise LostProcess(LOST_LINE) from error
 
 
 def meet() -> None:

@@ -218,8 +218,8 @@ def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, n
     right = sum_equations.right_side(known)
     if any(source.kind == "precision" and source.target != "omega" for source in setup.sources):
         at = r_cg if kind.noisy else setup.r_cg[:, None]
-        weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], list(at))
-        noise = plain_solve.times_root(sum_equations.weighted_matrix(known, weight), list(draws.cell[number]))
+        weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
+        noise = plain_solve.times_root(sum_equations.weighted_matrix(known, weight), draws.cell[number])
         right = [one + other for one, other in zip(right, noise, strict=True)]
     found, ok = plain_solve.solve(sum_equations.normal_matrix(known), right)
     inertia = jnp.stack(found)

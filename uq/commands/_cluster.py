@@ -10,9 +10,7 @@ from pathlib import Path
 from uq import cluster
 from uq.commands._common import ERRORS, whole_number
 from uq.experiment import ExperimentError
-
-LOST = 3
-"""Exit status when another process is gone."""
+from uq.watch import LOST
 
 
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
