@@ -40,7 +40,7 @@ __all__ = [
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
 
-COLLAPSED_BATCH = 1000
+COLLAPSED_BATCH = 500
 """Trials that a device computes at a time when they hold no samples."""
 
 EARLY = 200
@@ -92,7 +92,7 @@ def montecarlo(
             component, with all sources together, are stable for every trajectory and estimator (:mod:`uq.adaptive`).
         digits: significant digits of the standard uncertainties that are to be stable, if adaptive.
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
-        batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere, 1000 if collapsed.
+        batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere, 500 if collapsed.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
@@ -147,8 +147,9 @@ def montecarlo(
             in_turn(lambda: kept.open(identity))
         runs, stability = {}, None
         if goal is None:
+            ahead = {name: start(name) for name in specs} if sampling == "collapsed" else {}  # side by side
             for name in specs:
-                runs[name] = start(name)
+                runs[name] = ahead.get(name) or start(name)
                 for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
                     runs[name].reach(so_far, _named(progress, name))
                     if shown:
