@@ -9,9 +9,11 @@ import subprocess
 import sys
 import time
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from uq.checkpoint import Checkpoint
 from uq.cli import main
@@ -150,3 +152,20 @@ def test_what_a_lost_process_left_unwritten_is_run_again(tmp_path):
 def test_a_folder_that_is_not_shared_is_refused(tmp_path):
     with pytest.raises(ExperimentError, match="give --out a folder that all processes share"):
         Checkpoint(tmp_path, processes=2, process=1).open({"seed": 0})
+
+
+FILES = Path(__file__).parent.parent / "docs" / "cluster"
+
+
+def test_the_script_for_slurm_parses():
+    subprocess.run(["bash", "-n", str(FILES / "campaign.sbatch")], check=True)
+
+
+def test_the_job_for_kubernetes_parses():
+    service, job = YAML(typ="safe").load_all(FILES / "campaign.yaml")
+    assert (service["kind"], job["kind"]) == ("Service", "Job")
+    pod = job["spec"]["template"]["spec"]
+    command = pod["containers"][0]["command"][-1]
+    assert f"--processes {job['spec']['completions']} " in command
+    assert f"--coordinator {job['metadata']['name']}-0.{service['metadata']['name']}:" in command
+    assert pod["subdomain"] == service["metadata"]["name"]
