@@ -56,10 +56,13 @@ class Trials:
         self.parts = list(done)
         self.count = sum(len(part.ok) for part in self.parts)
 
-    def reach(self, trials: int, progress: Callable[[int, int], None] | None = None) -> None:
-        """Run whole stretches until there are at least so many trials."""
+    def reach(
+        self, trials: int, progress: Callable[[int, int], None] | None = None, *, asked: int | None = None
+    ) -> None:
+        """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
         count = len(self.devices)
-        stretch = min(_stretch(self.setup, self.batch), -(-trials // count)) * count
+        asked = trials if asked is None else asked
+        stretch = min(_stretch(self.setup, self.batch), -(-asked // count)) * count
         while self.count < trials:
             part = self._run(np.arange(self.count, self.count + stretch))
             if self.keep:
@@ -67,7 +70,7 @@ class Trials:
             self.parts.append(part)
             self.count += stretch
             if progress:
-                progress(min(self.count, trials), trials)
+                progress(min(self.count, asked), asked)
 
     def _run(self, numbers: np.ndarray) -> TrialEstimates:
         split = jnp.asarray(numbers)

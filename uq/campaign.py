@@ -151,7 +151,7 @@ def montecarlo(
             for name in specs:
                 runs[name] = ahead.get(name) or start(name)
                 for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
-                    runs[name].reach(so_far, _named(progress, name))
+                    runs[name].reach(so_far, _named(progress, name), asked=trials)
                     if shown:
                         shown(name, so_far, _breakdowns(runs[name], chosen, so_far, truth))
         else:

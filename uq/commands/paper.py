@@ -36,7 +36,13 @@ def run(arguments: argparse.Namespace) -> int:
                     progress.print(row(trajectory, trials, estimator, breakdown.total))
 
             given = {"trials": arguments.trials, "seed": arguments.seed, "dtype": arguments.dtype}
-            result = paper(**given, progress=progress, checkpoint=checkpoint, shown=show)
+            try:
+                result = paper(**given, progress=progress, checkpoint=checkpoint, shown=show)
+            except KeyboardInterrupt:
+                if checkpoint is None or arguments.distributed:
+                    raise
+                say("error: interrupted; the same command goes on from there")
+                return 130
         if speaks:
             print()
             finish(result, out)
