@@ -1,6 +1,6 @@
 """``python -m benchmarks.processes``: one process held to one core against two processes on two cores, in alternation.
 
-Each process compiles and warms up, then times the same campaign (T1 of the preset, 72,000 samples, central differences).
+Each process compiles and warms up, then times the same campaign (T1 of the preset, central differences).
 """
 
 import argparse
@@ -46,8 +46,9 @@ def campaign(cores: list[int]) -> tuple[float, str]:
         for process, core in enumerate(cores)
     ]
     started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in commands]
-    said = [process.communicate()[0] for process in started][0].split()
-    return float(said[0]), said[1]
+    outputs = [process.communicate()[0] for process in started]
+    seconds, bits = outputs[0].split()
+    return float(seconds), bits
 
 
 def main() -> None:
