@@ -42,9 +42,7 @@ def test_numbers_do_not_depend_on_batch_or_devices(short):
         options = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
         return montecarlo(short, trials=7, devices=jax.devices()[:devices], batch=batch, **options).errors["T1"]
 
-    reference = errors(1, 1)
-    for devices, batch in ((1, 3), (2, 2)):
-        np.testing.assert_allclose(errors(devices, batch), reference, atol=1e-12 * short.inertia.max())
+    np.testing.assert_allclose(errors(2, 2), errors(1, 7), atol=1e-12 * short.inertia.max())
 
 
 def test_without_errors_the_truth_comes_out(short):

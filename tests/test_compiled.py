@@ -71,7 +71,7 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     assert spread[0] < first.three_sigma[0] < spread[-1]
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", "collapsed"])
+@pytest.mark.parametrize("sampling", ["conditioned", pytest.param("collapsed", marks=pytest.mark.study)])
 def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, sampling):
     options = {"trials": 200, "estimators": "central", "sampling": sampling}
     montecarlo(brief, **options)
