@@ -317,8 +317,8 @@ def _plug_in(
         "scatter_between_runs": pooled.together.excess.tolist(),
         "coverage_factor": pooled.coverage_factor.tolist(),
         "degrees_of_freedom": pooled.degrees_of_freedom.tolist(),
-        "standard_uncertainty_from_residuals": np.sqrt(np.diag(pooled.type_a.from_residuals)).tolist(),
-        "standard_uncertainty_from_cg": np.sqrt(np.diag(pooled.of_centre)).tolist(),
+        "standard_uncertainty_from_residuals": np.sqrt(np.diag(pooled.residual)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(pooled.by_centre * sigma**2 @ pooled.by_centre.T)).tolist(),
     }  # fmt: skip
     return Identification(
         inertia, pooled.bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass,

@@ -170,13 +170,27 @@ def attitude(
     w1, w2 = (jax.vmap(trajectory.omega)(middle + sign * offset * h) for sign in (-1, 1))
     turn = h[:, None] / 2 * (w1 + w2) + (np.sqrt(3) / 12 * h**2)[:, None] * jnp.cross(w1, w2)
     first = jnp.eye(3, dtype=t.dtype) if start is None else start
+    return _running_product(jnp.concatenate([first[None], jax.vmap(exponential)(turn)]))
 
-    def advance(rotation, one):
-        rotation = rotation @ one
-        return rotation, rotation
 
-    _, rest = jax.lax.scan(advance, first, jax.vmap(exponential)(turn))
-    return jnp.concatenate([first[None], rest])
+def _running_product(matrices: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:
+    """Products of the first matrices, in rows of √n that are multiplied side by side: √n steps instead of n."""
+    n = len(matrices)
+    size = int(np.ceil(np.sqrt(n)))
+    rows = jnp.concatenate([matrices, jnp.broadcast_to(jnp.eye(3, dtype=matrices.dtype), (size * size - n, 3, 3))])
+
+    def advance(product, one):
+        product = product @ one
+        return product, product
+
+    def along(first, steps):
+        return jax.lax.scan(advance, first, steps)
+
+    unit = jnp.eye(3, dtype=matrices.dtype)
+    ends, within = along(jnp.broadcast_to(unit, (size, 3, 3)), rows.reshape(size, size, 3, 3).swapaxes(0, 1))
+    _, before = along(unit, ends)
+    before = jnp.concatenate([unit[None], before[:-1]])
+    return (before[:, None] @ within.swapaxes(0, 1)).reshape(-1, 3, 3)[:n]
 
 
 def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:

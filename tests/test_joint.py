@@ -147,6 +147,8 @@ def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
     assert found.residual_density.max() < 1e-5 * size
     speed = np.linalg.norm(found.omega, axis=1)
     assert speed.max() == pytest.approx(np.linalg.norm(silent_run.omega, axis=1).max(), rel=0.03)
+
+
 @pytest.mark.parametrize("kind", ["accelerometer", "none"])
 def test_other_specific_forces_tell_the_tensor_too(brief, silent_run, kind):
     """An accelerometer at Q without errors; or nothing but the measured force."""

@@ -1,7 +1,7 @@
 """Trials without samples: the Gram sums themselves are drawn, so nothing grows with the length of the run.
 
-A trial depends on the gyro's white noise through some hundred and fifty sums over samples, whose mean and covariance are
-known exactly (:mod:`uq.gram_moments`). Their part linear in the noise is normal; their quadratic part is a sum over all
+A trial depends on the gyro's white noise through some 150 sums over samples, whose mean and covariance are known
+exactly (:mod:`uq.gram_moments`). Their part linear in the noise is normal; their quadratic part is a sum over all
 samples and taken as normal too, which is the only approximation. Given these sums, the load cell's white normal noise
 acts on the right side of the normal equations as one normal vector with the covariance ``Σ Ωᵀ S Ω``.
 
@@ -18,14 +18,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
+from identify.dynamics import wrench
+from identify.inertia import Body
+from identify.trajectory import Motion
 from uq import plain_solve, sum_equations
 from uq.distributions import Normal
 from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
-from uq.gram_moments import GramMoments, covariance, distinct_products, gram_moments, mean
-from uq.measurement import cell_map
+from uq.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
+from uq.measurement import OF_THE_GYRO, Columns, cell_map
 from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
-from uq.trial import Case, Setup, TrialEstimates
+from uq.trial import Case, Estimator, TrialEstimates, cases_of, valid_samples
 
 REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
 
@@ -49,37 +52,62 @@ class CollapsedSetup(eqx.Module):
     estimators: int = eqx.field(static=True)
 
 
-def collapse(setup: Setup) -> CollapsedSetup:
-    """Return what collapsed trials need of a prepared run in float64.
+def collapse(
+    motion: Motion,
+    body: Body,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    mixing: Sequence[Mixing] = (),
+) -> CollapsedSetup:
+    """Return what collapsed trials need of a noise-free motion, in float64.
 
     Raises:
         ExperimentError: a source whose effect the sums' moments do not tell.
     """
-    white = [source for source in setup.sources if source.kind == "precision"]
-    other = [source.name for source in white if not isinstance(source.shape, Normal)]
-    if other or setup.whole or setup.columns.time or setup.columns.motion:
-        what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
-        raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
-    gyro = [source for source in white if source.target == "omega"]
-    if any(set(mix.names) & {source.name for source in gyro} for mix in setup.mixing):
-        raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
-    acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in setup.cases]
+    gyro = _check(sources, mixing)
+    cases = cases_of(sources)
+    acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in cases]
     variants = list(dict.fromkeys([(), *acting]))
-    variances = [
-        np.sum([np.square(s.sigma) for s in gyro if s.name in names], axis=0, initial=0.0) * np.ones(3)
-        for names in variants
-    ]
-    means, roots = _means_and_roots(gram_moments(setup), jnp.asarray(variances))
+    squares = {source.name: np.broadcast_to(np.square(np.asarray(source.sigma, float)), 3) for source in gyro}
+    variances = np.array([sum((squares[name] for name in names), np.zeros(3)) for names in variants])
+    white = [source for source in sources if source.kind == "precision"]
+    means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
+                                    [e.taps for e in estimators], variances)  # fmt: skip
     return CollapsedSetup(
-        setup.body.r_cg_from_q, setup.sources, setup.mixing, setup.cases, means, roots,
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means, roots,
         jnp.asarray([variants.index(names) for names in acting]),
-        jnp.asarray([_cell_covariance(white, setup.mixing, case) for case in setup.cases]), len(setup.estimators),
+        jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
     )  # fmt: skip
 
 
+def _check(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[Source]:
+    """The white noise of omega.
+
+    Raises:
+        ExperimentError: a source whose effect the sums' moments do not tell.
+    """
+    white = [source for source in sources if source.kind == "precision"]
+    other = [source.name for source in white if not isinstance(source.shape, Normal)]
+    columns = Columns.of(sources)
+    if other or perturbed(sources) & OF_THE_GYRO or columns.time or columns.motion:
+        what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
+        raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
+    gyro = [source for source in white if source.target == "omega"]
+    if any(set(mix.names) & {source.name for source in gyro} for mix in mixing):
+        raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
+    return gyro
+
+
 @jax.jit
-def _means_and_roots(moments: GramMoments, variances: Array) -> tuple[Array, Array]:
-    first = np.array(list(distinct_products(len(moments.alphas)).values()))
+def _means_and_roots(
+    omega: Array, alpha: Array, specific_force: Array, body: Body, taps: list[Array], variances: Array
+) -> tuple[Array, Array]:
+    """Expected sums for each variance of omega's noise, and roots of their covariance for all but the first."""
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(body, omega, alpha, specific_force)
+    signals = jnp.concatenate([omega, alphas_of(omega, taps), *true])
+    moments = moments_of_signals(signals, valid_samples(omega.shape[1], [Estimator("", one) for one in taps]), taps)
+    first = np.array(list(distinct_products(len(taps)).values()))
 
     def root(variance):
         matrix = covariance(moments, variance)[first[:, None], first]

@@ -1,4 +1,4 @@
-"""Roots and solutions of six equations in plain arithmetic, so that thousands of trials go through vector units at once.
+"""Roots and solutions of six equations in plain arithmetic: thousands of trials go through vector units at once.
 
 A symmetric matrix is the entries of its lower triangle, each an array over trials (or one figure that all share).
 """
@@ -15,7 +15,9 @@ SIZE = 6
 LOWER = [(i, j) for i in range(SIZE) for j in range(i + 1)]
 """Places of the lower triangle."""
 
-Trials = Float[Array, " *trials"]
+Trials = Float[Array, "..."]
+Vector = Sequence[Trials] | Array
+"""Components first."""
 Lower = dict[tuple[int, int], Trials]
 
 
@@ -27,7 +29,7 @@ def total(terms: Iterable[Trials]) -> Trials:
     return first
 
 
-def triangular_root(matrix: Lower) -> tuple[Lower, list[Trials], Bool[Array, " *trials"]]:
+def triangular_root(matrix: Lower) -> tuple[Lower, list[Trials], Bool[Array, "..."]]:
     """Return the root L of ``L Lᵀ`` (Cholesky), the reciprocals of its diagonal, and whether all pivots are positive.
 
     A column whose pivot is not is zero, so that a covariance that is zero in some direction has its root.
@@ -49,13 +51,13 @@ def triangular_root(matrix: Lower) -> tuple[Lower, list[Trials], Bool[Array, " *
     return lower, inverse, ok
 
 
-def times_root(matrix: Lower, noise: Sequence[Trials]) -> list[Trials]:
+def times_root(matrix: Lower, noise: Vector) -> list[Trials]:
     """Return a normal vector of this covariance from six standard normal numbers."""
     lower, _, _ = triangular_root(matrix)
     return [total(lower[i, k] * noise[k] for k in range(i + 1)) for i in range(SIZE)]
 
 
-def solve(matrix: Lower, right: Sequence[Trials]) -> tuple[list[Trials], Bool[Array, " *trials"]]:
+def solve(matrix: Lower, right: Vector) -> tuple[list[Trials], Bool[Array, "..."]]:
     """Solve positive definite equations; the second result is that of :func:`identify.gram.solve_normal`.
 
     Returns:

@@ -14,14 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from identify.differentiate import derivative
 from identify.precision import check_precision
 from identify.trajectory import Motion
 from uq import gram_moments as moments_of
 from uq.campaign import distinct, fitted_estimators, platform_of, true_motion
 from uq.errors import perturbed
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
-from uq.gram_moments import moments_of_signals, own_products
+from uq.gram_moments import alphas_of, moments_of_signals, own_products
 from uq.law_expansion import (
     Ground,
     Point,
@@ -124,7 +123,7 @@ def _ground(
     columns, platform = Columns.of(experiment.sources), platform_of(experiment, spec)
     wrench = columns.sampled(experiment.body, motion)
     taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
-    alphas = _alphas(motion.omega, taps)
+    alphas = alphas_of(motion.omega, taps)
     moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
     t = motion.t - motion.t[0]
 
@@ -149,13 +148,8 @@ def _ground(
 
 
 @jax.jit
-def _alphas(omega: Array, taps: Sequence[Array]) -> Float[Array, "alphas n"]:
-    return jnp.concatenate([jnp.pad(derivative(omega, one), ((0, 0), (len(one),) * 2)) for one in taps])
-
-
-@jax.jit
 def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequence[Array]) -> TrueSums:
-    phi = jnp.concatenate([true_elements(omega, omega, t), _alphas(omega, taps)]) * valid[None]
+    phi = jnp.concatenate([true_elements(omega, omega, t), alphas_of(omega, taps)]) * valid[None]
     return TrueSums(phi @ phi.T, phi @ wrench.T)
 
 

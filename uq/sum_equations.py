@@ -6,14 +6,14 @@ What :mod:`identify.gram` does to one trial's matrices, this does to each sum, a
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import combinations_with_replacement, product
 
 import numpy as np
 from jaxtyping import Array, Float
 
 from identify.regressor import OMEGA_R_OF_FEATURES
-from uq.plain_solve import LOWER, Lower, Trials, total
+from uq.plain_solve import LOWER, Lower, Trials, Vector, total
 
 Factors = tuple[int, ...]
 Sums = Mapping[Factors, Trials]
@@ -78,7 +78,7 @@ def shifted(sums: Sums, powers: Mapping[Factors, Trials], wanted: Factors) -> Tr
     return total(parts)
 
 
-def powers_of(offset: Sequence[Trials]) -> dict[Factors, Trials]:
+def powers_of(offset: Vector) -> dict[Factors, Trials]:
     """Return the products of an offset's components up to the fourth order."""
     found: dict[Factors, Trials] = {(axis,): offset[axis] for axis in range(3)}
     for order in range(2, 5):
@@ -87,7 +87,7 @@ def powers_of(offset: Sequence[Trials]) -> dict[Factors, Trials]:
     return found
 
 
-def residual_sums(sums: Sums, r_cg: Sequence[Trials], offset: Sequence[Trials]) -> dict[Factors, Trials]:
+def residual_sums(sums: Sums, r_cg: Vector, offset: Vector) -> dict[Factors, Trials]:
     """Return the features' sums with ``M - r × F``, force and moment with an offset (force first) added."""
     found: dict[Factors, Trials] = {}
     for phi in PHI:
@@ -118,7 +118,7 @@ def normal_matrix(sums: Sums) -> Lower:
     return {place: _combined(own[k], sums) for k, place in enumerate(LOWER)}
 
 
-def weighted_matrix(sums: Sums, weight: Sequence[Trials]) -> Lower:
+def weighted_matrix(sums: Sums, weight: Vector) -> Lower:
     """Return ``Σ Ωᵀ S Ω`` for a symmetric S, its entries in the order of ``AXES``."""
     return {
         place: total(
@@ -136,9 +136,11 @@ def _combined(weights: np.ndarray, sums: Sums) -> Trials:
     )
 
 
-def residual_covariance(cell: Float[Array, "6 6"], r_cg: Sequence[Trials]) -> list[Trials]:
+def residual_covariance(cell: Float[Array, "6 6 *trials"], r_cg: Vector) -> list[Trials]:
     """Return the covariance of ``M - r × F`` at one sample, in the order of ``AXES``, for that of force and moment."""
     r1, r2, r3 = r_cg
     crossed: list[dict[int, Trials]] = [{1: r3, 2: -r2}, {0: -r3, 2: r1}, {0: r2, 1: -r1}]  # -r ×, row by row
-    rows = [[total([cell[3 + a, m], *(x * cell[k, m] for k, x in crossed[a].items())]) for m in range(6)] for a in range(3)]
+    rows = [
+        [total([cell[3 + a, m], *(x * cell[k, m] for k, x in crossed[a].items())]) for m in range(6)] for a in range(3)
+    ]
     return [total([rows[a][3 + b], *(rows[a][k] * x for k, x in crossed[b].items())]) for a, b in AXES]
