@@ -23,7 +23,7 @@ DELAYS_PER_PERIOD = 16
 """Starts of the delay that are tried, a period of the motion."""
 SAFE_PHASE = 1.0
 """Phase of the motion [rad], three standard uncertainties of the delay, below which none needs to be tried."""
-LEAST_NOISE = 1e-7
+LEAST_NOISE = 1e-5
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
 REACH = 4.0
 """Standard uncertainties of the delay that a run's ends leave room for."""
@@ -169,6 +169,8 @@ def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
     taken = np.trace(np.linalg.solve(np.asarray(fit.of_data) + np.diag(known.counted), np.asarray(fit.of_data)))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
+    size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
+    level = level + np.diag(size**2) / model.rows.factor
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
