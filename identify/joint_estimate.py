@@ -12,17 +12,14 @@ from scipy.stats import t as student
 from identify.alignment import Aligned, alignment_warnings
 from identify.centre_result import Centre
 from identify.estimator import EstimatorSpec
-from identify.in_band import low_pass
 from identify.inertia import COMPONENTS, unpack
 from identify.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint_pool import ALIGNED, CALIBRATED, Pooled, pool
-from identify.joint_run import JointRun, Setting, joint_run
+from identify.joint_run import JointRun, Setting, joint_run, noise_in_alpha
 from identify.offsets import OffsetChoice, Offsets
 from identify.priors import STATIC, Alignment, Known
-from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES
-from identify.run import Run, RunError
+from identify.run import Run
 from identify.run_estimate import RunEstimate
-from identify.solve import excitation
 from identify.trace import Trace, trace
 
 if TYPE_CHECKING:
@@ -65,7 +62,6 @@ def joint(
 
     setting = Setting(blocks, alignment, band, specific_force, gravity, _tensor_scale(runs, band))
     found = [joint_run(run, setting) for run in runs]
-    _check_excitation(found)
     pooled = pool(found, ALIGNED + (CALIBRATED if STATIC in blocks else ()))
     factor = float(student.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(found)))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
@@ -171,12 +167,8 @@ def _bias(found: Sequence[JointRun], inertia: np.ndarray, covariance: np.ndarray
 def _of_gyro(one: JointRun) -> np.ndarray:
     """What the gyro's noise alone adds to the information on the tensor, (6, 6)."""
     rows = one.model.rows
-    taps = low_pass(one.run.rate, rows.band, rows.factor)
-    slope = np.gradient(taps) * one.run.rate if len(taps) > 1 else np.array([one.run.rate / 2] * 2)
-    alpha = one.gyro_noise**2 * (slope**2).sum()
     weight = np.linalg.inv(one.noise[-3:, -3:] / rows.factor)
-    parts = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
-    return float(rows.used.sum()) * np.einsum("k,kji,jl,kle->ie", alpha, parts, weight, parts)
+    return float(rows.used.sum()) * noise_in_alpha(one.run.rate, rows, one.gyro_noise, weight)
 
 
 def _warnings(pooled: Pooled, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
@@ -256,16 +248,3 @@ def _offsets(theta: np.ndarray, covariance: np.ndarray) -> Offsets:
         hat(force),
     )
     return Offsets(theta[SLICES["moment_offset"]] - np.cross(r, force), by @ covariance @ by.T, np.zeros(3))
-
-
-def _check_excitation(found: Sequence[JointRun]) -> None:
-    """Refuse runs that, all together, do not identify the tensor."""
-    scale = float(found[0].prior.root[0, 0])
-    own = np.sum([np.asarray(one.fit.of_data)[:6, :6] for one in found], axis=0) / scale**2
-    verdict = excitation(own, np.sum([_of_gyro(one) for one in found], axis=0))
-    if verdict.unidentifiable or not verdict.identifiable.all():
-        names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
-        more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-        raise RunError(
-            f"the motion in {found[0].run.name}{more} does not identify {names}: rotate about more axes, or faster"
-        )

@@ -10,19 +10,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.filters import noise_level
-from identify.in_band import PASSED, InBand, evaluate, in_band
+from identify.in_band import PASSED, InBand, evaluate, in_band, low_pass
 from identify.joint import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
 from identify.priors import Alignment, Known, Prior, prior
-from identify.regressor import OMEGA_R_OF_FEATURES, cross_matrix, features
+from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix, features
 from identify.run import Run, RunError
+from identify.solve import excitation
 from identify.trajectory import exponential
 
 DELAYS_PER_PERIOD = 16
 """Starts of the delay that are tried, a period of the motion."""
 SAFE_PHASE = 1.0
 """Phase of the motion [rad], three standard uncertainties of the delay, below which none needs to be tried."""
-LEAST_NOISE = 1e-7
+LEAST_NOISE = 1e-5
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
 REACH = 4.0
 """Standard uncertainties of the delay that a run's ends leave room for."""
@@ -79,6 +80,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
         RunError: the run is too short, it has no solution, or its delay is beyond what it leaves room for.
     """
     model, known, gyro_noise = prepare(run, setting)
+    _check_excitation(run, model, setting, gyro_noise)
     raw = _raw_noise(run, model, known) if setting.noise is None else np.diag(np.square(setting.noise))
     fit, left = fitted(model, known, raw / model.rows.factor, setting, run.name)
     return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
@@ -128,6 +130,27 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
     return model, known
 
 
+def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.ndarray) -> None:
+    """Refuse a run that by itself does not tell the tensor."""
+    phi = _features(model.rows, np.eye(3), setting.alignment.delay)
+    tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi).reshape(-1, 6)
+    noise = float(model.rows.used.sum()) * noise_in_alpha(run.rate, model.rows, gyro_noise, np.eye(3))
+    verdict = excitation(tensor.T @ tensor, noise)
+    if not verdict.identifiable.all():
+        names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
+        raise RunError(
+            f"the motion in {run.name} by itself does not identify {names}: rotate about more axes, or faster"
+        )
+
+
+def noise_in_alpha(rate: float, rows: InBand, gyro_noise: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return what white noise of the gyro adds to ``Ωᵀ W Ω`` of one row, expected, through alpha alone, (6, 6)."""
+    taps = low_pass(rate, rows.band, rows.factor)
+    slope = np.gradient(taps) * rate if len(taps) > 1 else np.array([rate / 2] * 2)
+    parts = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
+    return np.einsum("k,kji,jl,kle->ie", gyro_noise**2 * (slope**2).sum(), parts, weight, parts)
+
+
 def whitener(covariance: np.ndarray) -> np.ndarray:
     """Return W with ``W C Wᵀ = 1``."""
     return np.linalg.inv(np.linalg.cholesky(covariance))
@@ -146,6 +169,8 @@ def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
     taken = np.trace(np.linalg.solve(np.asarray(fit.of_data) + np.diag(known.counted), np.asarray(fit.of_data)))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
+    size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
+    level = level + np.diag(size**2) / model.rows.factor
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
@@ -220,11 +245,16 @@ def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
     return alignment.delay + np.linspace(-half, half, count + 1 - count % 2)
 
 
+def _features(rows: InBand, turn: np.ndarray, delay: float) -> np.ndarray:
+    """The regressor's features of the motion, (13, n); zero where a row must not be used."""
+    value, slope, _ = _evaluate(rows, delay)
+    found = features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))
+    return np.asarray(found) * np.asarray(rows.used)
+
+
 def _plain(rows: InBand, turn: np.ndarray, delay: float) -> tuple[np.ndarray, float]:
     """Tensor and misfit of (7) by ordinary least squares with r and a constant free: a correlation of M and motion."""
-    value, slope, _ = _evaluate(rows, delay)
-    used = np.asarray(rows.used)
-    phi = np.asarray(features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))) * used
+    used, phi = np.asarray(rows.used), _features(rows, turn, delay)
     force, moment = np.asarray(rows.force) * used, np.asarray(rows.moment) * used
     tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi)
     lever, one = -np.einsum("jkl,kn->jnl", _LEVI_CIVITA, force), np.einsum("jk,n->jnk", np.eye(3), used)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from joint_lab import Laboratory, random_body
 
-from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
+from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from identify.joint_model import SLICES
 from identify.priors import Alignment
 
@@ -18,7 +18,7 @@ SHOWN = np.r_[
 
 def own_laboratory(experiment):
     """The laboratory of the experiment's own body."""
-    return Laboratory(experiment, Body(*(np.asarray(x) for x in experiment.body)))
+    return Laboratory(experiment, experiment.body)
 
 
 def laboratories(experiment, bodies, runs, seed=0):
