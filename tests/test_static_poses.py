@@ -74,6 +74,25 @@ def test_a_load_cell_with_another_gain_is_found_out(generator):
     np.testing.assert_allclose(found.r_cg, R_CG, atol=2e-4)
 
 
+def test_a_scale_that_differs_is_warned_of_first_and_not_believed_after(generator):
+    """E_n of 1.2 happens by chance once in fifty times and is still an observation; 1.8 is a contradiction."""
+    f = directions(generator, 12, 0.35)
+    force, moment = wrench_of(f)
+    force, moment = force + 0.2 * generator.normal(size=f.shape), moment + 0.005 * generator.normal(size=f.shape)
+    alone = centre(force, moment, f)
+    expanded = alone.coverage_factor[0] * alone.standard_uncertainty[0]
+    differs, contradicts = (centre(force, moment, f, mass=(alone.mass - part * expanded, 1e-9)) for part in (1.2, 1.8))
+    for one in (differs, contradicts):
+        assert not one.gain.within
+        assert any("is off" in text for text in one.warnings)
+        assert one.mass == pytest.approx(one.gain.mass, abs=1e-8)
+    assert not differs.gain.contradicts
+    assert np.abs(differs.force_offset - alone.force_offset).max() > 0.1
+    assert contradicts.gain.contradicts
+    np.testing.assert_array_equal(contradicts.force_offset, alone.force_offset)
+    np.testing.assert_array_equal(contradicts.r_cg, alone.r_cg)
+
+
 def test_the_direction_that_poses_tell_worst_is_named(generator):
     """Tilted by 25° about x and by half a degree about y: gravity's x barely moves, and with it what r_x alone does."""
     angles = np.column_stack([np.linspace(-25, 25, 16), 0.5 * (-1.0) ** np.arange(16)])
