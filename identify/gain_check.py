@@ -59,6 +59,7 @@ class GainCheck:
 
 def gain_check(mass: float, sigma: float, of_cell: float, sigma_of_cell: float, factor: float) -> GainCheck:
     """Return the check of a load cell's mass [kg] against a scale's, each with its standard uncertainty."""
+    mass, sigma = float(mass), float(sigma)  # figures of NumPy are none of JSON
     ratio = of_cell / mass
     spread = ratio * ((sigma / mass) ** 2 + (sigma_of_cell / of_cell) ** 2) ** 0.5
     return GainCheck(mass, sigma, ratio, spread, factor)

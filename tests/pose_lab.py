@@ -44,7 +44,8 @@ CASES = {
     "limited tilt": {"tilt": 0.35},
     "limited tilt, uneven noise": {"tilt": 0.35, "mixed": UNEVEN},
     "attitudes": {"tilt": 0.35, "each": 3e-3},
-    "alignment": {"alignment": 1e-2, "poses": 24},
+    "alignment": {"tilt": 0.35, "alignment": 5e-3},
+    "alignment, all ways": {"alignment": 1e-2, "poses": 24},
     "scale": {"tilt": 0.35, "scale": 2e-3},
 }
 
