@@ -4,6 +4,7 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
+from identify.admissible import Admissible, log_cholesky, pseudo_inertia
 from identify.alignment import Aligned
 from identify.bounds import Bound, bound
 from identify.centre import Attitudes, Centre
@@ -20,9 +21,11 @@ from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
 from identify.tare import Tare, subtract
 from identify.trace import Trace
+from identify.weak import within_bodies
 
 __all__ = [
     "COMPONENTS",
+    "Admissible",
     "Aligned",
     "Alignment",
     "Attitudes",
@@ -48,14 +51,17 @@ __all__ = [
     "consistency",
     "identify",
     "is_admissible",
+    "log_cholesky",
     "omega_r",
     "pack",
     "parallel_axis",
     "pi",
     "principal",
     "principal_axes",
+    "pseudo_inertia",
     "rotate",
     "subtract",
     "unpack",
+    "within_bodies",
     "wrench_regressor",
 ]
