@@ -21,7 +21,7 @@ from uq.document import ExperimentError
 from uq.experiment import Experiment
 from uq.provenance import provenance
 from uq.sampled import SampledSetup, prepare_samples, sampled_trial
-from uq.sources import Source, draw_constants
+from uq.sources import Index, Source, draw_constants
 from uq.statistics import GRAM_METRE
 from uq.trial import Case
 
@@ -216,7 +216,7 @@ def _sources(experiment: Experiment, imperfections: Imperfections) -> list[Sourc
     ]
 
 
-def _shared_error(experiment: Experiment, key: jax.Array, repeat: int) -> jax.Array:
+def _shared_error(experiment: Experiment, key: jax.Array, repeat: Index) -> jax.Array:
     """The error of the believed centre of gravity that all runs of a repeat share [m]."""
     of_centre = [source for source in experiment.sources if source.target == "r_cg"]
     drawn = draw_constants(of_centre, (), key, repeat, float)
