@@ -4,6 +4,7 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
+from identify.admissible import Admissible, log_cholesky, pseudo_inertia
 from identify.centre import Centre
 from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
@@ -15,9 +16,11 @@ from identify.precision import PrecisionWarning
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
+from identify.weak import within_bodies
 
 __all__ = [
     "COMPONENTS",
+    "Admissible",
     "Body",
     "Centre",
     "Datum",
@@ -36,13 +39,16 @@ __all__ = [
     "consistency",
     "identify",
     "is_admissible",
+    "log_cholesky",
     "omega_r",
     "pack",
     "parallel_axis",
     "pi",
     "principal",
     "principal_axes",
+    "pseudo_inertia",
     "rotate",
     "unpack",
+    "within_bodies",
     "wrench_regressor",
 ]

@@ -295,7 +295,7 @@ def _plug_in(
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
                       "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
-        "condition_number": float(np.sqrt(verdict.strength[-1] / max(verdict.strength[0], 1e-300))),
+        "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[verdict.identifiable][0])),
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
         "scatter_between_runs": pooled.together.excess.tolist(),
         "coverage_factor": pooled.coverage_factor.tolist(),

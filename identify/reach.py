@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.inertia import COMPONENTS
+from identify.inertia import COMPONENTS, MOMENTS
 
 PAIRS = tuple((int(name[1]) - 1, int(name[2]) - 1) for name in COMPONENTS)
 UNITS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in PAIRS])
@@ -23,6 +23,8 @@ LARGEST = 1e4
 """Trace of Σ, over that of the data, beyond which a component counts as unbounded."""
 BARRIERS = 5.0
 """Parameter of the barriers together: over the weight of the aim, it bounds what is missing to the end."""
+ROUNDING = 1e-13
+"""Of a Hessian whose diagonal is 1."""
 SHARPEST = 1e11
 """Last weight of the aim against the barriers."""
 
@@ -68,7 +70,8 @@ def ends(data: Data, most: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6 2"]:
         [[_farthest(scaled, s * unit, start, q) for s in (-1, 1)] for unit, q in zip(np.eye(6), most, strict=True)]
     )
     values = found * [-1, 1]
-    return np.where(np.abs(values) > 0.05 * LARGEST, np.sign(values) * np.inf, scale * values)
+    values[list(MOMENTS)] = np.maximum(values[list(MOMENTS)], 0)
+    return np.where(np.abs(values) > 0.05 * LARGEST, np.copysign(np.inf, values), scale * values)
 
 
 def size(data: Data) -> float:
@@ -77,13 +80,13 @@ def size(data: Data) -> float:
 
 
 def _farthest(data: Data, direction: np.ndarray, start: np.ndarray, most: float) -> float:
-    """The largest value along a direction, from a body inside, to a thousandth of the way there or of the size."""
+    """The largest value along a direction, rounded up by no more than a thousandth of the way there or of the size."""
     x, weight, way = start, 1.0, 0.0
     while BARRIERS / weight > 1e-3 * min(way, 1.0) and weight < SHARPEST:
-        weight *= 10
+        weight *= 30
         x = _newton(_sum(_linear(-weight * direction), _bodies, _within(data, most)), x)
         way = float(direction @ (x - start))
-    return float(direction @ x)
+    return float(direction @ x) + BARRIERS / weight
 
 
 Function = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
@@ -138,9 +141,9 @@ def _newton(function: Function, x: np.ndarray) -> np.ndarray:
     value, slope, curvature = function(x)
     for _ in range(100):
         scale = 1 / np.sqrt(np.diag(curvature))
-        step = -scale * np.linalg.solve(curvature * np.outer(scale, scale), scale * slope)
+        step = -scale * np.linalg.solve(curvature * np.outer(scale, scale) + ROUNDING * np.eye(6), scale * slope)
         decrement = -float(slope @ step)
-        if decrement < 1e-9:
+        if decrement < 1e-4:
             break
         length, rounding = 1.0, 1e-13 * abs(value)
         while not (new := function(x + length * step))[0] <= value - 0.1 * length * decrement + rounding:

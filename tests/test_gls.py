@@ -121,7 +121,7 @@ def test_an_unknown_method_is_refused():
         identify(run, r_cg=lab.R_CG, method="best")
 
 
-STUDY = [(2, 0, "smooth"), (2, 0.98, "smooth"), (4, 0, "smooth"), (4, 0.98, "smooth"), (4, 0, "lowpassed"),
+STUDY = [(2, 0, "smooth"), (2, 0.9, "smooth"), (4, 0, "smooth"), (4, 0.98, "smooth"), (4, 0, "lowpassed"),
          (4, 0.98, "lowpassed"), (20, 0, "smooth"), (20, 0.998, "smooth")]  # fmt: skip
 
 

@@ -151,10 +151,12 @@ def estimates(result: Identification) -> Figure:
         result: an identification; a run that does not identify the whole tensor alone is not drawn.
     """
     runs = [run for run in result.runs if run.alone]
+    beyond = 10 * float(np.abs(result.inertia).max())
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 3.6), layout="constrained")
         for k, axes in enumerate(figure.subplots(2, 3).flat):
-            low, high = GRAM_METRE * result.interval95[k]
+            # an end that nothing bounds lies beyond the axis
+            low, high = GRAM_METRE * np.nan_to_num(result.interval95[k], posinf=beyond, neginf=-beyond)
             axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
             axes.axhline(GRAM_METRE * result.inertia[k], color=PALETTE[1])
             values = [GRAM_METRE * run.inertia[k] for run in runs]
@@ -165,6 +167,8 @@ def estimates(result: Identification) -> Figure:
             axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
             axes.set_xlim(0.4, len(runs) + 0.6)
             axes.ticklabel_format(useOffset=False)
+            if np.isinf(result.interval95[k]).any():
+                axes.set_ylim(*np.clip(axes.get_ylim(), -0.3 * GRAM_METRE * beyond, 0.3 * GRAM_METRE * beyond))
             if k > 2:
                 axes.set_xlabel("run")
         figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
