@@ -73,6 +73,8 @@ class Run:
     """Name of the mounting of the body that the run was made with; None: not said."""
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """What the recording says of its day and its instruments."""
+    sensor_rates: tuple[float, float] | None = None
+    """Rates of wrench and angular velocity before they were brought together [Hz]; None: the run's own."""
 
     @property
     def rate(self) -> float:
@@ -174,6 +176,7 @@ class Run:
             tuple(warnings),
             {"in a gap": int(gap.sum())} if gap.any() else {},
             specific_force=of_motion[:, 3:] if more else None,
+            sensor_rates=(1 / intervals[0], 1 / intervals[1]),
         )
 
     def between(self, start: float, stop: float) -> "Run":

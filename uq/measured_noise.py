@@ -20,12 +20,14 @@ SEGMENTS = 8
 """Stretches that a spectrum is averaged over, at least."""
 ABOVE = 3.0
 """The level is taken above the motion's band by this factor: products of the motion reach to twice it."""
-BELOW = 0.8
-"""And below this part of the Nyquist frequency."""
+BELOW = 0.35
+"""And below this part of the Nyquist frequency: what brings unequal rates together leaves that as it is."""
+FEWEST = 16
+"""Frequencies that must be left."""
 
 
 def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> Float[np.ndarray, "3"] | None:
-    """Return the standard deviation of white noise with the signal's median spectral level above a frequency [Hz].
+    """Return the standard deviation of white noise with the signal's median spectral level above a frequency.
 
     Args:
         signal: samples first.
@@ -38,7 +40,7 @@ def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> 
     size = max(len(signal) // SEGMENTS, 8)
     frequency, density = welch(signal, fs=rate, nperseg=size, axis=0, window="blackmanharris", detrend="linear")
     usable = (frequency > above) & (frequency < BELOW * rate / 2)
-    if usable.sum() < 16:
+    if usable.sum() < FEWEST:
         return None
     return np.sqrt(np.median(density[usable], axis=0) * rate / 2)
 
@@ -60,11 +62,14 @@ def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
     part = max(run.used(), key=lambda one: one.stop - one.start)
     above = ABOVE * motion_band(run.omega[part], run.rate)
     said = []
-    for target, signal in zip(SIGNALS, (run.force, run.moment, run.omega), strict=True):
-        declared = declared_level(sources, target, run.rate)
+    cell, imu = run.sensor_rates or (run.rate, run.rate)
+    channels = zip(SIGNALS, (run.force, run.moment, run.omega), (cell, cell, imu), strict=True)
+    for target, signal, own_rate in channels:
+        declared = declared_level(sources, target, own_rate)
         shown = white_level(signal[part], run.rate, above)
         if declared is None or shown is None or not shown.all():
             continue
+        shown = shown * np.sqrt(own_rate / run.rate)  # the sensor's own samples, of the same spectrum
         ratio = shown / np.maximum(declared, 1e-300)
         far = np.flatnonzero((ratio > FAR) | (ratio < 1 / FAR))
         if len(far):
@@ -75,6 +80,6 @@ def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
 def _line(run: Run, target: Target, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:
     unit = TARGET_UNITS[target].replace("*", "·")
     return (
-        f"{run.name}: {target} has noise of {shown[axis]:.2g} {unit} a sample about b{axis + 1} at {run.rate:.4g} Hz, "
+        f"{run.name}: {target} has noise of {shown[axis]:.2g} {unit} a sample on b{axis + 1}, "
         f"its sources declare {declared[axis]:.2g} {unit}: check the figure, or what shakes the rig"
     )
