@@ -4,6 +4,8 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
+from identify.alignment import Aligned
+from identify.bounds import Bound, bound
 from identify.centre import Attitudes, Centre
 from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
@@ -12,6 +14,7 @@ from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axi
 from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
 from identify.pooling import Pooling
 from identify.precision import PrecisionWarning
+from identify.priors import Alignment
 from identify.regressor import omega_r, pi, wrench_regressor
 from identify.run import Rest, Run, RunError
 from identify.run_estimate import RunEstimate
@@ -20,8 +23,11 @@ from identify.trace import Trace
 
 __all__ = [
     "COMPONENTS",
+    "Aligned",
+    "Alignment",
     "Attitudes",
     "Body",
+    "Bound",
     "Centre",
     "Datum",
     "EstimatorSpec",
@@ -38,6 +44,7 @@ __all__ = [
     "Tensor",
     "Trace",
     "Verdict",
+    "bound",
     "consistency",
     "identify",
     "is_admissible",

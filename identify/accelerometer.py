@@ -1,6 +1,6 @@
 """An accelerometer at rest: its offset and gain from the length of gravity, and the attitude that it then tells."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -25,6 +25,8 @@ class Accelerometer:
     """Gain, one for all axes."""
     fitted: bool
     """Whether the offset was found; otherwise the readings were only scaled."""
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    """Of the offset, from what the lengths leave [(m/s²)²]; zero where it was not found."""
 
     def specific_force(self, readings: Float[np.ndarray, "n 3"], gravity: float) -> Float[np.ndarray, "n 3"]:
         """Return the specific force at rest [m/s²]: the readings' direction behind the offset, as long as gravity."""
@@ -61,5 +63,7 @@ def calibrate(
         return Accelerometer(np.zeros(3), float(lengths.mean() / gravity), fitted=False)
     linear, *_ = np.linalg.lstsq(np.column_stack([2 * readings, np.ones(len(readings))]), lengths**2, rcond=None)
     start = [*linear[:3], np.sqrt(max(linear[3] + linear[:3] @ linear[:3], 0.0))]
-    found = least_squares(lambda x: np.linalg.norm(readings - x[:3], axis=1) - x[3], start, method="lm").x
-    return Accelerometer(found[:3], float(found[3] / gravity), fitted=True)
+    solution = least_squares(lambda x: np.linalg.norm(readings - x[:3], axis=1) - x[3], start, method="lm")
+    variance = 2 * solution.cost / max(len(readings) - 4, 1)
+    covariance = variance * np.linalg.inv(solution.jac.T @ solution.jac)[:3, :3]
+    return Accelerometer(solution.x[:3], float(solution.x[3] / gravity), fitted=True, covariance=covariance)

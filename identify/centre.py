@@ -23,6 +23,8 @@ LARGE_RESIDUAL = 0.03
 """Residual force, as a part of the weight, that is worth a warning."""
 UNEVEN = 5.0
 """How much worse one direction of the centre of gravity is told than another, to be worth a warning."""
+SMALL = 1e-9
+"""Uncertainty of a centre of gravity that no poses reach [m]."""
 ORDER = (0, 4, 5, 6, 1, 2, 3, 7, 8, 9)
 """Where the ten parameters stand in the linear (m, F0, m r, M0)."""
 
@@ -41,8 +43,8 @@ def centre(
     Ordinary least squares with the residuals' covariance across force and moment; ``r = (m r) / m``, and the covariance
     follows by the law of propagation (GUM 5.1.2; JCGM 102 6.2), with Welch and Satterthwaite's degrees of freedom.
 
-    A mass from a scale is one more observation where the load cell's own agrees with it; where it does not, the mass is
-    the scale's, and centre and offsets are those of the load cell alone, whose gain leaves ``(m r) / m`` as it is.
+    A mass from a scale is one more observation, unless the load cell's own contradicts it: then the mass is the
+    scale's, and centre and offsets are those of the load cell alone, whose gain leaves ``(m r) / m`` as it is.
 
     Args:
         force: mean force on the body, in B [N], shape (n, 3).
@@ -65,12 +67,12 @@ def centre(
             "other side, or the attitude is upside down; correct recording.wrench or the attitude's declaration"
         )
     check = None if mass is None else _checked(found, mass)
-    if check is not None and check.within:
+    if check is not None and not check.contradicts:
         found = fit(F, M, f, attitudes, mass=mass)
     values, by = _parameters(found)
     covariance, lasting = by @ found.covariance @ by.T, by @ found.lasting
     degrees = found.degrees_of_freedom[list(ORDER)]
-    if mass is not None and check is not None and not check.within:
+    if mass is not None and check is not None and check.contradicts:
         values[0], degrees[0] = mass[0], np.inf
         covariance[0], covariance[:, 0] = 0.0, 0.0
         covariance[0, 0] = mass[1] ** 2
@@ -97,17 +99,16 @@ def _warned(result: Centre) -> Centre:
             "check the rotations of load cell and attitude"
         )
     axes, along = result.directions
-    if along[2] > UNEVEN * along[0]:
+    ratio = along[2] / max(along[0], SMALL)
+    if ratio > UNEVEN:
         worst = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−")
         warnings.append(
-            f"the poses tell the centre of gravity {along[2] / along[0]:.1f} times worse along ({worst}), to "
+            f"the poses tell the centre of gravity {ratio:.1f} times worse along ({worst}), to "
             f"{1e3 * along[2]:.2g} mm, than across: tilt further, or about more axes"
         )
     if result.gain is not None and not result.gain.within:
-        warnings.append(
-            f"{result.gain.verdict}; the mass is the scale's, centre and offsets are the load cell's alone: "
-            "check its calibration"
-        )
+        apart = "; the mass is the scale's, centre and offsets are the load cell's alone"
+        warnings.append(f"{result.gain.verdict}{apart if result.gain.contradicts else ''}: check its calibration")
     return replace(result, warnings=tuple(warnings))
 
 

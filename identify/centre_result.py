@@ -199,13 +199,13 @@ class Centre:
     def notes(self) -> list[str]:
         """Return warnings and assumptions, a line each."""
         return [
-            *self._findings(),
+            *self.findings(),
             *(f"warning: {text}" for text in self.warnings),
             *(f"assumed: {text}" for text in self.assumptions),
         ]
 
-    def _findings(self) -> list[str]:
-        """What the poses determine, and what a scale says of the load cell."""
+    def findings(self) -> list[str]:
+        """Return what the poses determine, and what a scale says of the load cell."""
         axes, along = self.directions
         worst, best = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−"), 1e3 * along[0]
         tilt = "" if self.largest_tilt is None else f"tilted by up to {np.degrees(self.largest_tilt):.3g}°: "
@@ -269,7 +269,8 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         )
     if mass <= 0:
         raise RunError(f"mass of {content.name} is {mass:g} kg: give one above zero")
-    free = [np.inf if value is None else value for value in content.content.get("degrees_of_freedom") or [np.nan] * n]
+    said = content.content.get("degrees_of_freedom")
+    free = [np.inf if value is None else value for value in said] if isinstance(said, list) else []
     if len(free) != n or not all(isinstance(value, (int, float)) and value > 0 for value in free):
         raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
     return cls(

@@ -30,6 +30,8 @@ ECHO = 0.1
 """A further cause must explain this part of what the first explains: less may be what a linear picture of it leaves."""
 MOST = 3
 """Causes that are named of one run."""
+SHORTEST = 32
+"""Samples below which nothing is judged."""
 FEWEST = 10.0
 """Independent residuals a column that a set needs to be judged at all."""
 
@@ -105,12 +107,23 @@ def consistency(
         offsets: how constant offsets were removed.
     """
     left = residuals(run, estimator, r_cg, inertia, offsets=offsets)
-    base = fitted_already(left, offsets)
-    total = float((left.moment**2).sum())
-    if not total > 0 or len(left.t) < 32:
+    if len(left.t) < SHORTEST:
         return ()
+    base = fitted_already(left)
+    rest = left.moment - (base @ (base.T @ left.moment.reshape(-1))).reshape(-1, 3)
+    total = float((rest**2).sum())
+    found = _followed(rest, causes(left, inertia), base) if total > 0 else []
+    plain = estimator.lowpass is None
+    whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
+    tone = line(whole.moment - _unfiltered(found, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
+    verdicts = [_verdict(fit, total, run.name) for fit in found]
+    return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
+
+
+def _followed(rest: np.ndarray, open_to: list[Cause], base: np.ndarray) -> list[Fit]:
+    """The causes that the residuals follow: the best one, then what is left beside it."""
     found: list[Fit] = []
-    rest, open_to = left.moment, [*causes(left, inertia)]
+    total = float((rest**2).sum())
     while len(found) < MOST:
         fits = [fit for cause in open_to if (fit := explain(rest, cause, base)) is not None]
         fits = [fit for fit in fits if fit.chance < SIGNIFICANCE and fit.criterion > 0 and _matters(fit, found, total)]
@@ -121,22 +134,16 @@ def consistency(
         base = _basis(np.concatenate([base, best.cause.columns.reshape(len(base), -1)], axis=1))
         rest = rest - best.explained
         open_to = [cause for cause in open_to if cause.name != best.cause.name]
-    plain = estimator.lowpass is None
-    whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
-    tone = line(whole.moment - _unfiltered(found, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
-    verdicts = [_verdict(fit, total, run.name) for fit in found]
-    return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
+    return found
 
 
 OVER_BAND_OF_LINES = 1.5
 """Part of the motion's band above which a line is sought: below, a cause that follows the motion looks the same."""
 
 
-def fitted_already(left: Residuals, offsets: OffsetChoice) -> Float[np.ndarray, "m q"]:
-    """Return a basis of what the estimate fits: the tensor's rows, and the offsets where they are estimated."""
-    rows = left.rows.reshape(-1, 6)
-    constant = [np.tile(np.eye(3), (len(left.t), 1))] if offsets == "estimate" else []
-    return _basis(np.concatenate([rows, *constant], axis=1))
+def fitted_already(left: Residuals) -> Float[np.ndarray, "m q"]:
+    """Return a basis of what is no cause: the tensor's rows, and constants (offsets that were left in, too)."""
+    return _basis(np.concatenate([left.rows.reshape(-1, 6), np.tile(np.eye(3), (len(left.t), 1))], axis=1))
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:

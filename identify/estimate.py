@@ -30,10 +30,12 @@ class Information:
     """A run's normal equations and the covariance of their right-hand side."""
 
     run: Run
-    sums: Sums
-    """Of the rows; centred when offsets are removed."""
     normal: np.ndarray
-    """``ΩᵀΩ``, (6, 6)."""
+    """``ΩᵀΩ``, (6, 6); with weights inside where these are known."""
+    right: np.ndarray
+    """``Ωᵀ(M - r × F)``, (6,); centred when offsets are removed."""
+    right_by_centre: np.ndarray
+    """Its derivative with respect to r, (6, 3)."""
     noise: np.ndarray
     """What the gyro's noise alone adds to it, expected, (6, 6)."""
     inertia: np.ndarray
@@ -94,8 +96,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
     elif offsets == "still":
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
-    sums = sums_of(phi, force, moment)
-    normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
+    normal, right, by_centre = _equations(sums_of(phi, force, moment), r_cg)
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
     matrix = rows._replace(phi=phi).matrix
     about_cg = np.asarray(moment - jnp.cross(jnp.asarray(r_cg), force, axisb=0, axisc=0))
@@ -104,7 +105,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     transformed, spread = lines.transform(matrix), np.linalg.pinv(normal, hermitian=True)
     errors = _spectrum(lines, transformed, residuals, spread, estimator, run.rate, offsets)
     scores = errors.scores(transformed)
-    sigma = _alpha_noise(run, estimator)
+    sigma = alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
@@ -117,8 +118,9 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         scores = scores + total @ removed.covariance @ total.T
     return Information(
         run,
-        sums,
         normal,
+        right,
+        by_centre,
         noise,
         inertia,
         scores,
@@ -127,10 +129,17 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         residuals.std(axis=0),
         correlation_time(residuals),
         count,
-        _gain_error(run, estimator),
+        gain_error(run, estimator),
         errors.degrees_of_freedom(transformed @ spread),
         trace(run.t[rows.instants], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
     )
+
+
+def _equations(sums: Sums, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal equations at a centre of gravity, and the derivative of their right side, which is linear in it."""
+    normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
+    shifted = [np.asarray(normal_equations(sums, jnp.asarray(r_cg + unit))[1]) for unit in np.eye(3)]
+    return normal, right, np.array(shifted).T - right[:, None]
 
 
 def _spectrum(
@@ -145,7 +154,7 @@ def _spectrum(
     return spectrum(lines.transform(residuals), free, lines.constants, passed)
 
 
-def _alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
+def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
     """Standard deviation of the rows' alpha on each axis [rad/s²], from the angular velocity's noise."""
     if run.noise is not None:
         return run.noise.alpha(estimator, run.rate)
@@ -157,7 +166,7 @@ def longest(run: Run) -> np.ndarray:
     return run.omega[max(run.used(), key=lambda part: part.stop - part.start)]
 
 
-def _gain_error(run: Run, estimator: EstimatorSpec) -> float:
+def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
     omega = longest(run)
     frequency, power = welch(omega, fs=run.rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris")

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
+CONTRADICTION = 1.5
+"""E_n beyond which the scale's mass is no observation of the load cell's: three standard uncertainties."""
+
 
 @dataclass(frozen=True)
 class GainCheck:
@@ -30,11 +33,16 @@ class GainCheck:
         return self.normalised <= 1
 
     @property
+    def contradicts(self) -> bool:
+        """Whether the two cannot be of one body: chance alone goes so far once in 300 times."""
+        return self.normalised > CONTRADICTION
+
+    @property
     def verdict(self) -> str:
         """The check in words."""
         figures = f"{self.ratio:.5f} ± {self.ratio_uncertainty:.5f}, E_n {self.normalised:.2f}"
         said = f"load cell's mass over the scale's {figures}"
-        return f"{said}: the gain agrees" if self.within else f"{said}: the load cell's gain, or gravity, is wrong"
+        return f"{said}: {'the gain agrees' if self.within else 'the load cell, or gravity, is off'}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what centre.json says of it."""

@@ -5,42 +5,42 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Literal, get_args
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
+from identify.admissible import Admissible, finite
 from identify.alignment import Aligned, alignment_notes
 from identify.centre_result import Centre
 from identify.consistency import Verdict
 from identify.estimate import Information, information, longest
 from identify.estimator import EstimatorSpec
 from identify.filters import motion_band
-from identify.gram import normal_equations
-from identify.inertia import COMPONENTS, principal
+from identify.gls import whitened
+from identify.inertia import COMPONENTS
 from identify.inertial import Datum, InertialParameters, by_component, principal_axes
 from identify.known_centre import with_centre
 from identify.offsets import OffsetChoice
-from identify.pooling import Pooling, Repeat, pooling
+from identify.pool import Pooled, pool
+from identify.pooling import Pooling
 from identify.precision import check_precision
 from identify.priors import Alignment
 from identify.run import Run, RunError
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content, run_estimate
-from identify.solve import excitation
 from identify.tables import decimals, fixed, html_table, text_table
 from identify.tare import Tare
 from identify.trajectory import exponential
+from identify.weak import within_bodies
 
-NORMAL = 1.959963984540054
-"""Coverage factor of 95 % of a normal distribution."""
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
 
 
 CgMotion = Literal["still"]
 """How the centre of gravity moves, where that is declared."""
-Method = Literal["source", "joint"]
-"""Estimators: the source's, and the joint estimate."""
+Method = Literal["source", "gls", "joint"]
+"""Estimators: the source's, generalised least squares, and the joint estimate."""
+ROWS = {"source": information, "gls": whitened}
+"""What a run's rows say, by method."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,11 @@ class Identification:
     rotation: Aligned | None = None
     """Rotation from the IMU's axes, as declared, to B, where that was estimated [rad]."""
 
+    seen: np.ndarray | None = None
+    """Directions in the space of packed tensors that the motion determines, one a row; None: all."""
+    admissible: Admissible | None = None
+    """What bodies allow, where the data are weak, with the plain estimate beside it; None: they are strong enough."""
+
     @property
     def parameters(self) -> InertialParameters:
         """The ten parameters with their covariance, about the centre of gravity, from Q, in B."""
@@ -125,7 +130,7 @@ class Identification:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
-        return {
+        content = {
             "unit": "kg*m^2",
             "about": "CG",
             "frame": "body",
@@ -171,9 +176,11 @@ class Identification:
             "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),
             "assumptions": list(self.assumptions),
+            "admissible": None if self.admissible is None else self.admissible.to_dict(),
             "diagnostics": dict(self.diagnostics),
             "provenance": dict(self.provenance),
         }
+        return {key: finite(value) for key, value in content.items()}
 
     def _elsewhere(self) -> dict[str, Any]:
         """What result.json says of other points and frames; null where the mass is not known."""
@@ -189,7 +196,7 @@ class Identification:
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
         for name, value, bias, uncertainty, (low, high) in columns:
-            digits = max(decimals(1e3 * uncertainty), 0)
+            digits = max(decimals(1e3 * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
             figures = [fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
         return head, rows
@@ -208,6 +215,7 @@ class Identification:
         return [
             *used,
             *alignment_notes(self.delay, self.rotation),
+            *([] if self.tare is None else [self.tare.without(self.parameters)]),
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
             *([] if axes is None else [f"principal axes: {axes}"]),
@@ -246,7 +254,8 @@ def identify(
         mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
         centre: mass and centre of gravity from static poses, with their covariance, instead of the three above; the
             joint estimate takes its offsets along.
-        method: ``source``: r_CG as given, ordinary least squares; ``joint``: tensor, mass, r_CG, offsets, delay and
+        method: ``source``: r_CG as given, ordinary least squares; ``gls``: r_CG as given, generalised least squares by
+            the residuals' covariance across axes and in time; ``joint``: tensor, mass, r_CG, offsets, delay and
             rotation together, most probable given all that is known before.
         alignment: what is known beforehand of delay, rotation and slow errors (``joint``); None: little.
         cg_motion: ``still`` where the motion keeps the centre of gravity still (``joint``); None: not declared, then an
@@ -255,10 +264,11 @@ def identify(
         mass_uncertainty: standard uncertainty of ``mass`` [kg] (``joint``); None: it counts as exact.
 
     Raises:
-        RunError: no run, a run too short for the estimator, or components that the motion does not identify.
+        RunError: no run, a run too short for the estimator, or a motion that identifies nothing.
     """
-    if method not in get_args(Method):
-        raise ValueError(f"Argument `method` must be one of {', '.join(get_args(Method))}, but is {method!r}.")
+    for name, given, known in (("method", method, Method), ("offsets", offsets, OffsetChoice)):
+        if given not in get_args(known):
+            raise ValueError(f"Argument `{name}` must be one of {', '.join(get_args(known))}, but is {given!r}.")
     if method == "joint":
         return _joint(
             runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, band=None if estimator is None else estimator.band, offsets=offsets,
@@ -268,10 +278,14 @@ def identify(
     if centre is not None:
         sigma = centre.standard_uncertainty[1:4]
         found = _plug_in(
-            runs, r_cg=centre.r_cg, sigma_r_cg=sigma, estimator=estimator, offsets=offsets, mass=centre.mass
-        )
-        return with_centre(found, centre)
-    return _plug_in(runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, estimator=estimator, offsets=offsets, mass=mass)
+            runs, r_cg=centre.r_cg, sigma_r_cg=sigma, estimator=estimator, offsets=offsets, mass=centre.mass,
+            method=method,
+        )  # fmt: skip
+        return within_bodies(with_centre(found, centre), runs)
+    found = _plug_in(
+        runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, estimator=estimator, offsets=offsets, mass=mass, method=method
+    )
+    return within_bodies(found, runs)
 
 
 def _plug_in(
@@ -282,59 +296,36 @@ def _plug_in(
     estimator: EstimatorSpec | None,
     offsets: OffsetChoice,
     mass: float | None,
+    method: Method,
 ) -> Identification:
-    """The source's estimator: r_CG as it is given, ordinary least squares over all rows."""
+    """Estimators by rows: r_CG as it is given, ordinary or generalised least squares."""
     runs, centre, sigma = _checked(runs, r_cg, sigma_r_cg)
     warned = check_precision("float64")
     if estimator is None:
         band = _common_band(runs)
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
-    parts = [information(run, estimator, centre, offsets=offsets) for run in runs]
-    weights = np.array([part.weight for part in parts])
-    normal = np.einsum("k,kij->ij", weights, [part.normal for part in parts])
-    noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
-    verdict = excitation(normal, noise)
-    if verdict.unidentifiable or not verdict.identifiable.all():
-        names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
-        raise RunError(f"the motion in {_named(runs)} does not identify {names}: rotate about more axes, or faster")
-
-    if offsets not in get_args(OffsetChoice):
-        raise ValueError(f"Argument `offsets` must be one of {', '.join(get_args(OffsetChoice))}, but is {offsets!r}.")
-
-    def pooled(centre):
-        sides = [normal_equations(part.sums, centre)[1] * weight for part, weight in zip(parts, weights, strict=True)]
-        return jnp.linalg.solve(jnp.asarray(normal), sum(sides))
-
-    inertia = np.asarray(pooled(jnp.asarray(centre)))
-    by_centre = np.asarray(jax.jacobian(pooled)(jnp.asarray(centre)))
-    inverse = np.linalg.inv(normal)
-    residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    freedom = _degrees_of_freedom(parts, weights, inverse)
-    together = pooling(_repeats(parts, weights, inertia, jnp.asarray(centre)), normal, residual, freedom)
-    of_centre = by_centre * sigma**2 @ by_centre.T
-    covariance = together.covariance + of_centre
-    share = weights * [part.rows for part in parts]
-    gain_error = share @ [part.gain_error for part in parts] / share.sum()
-    bias = inertia - np.linalg.solve(normal - noise, normal @ inertia) + gain_error * inertia
-    half = np.hypot(together.half_width, NORMAL * np.sqrt(np.diag(of_centre)))
-    warnings = [*warned, *_warnings(parts, inertia, bias, covariance, together.excess)]
+    parts = [ROWS[method](run, estimator, centre, offsets=offsets) for run in runs]
+    pooled = pool(parts, sigma)
+    inertia, covariance, verdict = pooled.inertia, pooled.covariance, pooled.excitation
+    half = pooled.half_width
+    warnings = [*warned, *_warnings(parts, pooled)]
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
                       "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
-        "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[0])),
+        "condition_number": float(np.sqrt(verdict.strength[-1] / max(verdict.strength[0], 1e-300))),
         "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
-        "scatter_between_runs": together.excess.tolist(),
-        "coverage_factor": (half / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)).tolist(),
-        "degrees_of_freedom": (
-            together.degrees_of_freedom * (np.diag(covariance) / np.maximum(np.diag(together.covariance), 1e-300)) ** 2
-        ).tolist(),
-        "standard_uncertainty_from_residuals": np.sqrt(np.diag(residual)).tolist(),
-        "standard_uncertainty_from_cg": np.sqrt(np.diag(of_centre)).tolist(),
+        "scatter_between_runs": pooled.together.excess.tolist(),
+        "coverage_factor": pooled.coverage_factor.tolist(),
+        "degrees_of_freedom": pooled.degrees_of_freedom.tolist(),
+        "standard_uncertainty_from_residuals": np.sqrt(np.diag(pooled.residual)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(pooled.by_centre * sigma**2 @ pooled.by_centre.T)).tolist(),
     }  # fmt: skip
     return Identification(
-        inertia, bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass, estimator,
+        inertia, pooled.bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass,
+        estimator,
         tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
-        offsets=offsets, cg_inertia_covariance=(by_centre * sigma**2).T, pooling=together,
+        offsets=offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
+        pooling=pooled.together, seen=None if verdict.identifiable.all() else pooled.seen,
     )  # fmt: skip
 
 
@@ -408,41 +399,17 @@ def _common_band(runs: Sequence[Run]) -> float:
     return max(motion_band(longest(run), run.rate) for run in runs)
 
 
-def _repeats(parts: Sequence[Information], weights: np.ndarray, inertia: np.ndarray, centre: Array) -> list[Repeat]:
-    """What pooling needs of each run."""
-    return [
-        Repeat(
-            weight * (np.asarray(normal_equations(part.sums, centre)[1]) - part.normal @ inertia),
-            part.inertia, np.sqrt(np.diag(part.covariance)), bool(part.excitation.identifiable.all()),
-            part.run.mounting,
-        )
-        for part, weight in zip(parts, weights, strict=True)
-    ]  # fmt: skip
-
-
-def _degrees_of_freedom(parts: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-    """Effective, of the pooled tensor's variance from the runs' residuals, by component (GUM G.4)."""
-    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
-    return squares.sum(axis=0) ** 2 / (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)
-
-
-def _warnings(
-    parts: list[Information], inertia: np.ndarray, bias: np.ndarray, covariance: np.ndarray, scatter: np.ndarray
-) -> list[str]:
+def _warnings(parts: list[Information], pooled: Pooled) -> list[str]:
     found = [f"{part.run.name}: {text}" for part in parts for text in part.run.warnings]
-    sigma = np.sqrt(np.diag(covariance))
-    for name, one, three in zip(COMPONENTS, bias, 3 * sigma, strict=True):
+    sigma = np.sqrt(np.diag(pooled.covariance))
+    for name, one, three in zip(COMPONENTS, pooled.bias, 3 * sigma, strict=True):
         if abs(one) > 0.1 * three:
             found.append(
                 f"gyro noise and differentiator bias {name} by about {1e3 * one:.3g} g·m²: match a smoother to the band"
             )
-    for name, ratio in zip(COMPONENTS, scatter, strict=True):
+    for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
         if ratio > 2:
             found.append(f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes")
-    moments, _ = principal(jnp.asarray(inertia))
-    margin = float(jnp.minimum(moments[0], moments[0] + moments[1] - moments[2]))
-    if margin < -2 * float(np.sqrt(np.trace(covariance))):
-        found.append("no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG")
     return found
 
 

@@ -102,7 +102,7 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
     return InBand(
         jnp.asarray(step * np.arange(margin, margin + rows * stride, stride)),
         jnp.asarray(wrench[:, :3].T), jnp.asarray(wrench[:, 3:].T), jnp.asarray(usable),
-        jnp.asarray(_spline(_decimated(motion, taps, fine), step)), float(step), stride, margin, fine * stride,
+        jnp.asarray(spline_of(_decimated(motion, taps, fine), step)), float(step), stride, margin, fine * stride,
         float(band),
     )  # fmt: skip
 
@@ -140,8 +140,8 @@ def _usable(run: Run, taps: int) -> np.ndarray:
     return (np.convolve(run.missing, np.ones(taps), "valid") < 0.5).astype(float)
 
 
-def _spline(nodes: np.ndarray, step: float) -> np.ndarray:
-    """Coefficients (degree + 1, cells, channels) of the interpolating spline, highest power of [s] first."""
+def spline_of(nodes: np.ndarray, step: float) -> np.ndarray:
+    """Return the coefficients (degree + 1, cells, channels) of the interpolating spline, highest power of [s] first."""
     t = step * np.arange(len(nodes))
     spline = make_interp_spline(t, nodes, k=DEGREE)
     return np.stack([spline.derivative(k)(t[:-1]) / factorial(k) for k in range(DEGREE, -1, -1)])

@@ -18,9 +18,9 @@ from identify.joint_jacobian import linearised
 from identify.joint_model import Model, kinematics, residuals, unknowns
 from identify.priors import Prior
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-3
 """Of the solution, in standard uncertainties known beforehand."""
-ROUGH = 1e-2
+ROUGH = 1e-1
 """Tolerance of a solution that only shows the noise."""
 MOST_STEPS = 30
 

@@ -97,8 +97,10 @@ def _of_vertical(model: Model, x: Unknowns, motion: Kinematics) -> Columns:
     start = vertical_at_start(model, x.tilt)
     by_tilt = jax.jacfwd(lambda tilt: vertical_at_start(model, tilt))(x.tilt)
     basis = slow_basis(rows, rows.t)
-    rate = jnp.einsum("nij,kn->nikj", attitude[rows.at_rows], basis).reshape(len(rows.t), 3, -1)
-    by_slow = -cross_matrix(start) @ _summed(rate, rows)
+    at_rows = attitude[rows.at_rows]
+    turning = at_rows @ _hat(motion.own[:3])  # the attitude's derivative by time
+    rate, slope = (jnp.einsum("nij,kn->nikj", one, basis).reshape(len(rows.t), 3, -1) for one in (at_rows, turning))
+    by_slow = -cross_matrix(start) @ (_summed(rate, slope, rows) + x.delay[0] * rate)
     both = jnp.concatenate([jnp.broadcast_to(by_tilt, (len(rows.t), 3, 2)), by_slow], axis=2)
     later = jax.vmap(lambda columns: seen_later(rows, x, attitude, rows.t + x.delay[0], columns), in_axes=2, out_axes=2)
     seen = later(both)
@@ -109,9 +111,12 @@ def _named(slow: Float[Array, "n 3 terms 3"]) -> dict[str, Array]:
     return {"gyro_bias": slow[:, :, 0], "wander": slow[:, :, 1:].reshape(len(slow), 3, -1)}
 
 
-def _summed(rate: Float[Array, "n 3 columns"], rows: InBand) -> Float[Array, "n 3 columns"]:
-    """Its integral from the first node to each row, by trapezes."""
-    steps = (rate[1:] + rate[:-1]) * (rows.interval / 2)
+def _summed(
+    rate: Float[Array, "n 3 columns"], slope: Float[Array, "n 3 columns"], rows: InBand
+) -> Float[Array, "n 3 columns"]:
+    """Its integral from the first node to each row, by trapezes with their end correction ``h²/12 (f'₀ - f'₁)``."""
+    h = rows.interval
+    steps = (rate[1:] + rate[:-1]) * (h / 2) - (slope[1:] - slope[:-1]) * (h**2 / 12)
     before = rows.first * rows.step * rate[:1]
     return jnp.concatenate([before, before + jnp.cumsum(steps, axis=0)])
 

@@ -42,6 +42,8 @@ class Setting:
     """Local gravity [m/s²]."""
     scale: float = 1.0
     """Order of magnitude of the tensor [kg·m²]."""
+    noise: np.ndarray | None = None
+    """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: the residuals tell it."""
 
 
 @dataclass(frozen=True)
@@ -77,42 +79,53 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
         RunError: the run is too short, it has no solution, or its delay is beyond what it leaves room for.
     """
     model, known, gyro_noise = prepare(run, setting)
-    start = jnp.asarray(_start(model, known, setting))
-    first = solve(
-        model,
-        known,
-        jnp.asarray(whitener(_raw_noise(run, model, known) / model.rows.factor)),
-        start,
-        jnp.asarray(ROUGH),
-    )
-    _check(run, model, known, first)
+    raw = _raw_noise(run, model, known) if setting.noise is None else np.diag(np.square(setting.noise))
+    fit, left = fitted(model, known, raw / model.rows.factor, setting, run.name)
+    return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
+
+
+def fitted(model: Model, known: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
+    """Return the solution of a run, and the covariance of one row's noise that it was weighed with.
+
+    Args:
+        model: the run.
+        known: what is known beforehand.
+        noise: covariance of one row's noise, (rows, rows): declared, or a first guess.
+        setting: what else is told; with ``setting.noise`` the covariance is kept.
+        name: what messages call the run.
+    """
+    start, tolerance = jnp.asarray(_start(model, known, setting)), TOLERANCE if setting.noise is not None else ROUGH
+    first = solve(model, known, jnp.asarray(whitener(noise)), start, jnp.asarray(tolerance))
+    _check(name, model, known, first)
+    if setting.noise is not None:
+        return first, noise
     left = noise_of(first, known, model)
     fit = solve(model, known, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
-    _check(run, model, known, fit)
-    return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
+    _check(name, model, known, fit)
+    return fit, left
 
 
 def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     """Return the run's model, what is known of it beforehand, and its gyro's noise [rad/s]."""
     alignment, kind = setting.alignment, setting.specific_force
-    rows = in_band(
-        run,
-        setting.band,
-        reach=abs(alignment.delay) + REACH * alignment.sigma_delay,
-        accelerometer=kind == "accelerometer",
-    )
+    reach = abs(alignment.delay) + REACH * alignment.sigma_delay
+    rows = in_band(run, setting.band, reach=reach, accelerometer=kind == "accelerometer")
     gyro = np.maximum(noise_level(*(run.omega[part] for part in run.used())), LEAST_NOISE * _size(run.omega))
-    known = prior(
-        setting.blocks, alignment, gyro_density=gyro / np.sqrt(run.rate), scale=setting.scale, wander=kind == "still"
-    )
-    to_imu = np.asarray(exponential(jnp.asarray(alignment.rotation, float))).T
     position = np.zeros(3) if run.imu_position is None else run.imu_position
-    model = Model(rows, jnp.asarray(to_imu[:, 2]), jnp.asarray(float(setting.gravity)), jnp.asarray(position), kind)
+    return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
+
+
+def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
+    """Return the model of decimated rows, and what is known beforehand."""
+    alignment, kind = setting.alignment, setting.specific_force
+    known = prior(setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still")
+    to_imu = np.asarray(exponential(jnp.asarray(alignment.rotation, float))).T
+    up, gravity = jnp.asarray(to_imu[:, 2]), jnp.asarray(float(setting.gravity))
+    model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
     if kind == "still" and alignment.sigma_tilt is None:
-        model = eqx.tree_at(
-            lambda m: m.up, model, jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment)))
-        )
-    return model, known, gyro
+        up = jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment)))
+        model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
+    return model, known
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
@@ -136,17 +149,17 @@ def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
-def _check(run: Run, model: Model, known: Prior, fit: Fit) -> None:
+def _check(name: str, model: Model, known: Prior, fit: Fit) -> None:
     theta = np.asarray(known.theta(fit.z))
     if not (np.isfinite(theta).all() and bool(fit.converged)):
         raise RunError(
-            f"the joint estimate of {run.name} does not converge: check signs, frames and what is declared of the "
+            f"the joint estimate of {name} does not converge: check signs, frames and what is declared of the "
             "centre of gravity's motion, or use the method source"
         )
     delay = float(theta[SLICES["delay"]][0])
     if abs(delay) > model.rows.reach:
         raise RunError(
-            f"the delay of {run.name} comes to {1e3 * delay:.3g} ms, beyond what is declared of it: declare its "
+            f"the delay of {name} comes to {1e3 * delay:.3g} ms, beyond what is declared of it: declare its "
             "standard uncertainty wider, or check the clocks"
         )
 
@@ -176,12 +189,16 @@ def _raw_noise(run: Run, model: Model, known: Prior) -> np.ndarray:
 
 def _start(model: Model, known: Prior, setting: Setting) -> np.ndarray:
     """Where to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
-    theta = np.array(known.mean)
-    if 2 * np.pi * model.rows.band * 3 * setting.alignment.sigma_delay > SAFE_PHASE:
-        theta[SLICES["delay"]] = tried_delay(model, setting.alignment)
+    theta, alignment = np.array(known.mean), setting.alignment
+    delays = np.array([alignment.delay])
+    if 2 * np.pi * model.rows.band * 3 * alignment.sigma_delay > SAFE_PHASE:
+        delays = tried_delays(model.rows.band, alignment)
+    turn = np.asarray(exponential(jnp.asarray(alignment.rotation, float)))
+    tried = [_plain(model.rows, turn, delay) for delay in delays]
+    best = int(np.argmin([misfit for _, misfit in tried]))
+    theta[SLICES["delay"]], theta[SLICES["inertia"]] = delays[best], tried[best][0]
     if model.specific_force == "still":
-        to_imu = np.asarray(exponential(jnp.asarray(setting.alignment.rotation, float))).T
-        theta[SLICES["gyro_bias"]] = _start_bias(model, to_imu, setting.alignment)
+        theta[SLICES["gyro_bias"]] = _start_bias(model, turn.T, alignment)
     found, *_ = np.linalg.lstsq(np.asarray(known.root), theta - np.asarray(known.mean), rcond=None)
     return found
 
@@ -196,30 +213,29 @@ def _evaluate(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray, np.nd
     return tuple(np.asarray(one) for one in found)  # type: ignore[return-value]
 
 
-def tried_delay(model: Model, alignment: Alignment) -> float:
-    """Return the delay, of several tried, at which the moment about Q fits best by tensor, first moment and constant.
-
-    Equation (7) by ordinary least squares over the rows, with r free: a cross-correlation of moment and motion.
-    """
-    rows = model.rows
+def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
+    """Return the delays to start from [s], within three standard uncertainties of what is declared."""
     half = 3 * alignment.sigma_delay
-    count = max(int(np.ceil(2 * half * DELAYS_PER_PERIOD * rows.band)), 2)
-    turn = np.asarray(exponential(jnp.asarray(alignment.rotation, float)))
-    tried = alignment.delay + np.linspace(-half, half, count + 1 - count % 2)
-    return float(tried[np.argmin([_misfit(rows, turn, delay) for delay in tried])])
+    count = max(int(np.ceil(2 * half * DELAYS_PER_PERIOD * band)), 2)
+    return alignment.delay + np.linspace(-half, half, count + 1 - count % 2)
 
 
-def _misfit(rows: InBand, turn: np.ndarray, delay: float) -> float:
+def _plain(rows: InBand, turn: np.ndarray, delay: float) -> tuple[np.ndarray, float]:
+    """Tensor and misfit of (7) by ordinary least squares with r and a constant free: a correlation of M and motion."""
     value, slope, _ = _evaluate(rows, delay)
-    phi = np.asarray(features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3])))
-    tensor = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
-    force = np.asarray(jax.vmap(cross_matrix, in_axes=1)(rows.force))
-    one = np.broadcast_to(np.eye(3), force.shape)
-    kept = np.asarray(rows.used) > 0
-    matrix = np.concatenate([tensor, -force, one], axis=2)[kept].reshape(-1, 12)
-    moment = np.asarray(rows.moment).T[kept].ravel()
-    left = moment - matrix @ np.linalg.lstsq(matrix, moment, rcond=None)[0]
-    return float(left @ left)
+    used = np.asarray(rows.used)
+    phi = np.asarray(features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))) * used
+    force, moment = np.asarray(rows.force) * used, np.asarray(rows.moment) * used
+    tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi)
+    lever, one = -np.einsum("jkl,kn->jnl", _LEVI_CIVITA, force), np.einsum("jk,n->jnk", np.eye(3), used)
+    matrix = np.concatenate([tensor, lever, one], axis=2).reshape(-1, 12)
+    normal, right = matrix.T @ matrix, matrix.T @ moment.ravel()
+    found = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    return found[:6], float((moment**2).sum() - right @ found)
+
+
+_LEVI_CIVITA = -np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
+"""With ``(a × b)_j = -Σ E[j, k, l] a_k b_l``."""
 
 
 def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:

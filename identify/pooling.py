@@ -124,7 +124,7 @@ class Repeat:
 
 def pooling(
     repeats: Sequence[Repeat],
-    normal: Float[np.ndarray, "6 6"],
+    inverse: Float[np.ndarray, "6 6"],
     from_residuals: Float[np.ndarray, "6 6"],
     residual_degrees_of_freedom: Float[np.ndarray, "6"],
 ) -> Pooling:
@@ -135,7 +135,7 @@ def pooling(
 
     Args:
         repeats: the runs.
-        normal: the weighted sum of their ``ΩᵀΩ``.
+        inverse: of the weighted sum of their ``ΩᵀΩ``, zero in what the motion does not determine.
         from_residuals: covariance of the pooled tensor from the residuals.
         residual_degrees_of_freedom: of it, by component.
     """
@@ -148,16 +148,16 @@ def pooling(
     rms = np.sqrt(np.mean([run.standard_uncertainty**2 for run in alone or repeats], axis=0))
     inside, freedom = _within(alone)
     count = sum(any(run.alone for run in cluster) for cluster in clusters)
-    scatter = _scatter(clusters, normal) if count > 1 else None
+    scatter = _scatter(clusters, inverse) if count > 1 else None
     return Pooling(
         len(repeats), len(labels), from_residuals, residual_degrees_of_freedom, scatter, rms, inside,
         _between(alone, labels), freedom, count - 1, np.zeros(6),
     )  # fmt: skip
 
 
-def _scatter(clusters: Sequence[Sequence[Repeat]], normal: np.ndarray) -> np.ndarray:
+def _scatter(clusters: Sequence[Sequence[Repeat]], inverse: np.ndarray) -> np.ndarray:
     """Standard uncertainty of the pooled tensor from the scores of what was repeated, each cluster's summed."""
-    pushes = np.linalg.solve(normal, np.transpose([np.sum([run.score for run in c], axis=0) for c in clusters]))
+    pushes = inverse @ np.transpose([np.sum([run.score for run in c], axis=0) for c in clusters])
     return np.sqrt((pushes**2).sum(axis=1) * len(clusters) / (len(clusters) - 1))
 
 

@@ -67,13 +67,13 @@ class Spectrum(NamedTuple):
     free: Float[np.ndarray, "m 3"]
     """Degrees of freedom that the fit left at each line and axis."""
 
-    def scores(self, rows: Float[np.ndarray, "m 3 p"]) -> Float[np.ndarray, "p p"]:
-        """Return the covariance of ``Σ rowsᵀ u`` for errors ``u`` of this spectrum."""
-        weighed = np.einsum("mab,mbp->map", self.values, rows)
+    def scores(self, rows: Float[np.ndarray, "k 3 p"]) -> Float[np.ndarray, "p p"]:
+        """Return the covariance of ``Σ rowsᵀ u`` over the first lines, for errors ``u`` of this spectrum."""
+        weighed = np.einsum("mab,mbp->map", self.values[: len(rows)], rows)
         return np.tensordot(rows, weighed, axes=((0, 1), (0, 1)))
 
-    def degrees_of_freedom(self, combinations: Float[np.ndarray, "m 3 p"]) -> Float[np.ndarray, " p"]:
-        """Return the effective degrees of freedom of the variances of ``Σ cᵀ u``, one of each combination ``c``.
+    def degrees_of_freedom(self, combinations: Float[np.ndarray, "k 3 p"]) -> Float[np.ndarray, " p"]:
+        """Return the effective degrees of freedom of the variances of ``Σ cᵀ u`` over the first lines, for each ``c``.
 
         Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
         """
@@ -92,9 +92,10 @@ class Spectrum(NamedTuple):
         mean = np.trace(taken, axis1=2, axis2=3).sum(axis=1)
         return np.maximum(mean**2 / np.maximum((taken**2).sum(axis=(1, 2, 3)), 1e-300), 1.0)
 
-    def _share(self, combinations: Float[np.ndarray, "m 3 p"]) -> Float[np.ndarray, " m"]:
+    def _share(self, combinations: Float[np.ndarray, "k 3 p"]) -> Float[np.ndarray, " k"]:
         """Up to each line, the part of the variance of the combination that reaches highest."""
-        power = np.cumsum(np.einsum("map,mab,mbp->mp", combinations, self.values, combinations, optimize=True), axis=0)
+        values = self.values[: len(combinations)]
+        power = np.cumsum(np.einsum("map,mab,mbp->mp", combinations, values, combinations, optimize=True), axis=0)
         return np.where(power[-1] > 0, power / np.maximum(power[-1], 1e-300), 1.0).min(axis=1)
 
 
@@ -103,6 +104,8 @@ def spectrum(
     free: Float[np.ndarray, "m 3"],
     constants: int,
     gain: Float[np.ndarray, " m"] | float = 1.0,
+    *,
+    wider: int = 1,
 ) -> Spectrum:
     """Return the errors' spectrum from the transformed residuals of a fit.
 
@@ -117,22 +120,23 @@ def spectrum(
         free: degrees of freedom left at each, 1 minus its leverage.
         constants: how many lines, the first ones, are those of constants.
         gain: power gain of a known filter that errors have passed, at each line.
+        wider: by how much to widen the windows.
     """
     m = len(residuals)
-    gain = np.broadcast_to(np.maximum(gain, LEAST_GAIN), m)
-    gain = gain * _colour(residuals[constants:], free[constants:], gain[constants:], constants)
+    passed = np.broadcast_to(np.maximum(gain, LEAST_GAIN), m)
+    shape = passed * _colour(residuals[constants:], free[constants:], passed[constants:], constants)
     position = np.arange(m)
-    half = np.maximum(np.ceil(2 * position**0.6), LEAST_LINES).astype(int)
+    half = wider * np.maximum(np.ceil(2 * position**0.6), LEAST_LINES).astype(int)
     begin = min(constants, m - 1)
     first = np.clip(position - half, begin, m - 1)
     last = np.clip(position + half + 1, begin + 1, m)
-    products = np.einsum("ma,mb->mab", residuals, residuals) / gain[:, None, None]
+    products = np.einsum("ma,mb->mab", residuals, residuals) / shape[:, None, None]
     total = _sums(products, first, last)
     left = np.sqrt(np.maximum(_sums(free, first, last), 1.0))
     values = total / (left[:, :, None] * left[:, None, :])
     values[:begin] += products[:begin]
     floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    return Spectrum((values + floor) * gain[:, None, None], first, last, free)
+    return Spectrum((values + floor) * shape[:, None, None], first, last, free)
 
 
 def leverage(rows: Float[np.ndarray, "m 3 p"], inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m 3"]:
@@ -141,15 +145,15 @@ def leverage(rows: Float[np.ndarray, "m 3 p"], inverse: Float[np.ndarray, "p p"]
 
 
 def _colour(residuals: np.ndarray, free: np.ndarray, gain: np.ndarray, constants: int) -> np.ndarray:
-    """A power of the frequency, 0 to -2, fitted to the logarithm of the first lines' residuals; 1 a line at first."""
+    """A power of the frequency, 0 to -2, where the first lines' residuals show one."""
     n = len(residuals)
     number = np.arange(1, min(n, SLOPE_LINES) + 1)
     power = (residuals[: len(number)] ** 2 / np.maximum(free[: len(number)], 0.1)).sum(axis=1) / gain[: len(number)]
     usable = power > 0
     if usable.sum() < LEAST_LINES:
         return np.ones(n + constants)
-    slope = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1)[0]
-    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0)
+    (slope, _), spread = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1, cov=True)
+    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0) if slope < -2 * np.sqrt(spread[0, 0]) else np.ones(n)
     return np.concatenate([np.ones(constants), shape])
 
 

@@ -66,19 +66,16 @@ def fit(
     values = np.einsum("pnc,nc->p", gain, measured)
     residuals = measured - rows @ values
     free = np.maximum(len(rows) - np.einsum("ncp,pnc->c", rows, gain), 0.1)
-    scatter = shrunk(residuals.T @ residuals / np.sqrt(np.outer(free, free)), float(free.min()))
     tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
-    scatter = _positive(scatter - np.einsum("nck,ndk->cd", tilts, tilts) / len(rows))
+    scatter = _scatter(residuals, free, tilts)
     common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
     known = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
-    covariance = _covariance(gain, scatter, tilts, known)
     if mass is not None:
-        by_mass = covariance[:, 0] / (covariance[0, 0] + mass[1] ** 2)
-        left = np.eye(LINEAR) - np.outer(by_mass, np.eye(LINEAR)[0])
+        left, by_mass = _observed(_covariance(gain, scatter, tilts, known), mass[1])
         values = left @ values + by_mass * mass[0]
         gain = np.einsum("pq,qnc->pnc", left, gain)
         known = np.column_stack([left @ known, by_mass * mass[1]])
-        covariance = _covariance(gain, scatter, tilts, known)
+    covariance = _covariance(gain, scatter, tilts, known)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
     return Fit(values, covariance, measured - rows @ values, degrees, known[:, : attitudes.lasting])
 
@@ -90,10 +87,11 @@ def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarra
     show correlations where there are none, and trust in these would be false confidence in some combination of axes.
     """
     sigma = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    apart = covariance / np.outer(sigma, sigma) - np.eye(len(covariance))
-    noise = ((1 - np.minimum(apart**2, 1)) ** 2 * (apart != 0)).sum() / max(free, 1.0)
-    kept = 1 - min(1.0, noise / max((apart**2).sum(), 1e-300))
-    return covariance * (kept + (1 - kept) * np.eye(len(covariance)))
+    same = np.eye(len(covariance))
+    square = np.minimum((covariance / np.outer(sigma, sigma)) ** 2, 1) * (1 - same)
+    noise = ((1 - square) ** 2 * (1 - same)).sum() / max(free, 1.0)
+    kept = 1 - min(1.0, noise / max(square.sum(), 1e-300))
+    return covariance * (kept + (1 - kept) * same)
 
 
 def cross_matrices(v: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
@@ -127,6 +125,18 @@ def _positive(matrix: np.ndarray) -> np.ndarray:
     return vectors * np.maximum(values, 0) @ vectors.T
 
 
+def _scatter(residuals: np.ndarray, free: np.ndarray, tilts: np.ndarray) -> np.ndarray:
+    """What the fit leaves beside the declared tilts, as a covariance across the six axes."""
+    found = shrunk(residuals.T @ residuals / np.sqrt(np.outer(free, free)), float(free.min()))
+    return _positive(found - np.einsum("nck,ndk->cd", tilts, tilts) / len(residuals))
+
+
+def _observed(covariance: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of one more observation, of the first value: what it leaves of the estimate, and what it adds by its own."""
+    by = covariance[:, 0] / (covariance[0, 0] + sigma**2)
+    return np.eye(LINEAR) - np.outer(by, np.eye(LINEAR)[0]), by
+
+
 def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Of the estimate: from the residuals, from each pose's own tilt, from what is common to all."""
     of_tilts = np.einsum("pnc,nck->pnk", gain, tilts).reshape(LINEAR, -1)
@@ -138,4 +148,4 @@ def _degrees(gain: np.ndarray, scatter: np.ndarray, free: float, variance: np.nd
     """Effective degrees of freedom: of ``tr(A W)``, W estimated with ``free``, as a part of the whole variance."""
     weights = np.einsum("pnc,pnd->pcd", gain, gain) @ scatter
     square = np.einsum("pcd,pdc->p", weights, weights)
-    return free * variance**2 / np.maximum(square, 1e-300)
+    return np.where(square > 0, free * variance**2 / np.where(square > 0, square, 1.0), np.inf)

@@ -74,7 +74,9 @@ def rounded(value: float, uncertainty: float, digits: int = 2) -> str:
 
 
 def fixed(value: float, places: int) -> str:
-    """Return a figure with these decimals and a minus sign, but never a minus before nought."""
-    if not math.isfinite(value):
+    """Return a figure with these decimals and a minus sign, but never a minus before nought; – for none."""
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if math.isnan(value):
         return "–"
     return f"{round(value, places) + 0.0:.{max(places, 0)}f}".replace("-", "−")

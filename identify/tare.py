@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from identify.errors import RunError
 from identify.inertia import parallel_axis
 from identify.inertial import InertialParameters, propagated
+from identify.tables import with_error
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,13 @@ class Tare:
     """Name and SHA-256 of the fixture's runs; none: it was stated."""
     provenance: Mapping[str, Any] | None = None
     """Of the fixture's result."""
+
+    def without(self, body: InertialParameters) -> str:
+        """Return mass and centre of gravity of the body that is left, in words."""
+        u = body.standard_uncertainty
+        r = ", ".join(with_error(1e3 * x, 1e3 * s) for x, s in zip(body.r_cg, u[1:4], strict=True))
+        mass = with_error(body.mass, float(u[0]))
+        return f"without the fixture of {self.fixture.mass:.4g} kg: mass {mass} kg, centre of gravity ({r}) mm"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it."""

@@ -44,6 +44,10 @@ class Trajectory(eqx.Module):
         """Return the angular acceleration in B at time ``t`` [s], in rad/s²: the exact derivative of ``omega``."""
         return jax.jvp(self.omega, (t,), (jnp.ones_like(t),))[1]
 
+    def displacement(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return how far the point that carries the rotation has moved by time ``t`` [s], in A [m]: not at all here."""
+        return jnp.zeros(3, jnp.asarray(t).dtype)
+
 
 class Sphere(Trajectory):
     """The source's T1 and T2: omega and alpha trace spheres, along a spiral that precesses about a pole.
@@ -105,6 +109,40 @@ class Harmonic(Trajectory):
         return jnp.asarray(self.angular_velocity * swing * shape)
 
 
+class Multisine(Trajectory):
+    """A multi-frequency motion, rotation and translation: sums of sines and cosines times the window.
+
+    Its rotation vector is ``φ(t) = win(t) Σ_k (c_k cos 2πf_k t + s_k sin 2πf_k t)``, the attitude ``R_AB = exp(φ)``;
+    the displacement of the platform's centre has the same form.
+    """
+
+    frequency: Float[Array | np.ndarray, " k"]
+    """Frequencies f_k [Hz]."""
+    cosine: Float[Array | np.ndarray, "6 k"]
+    """Amplitudes c_k: displacement [m] along the axes of A, then rotation vector [rad]."""
+    sine: Float[Array | np.ndarray, "6 k"]
+    """Amplitudes s_k, alike."""
+    duration: Scalar
+    """Duration [s]."""
+    ramp: Scalar
+    """Time to start and to stop [s]."""
+
+    def coordinates(self, t: Float[Array, ""]) -> Float[Array, "6"]:
+        """Return displacement [m] and rotation vector [rad] at ``t``."""
+        angle = 2 * jnp.pi * jnp.asarray(self.frequency) * t
+        shape = jnp.asarray(self.cosine) @ jnp.cos(angle) + jnp.asarray(self.sine) @ jnp.sin(angle)
+        return window(t, self.duration, self.ramp) * shape
+
+    def displacement(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return the displacement of the platform's centre at ``t``, in A."""
+        return self.coordinates(t)[:3]
+
+    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return the angular velocity in B at ``t``."""
+        turn, rate = jax.jvp(self.coordinates, (t,), (jnp.ones_like(t),))
+        return rate_of_turn(turn[3:], rate[3:])
+
+
 class Motion(NamedTuple):
     """A sampled motion of the body, component first: what a perfect rig would do."""
 
@@ -132,13 +170,27 @@ def attitude(
     w1, w2 = (jax.vmap(trajectory.omega)(middle + sign * offset * h) for sign in (-1, 1))
     turn = h[:, None] / 2 * (w1 + w2) + (np.sqrt(3) / 12 * h**2)[:, None] * jnp.cross(w1, w2)
     first = jnp.eye(3, dtype=t.dtype) if start is None else start
+    return _running_product(jnp.concatenate([first[None], jax.vmap(exponential)(turn)]))
 
-    def advance(rotation, one):
-        rotation = rotation @ one
-        return rotation, rotation
 
-    _, rest = jax.lax.scan(advance, first, jax.vmap(exponential)(turn))
-    return jnp.concatenate([first[None], rest])
+def _running_product(matrices: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:
+    """Products of the first matrices, in rows of √n that are multiplied side by side: √n steps instead of n."""
+    n = len(matrices)
+    size = int(np.ceil(np.sqrt(n)))
+    rows = jnp.concatenate([matrices, jnp.broadcast_to(jnp.eye(3, dtype=matrices.dtype), (size * size - n, 3, 3))])
+
+    def advance(product, one):
+        product = product @ one
+        return product, product
+
+    def along(first, steps):
+        return jax.lax.scan(advance, first, steps)
+
+    unit = jnp.eye(3, dtype=matrices.dtype)
+    ends, within = along(jnp.broadcast_to(unit, (size, 3, 3)), rows.reshape(size, size, 3, 3).swapaxes(0, 1))
+    _, before = along(unit, ends)
+    before = jnp.concatenate([unit[None], before[:-1]])
+    return (before[:, None] @ within.swapaxes(0, 1)).reshape(-1, 3, 3)[:n]
 
 
 def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
@@ -152,6 +204,18 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     zero = jnp.zeros_like(x)
     hat = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
     return jnp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
+
+
+def rate_of_turn(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return the angular velocity in B [rad/s] of the attitude ``exp(turn)``, whose rotation vector has this rate."""
+    square = jnp.dot(turn, turn)
+    small = square < 1e-6
+    safe = jnp.where(small, 1.0, square)
+    angle = jnp.sqrt(safe)
+    first = jnp.where(small, 0.5 - square / 24 + square**2 / 720, (1 - jnp.cos(angle)) / safe)
+    second = jnp.where(small, 1 / 6 - square / 120 + square**2 / 5040, (angle - jnp.sin(angle)) / (safe * angle))
+    crossed = jnp.cross(turn, rate)
+    return rate - first * crossed + second * jnp.cross(turn, crossed)
 
 
 @eqx.filter_jit
@@ -175,8 +239,18 @@ def sample(
     alpha = jax.vmap(trajectory.alpha)(t)
     rotation = attitude(trajectory, t)
     acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(jnp.asarray(r_cg_from_still), omega, alpha)
-    specific_force = acceleration + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB
+    moving = jnp.einsum("nji,nj->ni", rotation, jax.vmap(lambda at: acceleration_of(trajectory, at))(t))
+    specific_force = acceleration + moving + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB
     return Motion(t, omega.T, alpha.T, rotation, specific_force.T)
+
+
+def acceleration_of(trajectory: Trajectory, t: Float[Array, ""]) -> Float[Array, "3"]:
+    """Return the acceleration of the point that carries the rotation, in A [m/s²]."""
+
+    def velocity(at):
+        return jax.jvp(trajectory.displacement, (at,), (jnp.ones_like(at),))[1]
+
+    return jax.jvp(velocity, (t,), (jnp.ones_like(t),))[1]
 
 
 def platform_position(rotation: Float[Array, "3 3"], r_cg_from_omb: Float[Array, "3"]) -> Float[Array, "3"]:

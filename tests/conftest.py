@@ -1,6 +1,9 @@
 """Settings of the tests: float64 on, two devices, nothing promoted in silence; a short experiment."""
 
 import dataclasses
+import os
+
+os.environ.setdefault("INERTIA_CACHE", "off")  # tests compile for themselves, and leave nothing in a home
 
 import jax
 import numpy as np

@@ -10,8 +10,10 @@ from scipy.interpolate import make_interp_spline
 
 from identify.dynamics import wrench
 from identify.gram import accumulate, solve
+from identify.in_band import in_band, low_pass, spline_of
 from identify.inertia import Body, pack
-from identify.joint_run import JointRun, Setting, joint_run
+from identify.joint import posterior
+from identify.joint_run import REACH, JointRun, Setting, fitted, joint_run, prepared
 from identify.priors import STATIC, Known
 from identify.run import Run
 from identify.trajectory import exponential, sample
@@ -72,19 +74,64 @@ class Laboratory:
             seen + s["omega_precision"] * noise[2] + s["omega_bias"] * rng.standard_normal(3),
         )  # fmt: skip
 
+    def rows(self, rng, delay=0.0, rotation=(0.0, 0.0, 0.0)):
+        """The decimated rows of such a run, drawn from their own distribution instead of filtered from every sample.
+
+        What the low-pass makes of white noise is a stationary normal process; a cycle of it is drawn by its spectrum.
+        """
+        s, silent = standard_deviations(self.experiment), self.silent
+        spec = self.experiment.trajectories["T1"]
+        taps = low_pass(spec.rate, BAND, silent.factor)
+        t = (len(taps) - 1) / 2 / spec.rate + silent.step * np.arange(silent.motion.shape[1] + 1)
+        seen = self.spline(t - delay) @ np.asarray(exponential(jnp.asarray(rotation)))
+        sigma = np.concatenate([s["F_precision"], s["M_precision"]])
+        noise = sigma * _filtered_noise(rng, taps, silent.factor, len(silent.t))
+        gyro = s["omega_precision"] * _filtered_noise(rng, taps, silent.factor // silent.stride, len(t), columns=3)
+        omega = seen + gyro + s["omega_bias"] * rng.standard_normal(3)
+        return dataclasses.replace(
+            silent, force=silent.force + noise[:, :3].T, moment=silent.moment + noise[:, 3:].T,
+            motion=jnp.asarray(spline_of(omega, silent.step)),
+        )  # fmt: skip
+
+    @cached_property
+    def silent(self):
+        """The rows of a run without errors."""
+        force, moment = self.true
+        run = Run(np.asarray(self.motion.t), force, moment, np.asarray(self.motion.omega.T))
+        return in_band(run, BAND, reach=REACH * 0.01)
+
+    def estimate_rows(self, rows, known, alignment):
+        """The unknowns and their covariance from rows, the noise being declared."""
+        s = standard_deviations(self.experiment)
+        sigma = np.concatenate([s["F_precision"], s["M_precision"]])
+        setting = Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity, 0.1, sigma)
+        rate = self.experiment.trajectories["T1"].rate
+        model, before = prepared(rows, s["omega_precision"] / np.sqrt(rate), np.zeros(3), setting)
+        fit, _ = fitted(model, before, np.diag(sigma**2) / rows.factor, setting, "a run")
+        return np.asarray(before.theta(fit.z)), posterior(fit, before)
+
     def calibration(self, rng, correlated=None):
         """What static poses say of this body: drawn around the truth with the declared covariance."""
         covariance = np.diag(self.sigma_static**2) if correlated is None else correlated
         return Known(rng.multivariate_normal(self.static, covariance, method="cholesky"), covariance)
 
     def estimate(self, run, known, alignment) -> JointRun:
-        return joint_run(run, Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity))
+        return joint_run(run, Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity, 0.1))
 
     def source_estimate(self, run, r_cg):
         """The source's estimator with the smoothing differentiator, as the Monte Carlo runs it."""
         spec = self.experiment.estimator("smoothed")
         return np.asarray(_ordinary(*(jnp.asarray(x.T) for x in (run.omega, run.force, run.moment)),
                                     jnp.asarray(spec.taps(run.rate)), jnp.asarray(r_cg)))  # fmt: skip
+
+
+def _filtered_noise(rng, taps, factor, count, columns=6):
+    """Unit white noise behind the low-pass, every ``factor``-th sample: by its spectrum, folded as decimation does."""
+    cycle = count + len(taps) // factor + 2  # longer than the filter, so that the ends do not meet
+    gain = np.abs(np.fft.fft(taps, cycle * factor)) ** 2
+    folded = gain.reshape(factor, cycle).sum(axis=0) / factor
+    white = np.fft.rfft(rng.standard_normal((cycle, columns)), axis=0)
+    return np.fft.irfft(white * np.sqrt(folded[: len(white), None]), cycle, axis=0)[:count]
 
 
 @jax.jit

@@ -323,6 +323,9 @@ def test_a_real_load_cells_poses(attitude):
     assert found.mass == pytest.approx(0.9323, abs=0.00005 if attitude != "acceleration" else 0.001)
     assert 1e3 * found.r_cg[2] == pytest.approx(43.90, abs=0.005)
     assert found.zero[:3] == pytest.approx([9.08, -1.02, 9.98], abs=0.005)
+    assert found.standard_uncertainty[0] == pytest.approx(0.0018 if attitude != "acceleration" else 0.0024, abs=0.0001)
+    low, high = 1e3 * found.interval95[3]
+    assert (low, high) == pytest.approx((43.90 - 0.33, 43.90 + 0.33), abs=0.02)
     if attitude != "acceleration":
         assert found.residual == pytest.approx((0.087, 0.0030), abs=0.0006)
     else:  # the accelerometer's own offset of 0.08 g is found

@@ -17,6 +17,7 @@ from identify import RunError
 from identify.inertial import Datum, InertialParameters
 from uq import ExperimentError, export
 from uq.export_loads import turns_zyx
+from uq.exported_body import ExportedBody
 from uq.exports import FORMATS
 
 RTOL = 1e-9
@@ -169,13 +170,19 @@ def test_franka_is_read_back(one):
 
 
 def test_principal_axes_turn_least_and_are_right_handed(one):
-    from uq.exported_body import ExportedBody
-
     _, axes = ExportedBody(one.mass, one.r_cg, one.inertia).principal()
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1)
     if not one.inertia[[1, 2, 4]].any():
         np.testing.assert_array_equal(axes, np.eye(3))
+
+
+def test_principal_axes_are_the_nearest_of_all_24(generator):
+    group = Rotation.create_group("O").as_matrix()
+    for turn in Rotation.random(200, rng=generator).as_matrix():
+        _, axes = ExportedBody(1.0, np.zeros(3), turned([0.2, 0.3, 0.4], turn)).principal()
+        assert np.linalg.det(axes) == pytest.approx(1)
+        assert np.trace(axes) == pytest.approx(np.trace(turn @ group, axis1=1, axis2=2).max())
 
 
 @pytest.mark.filterwarnings("ignore:Gimbal lock")
@@ -200,6 +207,7 @@ def test_uncertainty_and_provenance_stand_in_a_comment(name):
     content = text(result(BODIES["general"]), name)
     assert "0123abcd" * 8 in content
     assert "I11 0.001" in content
+    assert "mass 0.001" in content
     assert content.isascii()
     if content.startswith("<"):
         ElementTree.fromstring(content)
@@ -207,6 +215,12 @@ def test_uncertainty_and_provenance_stand_in_a_comment(name):
         marks = {"kuka": ";", "abb": "!"}
         (line,) = [line for line in content.splitlines() if "0123abcd" in line]
         assert line.strip().startswith(marks.get(name, "#"))
+
+
+def test_an_uncertainty_that_is_not_stated_is_not_called_zero():
+    exact = dataclasses.replace(BODIES["general"], covariance=np.diag([0.0, *[1e-6] * 9]))
+    assert "mass not stated, cg_x 0.001" in text(exact, "urdf")
+    assert json.loads(text(exact, "json"))["standard_uncertainty"]["mass"] is None
 
 
 def test_in_the_declared_datums_frame():
@@ -218,9 +232,17 @@ def test_in_the_declared_datums_frame():
 
 
 def test_an_admissible_fit_is_exported_with_a_warning():
-    made = export(result(BODIES["general"], admissible="I33 raised by 2 g·m²"), "kuka,json")
-    assert "I33 raised by 2 g·m²" in made.warnings[0]
-    assert "warning: the exported tensor is the nearest admissible one" in made.contents["body.kuka.dat"]
+    made = export(
+        result(
+            BODIES["general"], admissible=SimpleNamespace(reason="no body has the plain estimate, I33 is 2 g·m² high")
+        ),
+        "kuka,json",
+    )
+    assert "I33 is 2 g·m² high" in made.warnings[0]
+    assert (
+        "warning: the data are weak and the exported tensor is a fit to bodies: no body has the plain"
+        in made.contents["body.kuka.dat"]
+    )
     assert "warning" in repr(made)
 
 

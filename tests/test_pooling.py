@@ -13,6 +13,7 @@ from uq.cli import main
 from uq.document import ExperimentError
 from uq.experiment import Experiment
 from uq.mountings import labelled, names
+from uq.repeatability import of_runs
 from uq.simulation import simulate
 from uq.sources import Source
 from uq.systematic import with_declared_sources
@@ -30,7 +31,7 @@ def pooled(tensors, mountings):
         Repeat(NORMAL @ (one - mean), one, OWN, alone=True, mounting=name)
         for one, name in zip(tensors, mountings, strict=True)
     ]
-    return mean, pooling(repeats, count * NORMAL, np.diag(OWN**2) / count, np.full(6, 1000.0))
+    return mean, pooling(repeats, np.linalg.inv(count * NORMAL), np.diag(OWN**2) / count, np.full(6, 1000.0))
 
 
 def test_equal_runs_scatter_as_their_mean_does(generator):
@@ -115,6 +116,15 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
     np.testing.assert_allclose(
         anew.standard_uncertainty[0], max(found.from_scatter[0], anew.pooling.foreseen[0]), rtol=0.01
     )
+
+
+def test_scatter_beyond_the_residuals_is_said(generator):
+    _, as_predicted = pooled(OWN * generator.normal(0, 1, (8, 6)), [None] * 8)
+    _, wider = pooled(OWN * generator.normal(0, 6, (8, 6)), [None] * 8)
+    assert of_runs(as_predicted).describes
+    assert "more than it predicts" in of_runs(wider).text
+    assert of_runs(dataclasses.replace(wider, residual_degrees_of_freedom=np.full(6, 20.0))) is None
+    assert of_runs(pooled(np.ones((1, 6)), [None])[1]) is None
 
 
 @pytest.mark.parametrize("wrong", ["r_cg", [1], [""], 3])

@@ -69,10 +69,10 @@ def covered(short, repeats):
 
 
 def test_the_bodys_interval_holds_the_truth_in_a_few_laboratories(short):
-    """30 repeats x 6 components, were they fully correlated: 95 % of 30 is below 24 in 0.07 % of all cases."""
-    tensor, others = covered(short, 30)
-    assert tensor.min() >= 24 / 30, tensor
-    assert others.min() >= 24 / 30, others
+    """20 repeats, ten parameters: of 20 at 95 % fewer than 15 hold once in 3,000 for each."""
+    tensor, others = covered(short, 20)
+    assert tensor.min() >= 15 / 20, tensor
+    assert others.min() >= 15 / 20, others
 
 
 @pytest.mark.study

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 _WHERE = {
+    "bound": "bounds",
     "budget": "source_budget",
     "centre_file": "centre",
     "compare": "expected",
@@ -29,6 +30,8 @@ _WHERE = {
     "tare_files": "tare",
     "tared": "tare",
     "with_declared_sources": "systematic",
+    "Alignment": "alignment",
+    "Bound": "bounds",
     "BudgetResult": "budget_result",
     "Centre": "centre",
     "Comparison": "expected",

@@ -2,13 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from identify.inertia import MOMENTS, PRODUCTS
 from identify.tables import html_table, text_table
-from uq.campaign import GRAM_METRE, MonteCarloResult, Progress, Statistics, montecarlo
+from uq.campaign import GRAM_METRE, MonteCarloResult, Progress, Shown, Statistics, montecarlo
+from uq.checkpoint import Checkpoint
 from uq.experiment import Experiment
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
@@ -118,15 +120,34 @@ class PaperResult:
 
 
 def paper(
-    *, trials: int = 10_000, seed: int = 0, dtype: str = "float64", progress: Progress | None = None
+    *,
+    trials: int = 10_000,
+    seed: int = 0,
+    dtype: str = "float64",
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | str | Path | None = None,
+    shown: Shown | None = None,
 ) -> PaperResult:
     """Reproduce the source's simulated experiment: preset ``barreto2016``, trajectories T1 to T4, both estimators.
+
+    Arguments are those of :func:`uq.campaign.montecarlo`.
 
     Raises:
         ExperimentError: no trials.
     """
     experiment = Experiment.load("barreto2016")
-    return PaperResult(montecarlo(experiment, trials=trials, seed=seed, dtype=dtype, progress=progress))
+    return PaperResult(
+        montecarlo(
+            experiment, trials=trials, seed=seed, dtype=dtype, progress=progress, checkpoint=checkpoint, shown=shown
+        )
+    )
+
+
+def row(trajectory: str, trials: int, estimator: str, total: Statistics) -> str:
+    """Return a column of Table 2 as one line, for a table that is printed as it comes."""
+    figures = {"3σ moments": _average(total, MOMENTS), "3σ products": _average(total, PRODUCTS)}
+    parts = [f"{name} {value:.3g} ({PRINTED[name][trajectory]:.3g})" for name, value in figures.items()]
+    return f"{trajectory} {estimator:<9} {trials:>7,} trials, g·m² (source): {', '.join(parts)}"
 
 
 def _average(statistics: Statistics, components: tuple[int, ...]) -> float:

@@ -1,18 +1,22 @@
 """Trials in stretches: batched, sharded over devices, the same numbers however they are cut."""
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import AxisType, Mesh, PartitionSpec
+from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
-from uq.sampled import AnySetup, any_trial
-from uq.trial import TrialEstimates
+from uq.cluster import guarded, own_share, several
+from uq.collapsed import CollapsedSetup, collapsed_trials
+from uq.sampled import AnySetup, SampledSetup, sampled_trial
+from uq.trial import Setup, TrialEstimates, trials
 
+T = TypeVar("T")
 Keep = Callable[[int, TrialEstimates], None]
-"""Called with the number of a stretch's first trial and its estimates."""
+"""Called with the number of a stretch's first trial and its estimates: those that this process computed."""
 
 
 def run_trials(
@@ -43,24 +47,38 @@ class Trials:
         keep: Keep | None = None,
     ) -> None:
         """Start from the stretches that are ``done``; ``keep`` is given each further one."""
-        self.setup, self.key, self.batch, self.keep = setup, jax.random.key(seed), batch, keep
-        self.devices = len(devices)
+        self.batch, self.keep, self.devices = batch, keep, list(devices)
         self.mesh = Mesh(np.array(devices), ("trials",), axis_types=(AxisType.Auto,))
+        self.setup, self.key = setup, jax.random.key(seed)
+        if several():
+            self.setup, data = _everywhere((setup, jax.random.key_data(self.key)), self.mesh)
+            self.key = jax.random.wrap_key_data(data)
         self.parts = list(done)
         self.count = sum(len(part.ok) for part in self.parts)
 
-    def reach(self, trials: int, progress: Callable[[int, int], None] | None = None) -> None:
-        """Run whole stretches until there are at least so many trials."""
-        stretch = min(_stretch(self.batch), -(-trials // self.devices)) * self.devices
+    def reach(
+        self, trials: int, progress: Callable[[int, int], None] | None = None, *, asked: int | None = None
+    ) -> None:
+        """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
+        count = len(self.devices)
+        asked = trials if asked is None else asked
+        stretch = min(_stretch(self.setup, self.batch), -(-asked // count)) * count
         while self.count < trials:
-            numbers = jnp.arange(self.count, self.count + stretch)
-            part = jax.tree.map(np.asarray, _batch(self.setup, self.key, numbers, self.mesh, self.batch))
+            part = self._run(np.arange(self.count, self.count + stretch))
             if self.keep:
-                self.keep(self.count, part)
+                self.keep(*own_share(self.devices, self.count, part))
             self.parts.append(part)
             self.count += stretch
             if progress:
-                progress(min(self.count, trials), trials)
+                progress(min(self.count, asked), asked)
+
+    def _run(self, numbers: np.ndarray) -> TrialEstimates:
+        split = jnp.asarray(numbers)
+        if several():
+            placed = NamedSharding(self.mesh, PartitionSpec("trials"))
+            split = jax.make_array_from_callback(numbers.shape, placed, lambda own: numbers[own])
+        with guarded():
+            return jax.tree.map(np.asarray, _batch(self.setup, self.key, split, self.mesh, self.batch, several()))
 
     def estimates(self, trials: int) -> TrialEstimates:
         """Return the first so many trials."""
@@ -76,16 +94,38 @@ class Trials:
         )
 
 
-def _stretch(batch: int) -> int:
-    """Trials a device does between two reports of progress: whole batches, some hundred trials."""
-    return batch * max(1, 100 // batch)
+def _stretch(setup: AnySetup, batch: int) -> int:
+    """Trials a device does between two reports of progress: whole batches, some hundred trials, or some thousand."""
+    return batch * max(1, (5000 if isinstance(setup, CollapsedSetup) else 100) // batch)
 
 
-@eqx.filter_jit
-def _batch(setup: AnySetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int) -> TrialEstimates:
+def _everywhere(tree: T, mesh: Mesh) -> T:
+    """Give every device of all processes what each process has computed for itself."""
+    arrays, static = eqx.partition(tree, eqx.is_array)
+    placed = NamedSharding(mesh, PartitionSpec())
+    arrays = jax.tree.map(np.asarray, arrays)
+    arrays = jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, placed, lambda own: x[own]), arrays)
+    return eqx.combine(arrays, static)
+
+
+WIDE = {"xla_cpu_prefer_vector_width": 512}
+"""Lets a processor use its widest vectors, which XLA by default does not; others take no notice."""
+
+
+@eqx.filter_jit(compiler_options=WIDE)  # type: ignore[call-overload]
+def _batch(
+    setup: AnySetup, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int, gathered: bool
+) -> TrialEstimates:
+    """Trials spread over the mesh; ``gathered``: every process is given all results."""
+
     def on_one_device(setup, key, mine):
-        one = lambda index: any_trial(setup, key, index)  # noqa: E731
-        return jax.lax.map(one, mine, batch_size=None if batch == 1 else batch)
+        at_once = mesh.devices.flat[0].platform != "cpu"
+        if isinstance(setup, SampledSetup):
+            one = lambda index: sampled_trial(setup, key, index)  # noqa: E731
+            found = jax.lax.map(one, mine, batch_size=batch if at_once else None)
+        else:
+            found = _whole_batches(setup, key, mine, batch, at_once=at_once)
+        return jax.lax.all_gather(found, "trials", tiled=True) if gathered else found
 
     arrays, static = eqx.partition(setup, eqx.is_array)
     everywhere, split = PartitionSpec(), PartitionSpec("trials")
@@ -93,7 +133,23 @@ def _batch(setup: AnySetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch
         lambda arrays, key, mine: on_one_device(eqx.combine(arrays, static), key, mine),
         mesh=mesh,
         in_specs=(everywhere, everywhere, split),
-        out_specs=split,
+        out_specs=everywhere if gathered else split,
         check_vma=False,
     )
-    return sharded(arrays, key, trials)
+    return sharded(arrays, key, numbers)
+
+
+def _whole_batches(
+    setup: Setup | CollapsedSetup, key: jax.Array, mine: jax.Array, batch: int, *, at_once: bool
+) -> TrialEstimates:
+    """Run trials that are computed many at a time; the last batch is filled up with trials that nobody asked for."""
+    size = min(batch, len(mine))
+    count = -(-len(mine) // size)
+
+    def run(some: jax.Array) -> TrialEstimates:
+        if isinstance(setup, CollapsedSetup):
+            return collapsed_trials(setup, key, some)
+        return trials(setup, key, some, at_once=at_once)
+
+    found = jax.lax.map(run, jnp.resize(mine, (count, size)))
+    return jax.tree.map(lambda leaf: leaf.reshape(count * size, *leaf.shape[2:])[: len(mine)], found)

@@ -7,6 +7,7 @@ from typing import Any, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import process_count, process_index
 
 from identify.estimator import EstimatorSpec
 from identify.precision import check_precision
@@ -14,6 +15,7 @@ from identify.trajectory import Motion, sample
 from uq.adaptive import Blocks, Goal, Stability, not_stable
 from uq.batches import Trials, run_trials
 from uq.checkpoint import Checkpoint, code_digest
+from uq.cluster import agree, in_turn, meet
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.measurement import Platform
 from uq.provenance import provenance
@@ -38,8 +40,14 @@ __all__ = [
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
 
-COLLAPSED_BATCH = 1000
+COLLAPSED_BATCH = 500
 """Trials that a device computes at a time when they hold no samples."""
+
+EARLY = 200
+"""Trials after which a trajectory's figures are shown for the first time."""
+
+Shown = Callable[[str, int, Mapping[str, Breakdown]], None]
+"""Called with the trajectory's name, the trials done and the breakdowns by estimator."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the trajectory's name, the trials done and the trials asked for."""
@@ -61,6 +69,7 @@ def montecarlo(
     devices: Sequence[jax.Device] | None = None,
     progress: Progress | None = None,
     checkpoint: Checkpoint | str | Path | None = None,
+    shown: Shown | None = None,
 ) -> MonteCarloResult:
     """Run the Monte Carlo of an experiment.
 
@@ -83,10 +92,13 @@ def montecarlo(
             component, with all sources together, are stable for every trajectory and estimator (:mod:`uq.adaptive`).
         digits: significant digits of the standard uncertainties that are to be stable, if adaptive.
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
-        batch: trials that one device computes at a time; None for 1 on a CPU, 64 elsewhere, 1000 if collapsed.
+        batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 1000 if collapsed.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
+        shown: called as a trajectory's figures come: early, after 200 trials, and when it is done; not if adaptive.
+
+    Among several processes (:mod:`uq.cluster`) each computes its share of the trials, and all return the result.
 
     Raises:
         ExperimentError: no trials, no such trajectory or estimator, nothing to estimate from, a goal that cannot be,
@@ -116,50 +128,62 @@ def montecarlo(
     wanted = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
     specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
-    limit = trials
-    kept = Checkpoint(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
+    limit, truth = trials, np.asarray(experiment.body.inertia)
+    kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> Trials:
         setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling)
         if kept is None:
             return Trials(setup, seed, devices, batch)
-        done = kept.load(name, limit)
+        done = in_turn(lambda: kept.load(name, limit))
+        agree("checkpoints", sum(len(part.ok) for part in done))
         return Trials(setup, seed, devices, batch, done=done, keep=lambda *stretch: kept.keep(name, *stretch))
 
     try:
+        if kept is not None or process_count() > 1:
+            identity = _identity(experiment, chosen, devices, settings)
+            agree("campaigns", [identity, limit, wanted])
         if kept is not None:
-            kept.open(_identity(experiment, chosen, devices, settings))
+            in_turn(lambda: kept.open(identity))
         runs, stability = {}, None
         if goal is None:
+            ahead = {name: start(name) for name in specs} if sampling == "collapsed" else {}  # side by side
             for name in specs:
-                runs[name] = start(name)
-                runs[name].reach(trials, _named(progress, name))
+                runs[name] = ahead.get(name) or start(name)
+                for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
+                    runs[name].reach(so_far, _named(progress, name), asked=trials)
+                    if shown:
+                        shown(name, so_far, _breakdowns(runs[name], chosen, so_far, truth))
         else:
             runs = {name: start(name) for name in specs}
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
     finally:
         if kept is not None:
             kept.close()
-    truth = np.asarray(experiment.body.inertia)
-    breakdowns, errors = _statistics(runs, [e.name for e in chosen], trials, truth)
+    meet()
+    breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
+    errors = {name: np.asarray(run.estimates(trials).inertia) - truth for name, run in runs.items()}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]
     return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability)
 
 
-def _statistics(
-    runs: Mapping[str, Trials], estimators: Sequence[str], trials: int, truth: np.ndarray
-) -> tuple[dict[str, dict[str, Breakdown]], dict[str, np.ndarray]]:
-    """Breakdowns by trajectory and estimator, and every trial's errors by trajectory."""
-    breakdowns, errors = {}, {}
-    for name, run in runs.items():
-        inertia, ok = map(np.asarray, run.estimates(trials))
-        errors[name] = inertia - truth
-        breakdowns[name] = {
-            estimator: breakdown(run.setup.cases, errors[name][:, k], ok[:, k])
-            for k, estimator in enumerate(estimators)
-        }
-    return breakdowns, errors
+def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) -> Checkpoint:
+    """Return the checkpoint in a folder, for this process among those of the campaign."""
+    return Checkpoint(
+        folder, say=say if process_index() == 0 else None, processes=process_count(), process=process_index()
+    )
+
+
+def _breakdowns(
+    run: Trials, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
+) -> dict[str, Breakdown]:
+    """Breakdowns of one trajectory by estimator."""
+    inertia, ok = map(np.asarray, run.estimates(trials))
+    return {
+        estimator.name: breakdown(run.setup.cases, inertia[:, k] - truth, ok[:, k])
+        for k, estimator in enumerate(estimators)
+    }
 
 
 def _goal(digits: int, tolerance: float | None, trials: int) -> Goal:
@@ -221,7 +245,7 @@ def _identity(
         "experiment": experiment.inputs()["resolved"],
         "estimators": [e.name for e in estimators],
         "sums": str(jnp.zeros(()).dtype),
-        "devices": f"{len(devices)} x {devices[0].device_kind}",
+        "devices": devices[0].device_kind,
         "jax": jax.__version__,
         "code": code_digest(),
     }
@@ -229,7 +253,7 @@ def _identity(
 
 def default_batch(device: jax.Device) -> int:
     """Return how many trials a device computes at a time."""
-    return 1 if device.platform == "cpu" else 64
+    return 8 if device.platform == "cpu" else 64
 
 
 def distinct(given: str | Sequence[str] | None) -> list[str]:

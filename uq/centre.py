@@ -1,6 +1,5 @@
 """Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from identify.centre import Centre, centre
+from identify.accelerometer import Accelerometer
+from identify.centre import Attitudes, Centre, centre
+from identify.creep import creeping
 from identify.run import Run, RunError
 from identify.stretches import still
 from rig.channels import ImuChannel, WrenchChannel
@@ -17,12 +18,15 @@ from uq.columns import read_columns
 from uq.declared import Rig, declared
 from uq.experiment import Experiment
 from uq.parts import Part, resolve
-from uq.poses import Poses, need_table, of_accelerometer, up
-from uq.provenance import provenance
-from uq.recorded import load
+from uq.poses import Poses, need_table, of_accelerometer, uncertain, up
+from uq.provenance import provenance, sha256
+from uq.recorded import Recorded, load
 from uq.recording import UNITS, Recording
 
 TABLES = (".csv", ".tsv", ".txt")
+
+SLOW = 1.0
+"""Highest frequency of interest where poses are turned to angular velocity [Hz]: only rest is looked for."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,7 @@ class _Wrenches:
     sha256: str
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
+    attitudes: Attitudes
 
 
 def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Part] = ()) -> Centre:
@@ -43,7 +48,7 @@ def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Par
 
     Args:
         path: a table with one row a pose (.csv, .tsv, .txt), whose columns ``[poses]`` names; or a recorded run with
-            an accelerometer, each of whose still stretches is a pose.
+            an accelerometer or with the platform's pose, each of whose still stretches is a pose.
         experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
         parts: the parts of a recorded run that count; none: all of it.
 
@@ -64,7 +69,8 @@ def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Par
         found = _of_table(path, experiment)
     else:
         found = _of_run(path, experiment, parts)
-    result = centre(found.force, found.moment, found.specific_force, name=name)
+    signals = found.force, found.moment, found.specific_force
+    result = centre(*signals, attitudes=found.attitudes, mass=experiment.scale, name=name)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
     )  # fmt: skip
@@ -72,9 +78,14 @@ def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Par
         result,
         zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), found.rig),
         warnings=(*found.warnings, *result.warnings),
-        assumptions=(*found.rig.assumptions, *gravity, "the attitudes are free of errors", *found.notes),
+        assumptions=(*found.rig.assumptions, *gravity, *_of_attitudes(experiment.poses or Poses()), *found.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": found.sha256}]),
     )
+
+
+def _of_attitudes(poses: Poses) -> tuple[str, ...]:
+    """What is assumed of the attitudes' errors."""
+    return () if poses.sigma_alignment > 0 else ("the axes that tell the attitude are aligned with the load cell's",)
 
 
 def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
@@ -88,12 +99,15 @@ def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
     force, moment = rig.wrench(bag.wrench)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    sensor = None
     if poses.attitude == "acceleration":
-        specific_force, warnings, notes = _leaning(rig.scales["acceleration"] * attitude, poses, experiment.gravity)
+        read = rig.scales["acceleration"] * attitude
+        specific_force, sensor, warnings, notes = _leaning(read, poses, experiment.gravity)
     else:
         specific_force = experiment.gravity * up(attitude, poses, name)
     turned = specific_force @ rig.imu_rotation.T
-    return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes)
+    attitudes = uncertain(turned, poses, sensor, rig.imu_rotation)
+    return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes, attitudes)
 
 
 def silenced(recording: Recording, quantities: set[str]) -> Recording:
@@ -102,11 +116,13 @@ def silenced(recording: Recording, quantities: set[str]) -> Recording:
     return replace(recording, **units)
 
 
-def _leaning(readings: np.ndarray, poses: Poses, gravity: float) -> tuple[np.ndarray, tuple[str, ...], tuple[str, ...]]:
-    """Specific force from an accelerometer's readings; warnings; what was found of it."""
+def _leaning(
+    readings: np.ndarray, poses: Poses, gravity: float
+) -> tuple[np.ndarray, Accelerometer, tuple[str, ...], tuple[str, ...]]:
+    """Specific force from an accelerometer's readings; what was found of it; warnings; that in words."""
     specific_force, found, warnings = of_accelerometer(readings, poses, gravity)
     offset = f"offset is {_vector(found.offset)} m/s²" if found.fitted else "offset is zero"
-    return specific_force, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
+    return specific_force, found, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
 
 
 def as_recording(
@@ -116,39 +132,80 @@ def as_recording(
     times = np.arange(len(force))
     wrench = WrenchChannel("force and moment", "", times, times, force, moment)
     imu = ImuChannel("angular velocity and acceleration", "", times, times, omega, acceleration)
-    with open(path, "rb") as stream:
-        digest = hashlib.file_digest(stream, "sha256").hexdigest()
-    return BagRecording(Path(path), digest, {}, wrench, imu)
+    return BagRecording(Path(path), sha256(path), {}, wrench, imu)
 
 
 def _of_run(path: str | Path, experiment: Experiment, parts: Sequence[Part]) -> _Wrenches:
     named = any(isinstance(limit, str) for part in parts for limit in part)
-    recorded = load(path, experiment.recording, marks=named)
+    recorded = load(path, experiment.recording, band=SLOW, marks=named)
     run = recorded.run
-    if run.specific_force is None:
-        raise RunError(f"no acceleration in {run.name}: poses need an accelerometer, or a table with their attitude")
-    wanted = resolve(parts, float(run.t[-1]), recorded.marks, run.name) if parts else ((0.0, float(run.t[-1])),)
-    rests = resting(run, wanted)
-    if len(rests) < 3:
+    if run.specific_force is None and recorded.attitude is None:
         raise RunError(
-            f"{len(rests)} poses in {run.name}: hold three or more still for a second, tilted about two axes"
+            f"neither acceleration nor poses in {run.name}: static poses need an accelerometer, a topic of the "
+            "platform's pose, or a table with their attitude"
         )
-    signals = np.hstack([run.force, run.moment, run.specific_force])
-    means = np.array([signals[rest].mean(axis=0) for rest in rests])
-    turn = recorded.rig.imu_rotation
-    poses = experiment.poses or Poses()
-    sensed, warnings, notes = _leaning(means[:, 6:] @ turn, poses, experiment.gravity)
+    wanted = resolve(parts, float(run.t[-1]), recorded.marks, run.name) if parts else ((0.0, float(run.t[-1])),)
+    rests, left_out = _steady(run, resting(run, wanted))
+    if len(rests) < 3:
+        out = f", {len(left_out)} more drift" if left_out else ""
+        raise RunError(
+            f"{len(rests)} poses in {run.name}{out}: hold three or more still for a second, tilted about two axes"
+        )
+    wrench = np.hstack([run.force, run.moment])
+    means = np.array([wrench[rest].mean(axis=0) for rest in rests])
+    specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment)
     seconds = sum(map(len, rests)) / run.rate
     held = f"{len(rests)} still stretches are its poses, {seconds:.1f} s in all"
+    attitudes = uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation)
     return _Wrenches(
-        means[:, :3], means[:, 3:6], sensed @ turn.T, recorded.rig, str(run.sha256),
-        (*run.warnings, *warnings), (held, *notes),
+        means[:, :3], means[:, 3:], specific_force, recorded.rig, str(run.sha256),
+        (*run.warnings, *left_out, *warnings), (held, *notes), attitudes,
     )  # fmt: skip
+
+
+def _lean_of(
+    recorded: Recorded, rests: Sequence[np.ndarray], experiment: Experiment
+) -> tuple[np.ndarray, Accelerometer | None, tuple[str, ...], tuple[str, ...]]:
+    """Specific force of each pose in B, by the accelerometer or else by the recorded poses; see :func:`_leaning`."""
+    run, turn, poses = recorded.run, recorded.rig.imu_rotation, experiment.poses or Poses()
+    if run.specific_force is not None:
+        means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
+        sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
+        return sensed @ turn.T, sensor, warnings, notes
+    assert recorded.attitude is not None  # noqa: S101 - _of_run has seen it
+    t, directions = recorded.attitude
+    found = []
+    for rest in rests:
+        inside = (t >= run.t[rest[0]]) & (t <= run.t[rest[-1]])
+        if not inside.any():
+            raise RunError(f"no attitude in {run.name} between {run.t[rest[0]]:.2f} and {run.t[rest[-1]]:.2f} s")
+        found.append(directions[inside].mean(axis=0))
+    upward = np.array(found)
+    specific_force = experiment.gravity * upward / np.linalg.norm(upward, axis=1, keepdims=True)
+    return specific_force @ turn.T, None, (), ("the z axis of the recorded poses' frame points up",)
+
+
+def _steady(run: Run, rests: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[str, ...]]:
+    """The poses without a drift or creep of their own, and what is said of the others."""
+    if len(rests) < 3:
+        return rests, ()
+    wrench = np.hstack([run.force, run.moment])
+    own, slopes, all_drift = creeping([wrench[rest] for rest in rests], run.rate)
+    said = [
+        f"pose {k + 1} ({run.t[rest[0]]:.1f} to {run.t[rest[-1]]:.1f} s) left out: within it the force changes by "
+        f"{np.linalg.norm(slope[:3]):.2g} N and the moment by {np.linalg.norm(slope[3:]):.2g} N·m"
+        for k, (rest, slope) in enumerate(zip(rests, slopes, strict=True))
+        if own[k]
+    ]
+    if all_drift:
+        said.append("force or moment drift in most poses: let the load cell warm up, or hold the poses for less long")
+    return [rest for rest, drifts in zip(rests, own, strict=True) if not drifts], tuple(said)
 
 
 def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]:
     """Return the usable samples of each still stretch of a second or more within the wanted parts [s]."""
-    found = still(run.rate, run.omega, run.force, run.moment, np.asarray(run.specific_force))
+    others = () if run.specific_force is None else (run.specific_force,)
+    found = still(run.rate, run.omega, run.force, run.moment, *others)
     usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
     rests = []
     for start, stop in wanted:

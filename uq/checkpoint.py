@@ -1,8 +1,9 @@
 """What a long campaign has computed so far, in a folder: one file a stretch of trials, each with its checksum.
 
 ``campaign.json`` says of what campaign the folder is; every part names it by its digest. A part is a line of JSON and
-the estimates as NumPy arrays. Files are written beside their place and moved into it, so that a campaign that is killed
-leaves whole parts only. Nothing is used of a folder in which anything does not fit.
+the estimates as NumPy arrays. Several processes write into one folder, each the trials that it computed. Files are
+written beside their place and moved into it, so that a campaign that is killed leaves whole parts only. Nothing is used
+of a folder in which anything does not fit.
 """
 
 import contextlib
@@ -23,7 +24,7 @@ from uq.document import ExperimentError
 from uq.sources import stream_number
 from uq.trial import TrialEstimates
 
-FORMAT = 1
+FORMAT = 2
 """Version of the files' format."""
 EVERY = 5.0
 """Seconds between two writes."""
@@ -32,14 +33,25 @@ EVERY = 5.0
 class Checkpoint:
     """A folder with the stretches of one campaign that are done."""
 
-    def __init__(self, folder: str | Path, *, say: Callable[[str], None] | None = None, every: float = EVERY) -> None:
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        say: Callable[[str], None] | None = None,
+        every: float = EVERY,
+        processes: int = 1,
+        process: int = 0,
+    ) -> None:
         """Name the folder; nothing is read or written before :meth:`open`.
 
         Args:
             folder: where the parts are kept; made when the first is written.
             say: called with a line where a campaign is resumed.
             every: seconds between two writes.
+            processes: how many share the folder.
+            process: which of them this is; the first locks the folder and tidies it up.
         """
+        self.processes, self.first = processes, process == 0
         self.folder, self.say, self.every = Path(folder), say, every
         self.pending: list[tuple[Path, bytes]] = []
         self.digest, self.written, self.lock = "", 0.0, -1
@@ -53,6 +65,13 @@ class Checkpoint:
             OSError: it cannot be read or written.
         """
         made = [folder for folder in (self.folder, *self.folder.parents) if not folder.exists()]
+        digest, head = _digest(identity), self.folder / "campaign.json"
+        if not self.first:
+            if not head.exists():
+                raise ExperimentError(f"no {head} on this machine: give --out a folder that all processes share")
+            self._compare(head, dict(identity), digest)
+            self.digest, self.written = digest, time.monotonic()
+            return
         self.folder.mkdir(parents=True, exist_ok=True)
         self.lock = os.open(self.folder / "lock", os.O_CREAT | os.O_RDWR, 0o644)
         try:
@@ -61,7 +80,6 @@ class Checkpoint:
             os.close(self.lock)
             self.lock = -1
             raise ExperimentError(f"another campaign writes in {self.folder}: wait for it, or choose another") from None
-        digest, head = _digest(identity), self.folder / "campaign.json"
         if head.exists():
             self._compare(head, dict(identity), digest)
         elif any(self.folder.glob("*.part")):
@@ -79,8 +97,12 @@ class Checkpoint:
         """
         parts: list[TrialEstimates] = []
         done = 0
-        for path in sorted(self.folder.glob(f"{_stem(trajectory)}-*.part")):
+        paths = sorted(self.folder.glob(f"{_stem(trajectory)}-*.part"))
+        for k, path in enumerate(paths):
             header, estimates = self._read(path)
+            if header["first"] > done and header["processes"] > 1:
+                self._forget(paths[k:])  # a process that was lost had more to write
+                break
             if (header["trajectory"], header["first"]) != (trajectory, done):
                 raise ExperimentError(f"a part before {path} is missing: {_delete(self.folder)}")
             done += len(estimates.ok)
@@ -93,6 +115,7 @@ class Checkpoint:
         """Take a stretch; write those that wait if it is time."""
         path = self.folder / f"{_stem(trajectory)}-{first:010d}.part"
         header = {"format": FORMAT, "campaign": self.digest, "trajectory": trajectory, "first": first}
+        header["processes"] = self.processes
         self.pending.append((path, _pack(header, estimates)))
         if time.monotonic() - self.written >= self.every:
             self.flush()
@@ -106,6 +129,8 @@ class Checkpoint:
     def close(self) -> None:
         """Write what waits and leave the folder to others; gone again if there is nothing in it to go on from."""
         if self.lock < 0:
+            if not self.first and self.digest:
+                self.flush()
             return
         try:
             if self.digest:
@@ -122,6 +147,11 @@ class Checkpoint:
         with contextlib.suppress(OSError):
             for folder in self.made[1:]:
                 folder.rmdir()
+
+    def _forget(self, paths: list[Path]) -> None:
+        """Delete parts that nothing leads up to: their trials are run again."""
+        for path in paths if self.first else []:
+            path.unlink()
 
     def _compare(self, head: Path, identity: dict[str, Any], wanted: str) -> None:
         try:

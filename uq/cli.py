@@ -3,9 +3,12 @@
 import argparse
 import importlib
 import keyword
+import os
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
+
+from uq.watch import divide
 
 COMMANDS = {
     "paper": "reproduce the source's Table 2 and figures, beside its printed values",
@@ -30,6 +33,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 done but something is missing, 2 bad input."""
+    by_itself = argv is None
     argv = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -41,6 +45,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"error: unknown command '{name}': choose one of {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
+    if "--distributed" in rest and by_itself:
+        status = divide()
+        if status is not None:
+            return status
+    if "--no-cache" in rest:
+        rest.remove("--no-cache")
+        os.environ["INERTIA_CACHE"] = "off"
     module = importlib.import_module(f"uq.commands.{name}{'_' * keyword.iskeyword(name)}")
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
@@ -63,7 +74,8 @@ def _overview() -> str:
     return (
         "usage: inertia COMMAND [ARGUMENTS]\n\n"
         + "\n".join(lines)
-        + "\n\n'inertia COMMAND --help' explains one command."
+        + "\n\n'inertia COMMAND --help' explains one command. Compiled code is kept in the user's cache folder; with"
+        "\n--no-cache it is not."
     )
 
 

@@ -1,12 +1,16 @@
-"""One trial without samples: the Gram sums themselves are drawn, so nothing grows with the length of the run.
+"""Trials without samples: the Gram sums themselves are drawn, so nothing grows with the length of the run.
 
-A trial depends on the gyro's white noise through some two hundred sums over samples, whose mean and covariance are
-known exactly (:mod:`uq.gram_moments`). Their part linear in the noise is normal; their quadratic part is a sum over all
+A trial depends on the gyro's white noise through some 150 sums over samples, whose mean and covariance are known
+exactly (:mod:`uq.gram_moments`). Their part linear in the noise is normal; their quadratic part is a sum over all
 samples and taken as normal too, which is the only approximation. Given these sums, the load cell's white normal noise
 acts on the right side of the normal equations as one normal vector with the covariance ``Σ Ωᵀ S Ω``.
+
+Unlike other trials these are computed many at a time, the trials on the last axis: they are so small that only whole
+vectors of them keep a processor busy (:mod:`uq.sum_equations`).
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,15 +18,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from identify.gram import Sums, normal_equations, solve_normal, with_offsets
-from identify.regressor import OMEGA_R_OF_FEATURES, cross_matrix
+from identify.dynamics import wrench
+from identify.inertia import Body
+from identify.trajectory import Motion
+from uq import plain_solve, sum_equations
 from uq.distributions import Normal
 from uq.document import ExperimentError
-from uq.errors import Errors, errors_of_cases
-from uq.gram_moments import GramMoments, covariance, gram_moments, mean, own_products, unpack
-from uq.measurement import cell_map
+from uq.errors import Errors, errors_of_cases, perturbed
+from uq.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
+from uq.measurement import OF_THE_GYRO, Columns, cell_map
 from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
-from uq.trial import Case, Setup, TrialEstimates
+from uq.trial import Case, Estimator, TrialEstimates, cases_of, valid_samples
 
 REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
 
@@ -36,59 +42,90 @@ class CollapsedSetup(eqx.Module):
     mixing: tuple[Mixing, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
     mean: Float[Array, "variants products"]
-    """Expected sums; the first variant is without noise of the gyro."""
-    root: Float[Array, "variants products products"]
-    """A square root of their covariance."""
-    variant: Int[np.ndarray, " cases"]
+    """Expected sums of the distinct products; the first variant is without noise of the gyro."""
+    root: Float[Array, "noisy products products"]
+    """A square root of their covariance, for each variant but the first."""
+    variant: Int[Array, " cases"]
     """Which variant acts in each case."""
     cell: Float[Array, "cases 6 6"]
     """Covariance of the load cell's white noise of one sample in each case; force before moment."""
     estimators: int = eqx.field(static=True)
 
 
-def collapse(setup: Setup) -> CollapsedSetup:
-    """Return what collapsed trials need of a prepared run in float64.
+def collapse(
+    motion: Motion,
+    body: Body,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    mixing: Sequence[Mixing] = (),
+) -> CollapsedSetup:
+    """Return what collapsed trials need of a noise-free motion, in float64.
 
     Raises:
         ExperimentError: a source whose effect the sums' moments do not tell.
     """
-    white = [source for source in setup.sources if source.kind == "precision"]
-    other = [source.name for source in white if not isinstance(source.shape, Normal)]
-    if other or setup.whole or setup.columns.time or setup.columns.motion:
-        what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
-        raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
-    gyro = [source for source in white if source.target == "omega"]
-    if any(set(mix.names) & {source.name for source in gyro} for mix in setup.mixing):
-        raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
-    acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in setup.cases]
+    gyro = _check(sources, mixing)
+    cases = cases_of(sources)
+    acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in cases]
     variants = list(dict.fromkeys([(), *acting]))
-    variances = [sum((jnp.asarray(s.sigma) ** 2 for s in gyro if s.name in names), jnp.zeros(3)) for names in variants]
-    means, roots = _means_and_roots(gram_moments(setup), jnp.stack(variances))
+    squares = {source.name: np.broadcast_to(np.square(np.asarray(source.sigma, float)), 3) for source in gyro}
+    variances = np.array([sum((squares[name] for name in names), np.zeros(3)) for names in variants])
+    white = [source for source in sources if source.kind == "precision"]
+    means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
+                                    [e.taps for e in estimators], variances)  # fmt: skip
     return CollapsedSetup(
-        setup.body.r_cg_from_q, setup.sources, setup.mixing, setup.cases, means, roots,
-        np.array([variants.index(names) for names in acting]),
-        jnp.stack([_cell_covariance(white, setup.mixing, case) for case in setup.cases]), len(setup.estimators),
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means, roots,
+        jnp.asarray([variants.index(names) for names in acting]),
+        jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
     )  # fmt: skip
 
 
-@eqx.filter_jit
-def _means_and_roots(moments: GramMoments, variances: Array) -> tuple[Array, Array]:
-    def of_variant(variance):
-        matrix = covariance(moments, variance)
+def _check(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[Source]:
+    """The white noise of omega.
+
+    Raises:
+        ExperimentError: a source whose effect the sums' moments do not tell.
+    """
+    white = [source for source in sources if source.kind == "precision"]
+    other = [source.name for source in white if not isinstance(source.shape, Normal)]
+    columns = Columns.of(sources)
+    if other or perturbed(sources) & OF_THE_GYRO or columns.time or columns.motion:
+        what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
+        raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
+    gyro = [source for source in white if source.target == "omega"]
+    if any(set(mix.names) & {source.name for source in gyro} for mix in mixing):
+        raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
+    return gyro
+
+
+@jax.jit
+def _means_and_roots(
+    omega: Array, alpha: Array, specific_force: Array, body: Body, taps: list[Array], variances: Array
+) -> tuple[Array, Array]:
+    """Expected sums for each variance of omega's noise, and roots of their covariance for all but the first."""
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(body, omega, alpha, specific_force)
+    signals = jnp.concatenate([omega, alphas_of(omega, taps), *true])
+    moments = moments_of_signals(signals, valid_samples(omega.shape[1], [Estimator("", one) for one in taps]), taps)
+    first = np.array(list(distinct_products(len(taps)).values()))
+
+    def root(variance):
+        matrix = covariance(moments, variance)[first[:, None], first]
         scale = jnp.sqrt(jnp.diag(matrix))
         inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
         values, vectors = jnp.linalg.eigh(matrix * jnp.outer(inverse, inverse))
-        return mean(moments, variance), scale[:, None] * vectors * jnp.sqrt(jnp.maximum(values, 0))[None]
+        return scale[:, None] * vectors * jnp.sqrt(jnp.maximum(values, 0))[None]
 
-    return jax.lax.map(of_variant, variances)
+    means = jax.vmap(lambda variance: mean(moments, variance)[first])(variances)
+    return means, jax.lax.map(root, variances[1:])
 
 
-def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Case) -> Float[Array, "6 6"]:
+def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Case) -> Float[np.ndarray, "6 6"]:
     """The covariance of what the case's sources add to one sample of force and moment."""
     active = [source for source in white if source.target in ("F", "M") and source.name in case.sources]
-    total = jnp.zeros((6, 6))
-    spreads = {s.name: jnp.eye(6)[:, 0:3] if s.target == "F" else jnp.eye(6)[:, 3:6] for s in active}
-    spreads = {s.name: spreads[s.name] * jnp.asarray(s.sigma)[None] for s in active}
+    total = np.zeros((6, 6))
+    spreads = {s.name: np.eye(6)[:, 0:3] if s.target == "F" else np.eye(6)[:, 3:6] for s in active}
+    spreads = {s.name: spreads[s.name] * np.asarray(s.sigma)[None] for s in active}
     for source in active:
         total += spreads[source.name] @ spreads[source.name].T
     for mix in mixing:
@@ -97,66 +134,115 @@ def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Ca
         here = [(spreads[name], part) for name, part in parts if name in spreads]
         for one, rows in here:
             for another, columns in here:
-                correlation = jnp.asarray(mix.correlation)[rows, columns]
-                own = jnp.eye(3) if rows == columns else jnp.zeros((3, 3))
+                correlation = np.asarray(mix.correlation)[rows, columns]
+                own = np.eye(3) if rows == columns else np.zeros((3, 3))
                 total += one @ (correlation - own) @ another.T
     return total
 
 
 def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
     """Run one trial on drawn sums; see :func:`uq.trial.trial`."""
+    return jax.tree.map(lambda leaf: leaf[0], collapsed_trials(setup, key, jnp.asarray(index)[None]))
+
+
+def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+    """Run many trials at a time; the result has them on the leading axis."""
+    draws = jax.vmap(lambda index: _draw(setup, key, index), out_axes=-1)(indices)
+    quiet = jnp.broadcast_to(setup.mean[:1, :, None], (1, setup.mean.shape[1], len(indices)))
+    sums = jnp.concatenate([quiet, setup.mean[1:, :, None] + setup.root @ draws.gyro])
+    inertia = jnp.zeros((setup.estimators, len(setup.cases), 6, len(indices)))
+    ok = jnp.zeros((setup.estimators, len(setup.cases), len(indices)), bool)
+    for kind, members in _kinds(setup).items():
+        numbers, cases = (grid.ravel() for grid in np.meshgrid(range(setup.estimators), members, indexing="ij"))
+        found = jax.lax.map(lambda pair, k=kind: _estimates(setup, draws, sums, k, *pair), (numbers, cases))
+        inertia, ok = inertia.at[numbers, cases].set(found[0]), ok.at[numbers, cases].set(found[1])
+    return TrialEstimates(jnp.moveaxis(inertia, -1, 0), jnp.moveaxis(ok, -1, 0))
+
+
+class _Draws(NamedTuple):
+    """What trials draw, the trials on the last axis."""
+
+    errors: Errors
+    """Of each case."""
+    gyro: Float[Array, "products *trials"]
+    """Standard normal numbers for the sums."""
+    cell: Float[Array, "estimators 6 *trials"]
+    """The same for the right sides."""
+
+
+def _draw(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> _Draws:
     draws = draw_constants(setup.sources, setup.mixing, key, index, float)
     errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
-    gyro = [source for source in setup.sources if source.kind == "precision" and source.target == "omega"]
-    sums = setup.mean
-    if gyro:
-        z = jax.random.normal(block_key(stream_number(gyro[0].name), key, index, 0), setup.mean.shape[1:])
-        sums = sums + setup.root @ z
-    cell = [source for source in setup.sources if source.kind == "precision" and source.target in ("F", "M")]
-    noise = jnp.zeros((setup.estimators, 6))
-    if cell:
-        noise = jax.random.normal(block_key(stream_number(cell[0].name), key, index, 0), noise.shape)
-    found = [_estimates(setup, sums[setup.variant], k, noise[k], errors) for k in range(setup.estimators)]
-    return TrialEstimates(jnp.stack([e.inertia for e in found]), jnp.stack([e.ok for e in found]))
+    white = [source for source in setup.sources if source.kind == "precision"]
+    normal = []
+    for targets, shape in ((("omega",), setup.mean.shape[1:]), (("F", "M"), (setup.estimators, 6))):
+        first = [source for source in white if source.target in targets][:1]
+        keys = [block_key(stream_number(source.name), key, index, 0) for source in first]
+        normal.append(jax.random.normal(keys[0], shape) if keys else jnp.zeros(shape))
+    return _Draws(errors, *normal)
 
 
-def _estimates(setup: CollapsedSetup, sums, number: int, noise, errors: Errors):
-    """One estimator's estimates of all cases."""
-    own = sums[:, own_products(setup.estimators, number)]
+class _Kind(NamedTuple):
+    """What cases have in common, so that as little as possible is computed trial by trial."""
 
-    def of_case(sums, errors, cell):
-        plain = unpack(sums, len(OMEGA_R_OF_FEATURES))
-        both = jnp.concatenate([plain.force, plain.moment], axis=1) @ cell_map(errors).T
-        measured = Sums(plain.gram, both[:, :3], both[:, 3:])
-        shifted = with_offsets(measured, errors.gyro_bias, errors.cell_bias[:3], errors.cell_bias[3:])
-        r_cg = setup.r_cg + errors.r_cg
-        matrix, right = normal_equations(shifted, r_cg)
-        return solve_normal(matrix, right + triangular_root(_right_covariance(shifted.gram, cell, r_cg)) @ noise)
-
-    return jax.vmap(of_case)(own, errors, setup.cell)
+    moving: bool
+    """The normal matrix differs from trial to trial, by errors of the gyro."""
+    noisy: bool
+    """The covariance of the load cell's noise differs, by errors of the centre of gravity."""
 
 
-_AXES = np.triu_indices(3)
-_PAIRS = np.einsum("kai,lbj->abijkl", OMEGA_R_OF_FEATURES, OMEGA_R_OF_FEATURES)
-_PAIRS = (_PAIRS + _PAIRS.swapaxes(0, 1))[_AXES] / (1 + np.eye(3)[_AXES])[:, None, None, None, None]
-"""Shape (6, 6, 6, 13, 13): from a Gram matrix to ``Σ Ω_aᵀ Ω_b + Ω_bᵀ Ω_a`` of two axes, or ``Σ Ω_aᵀ Ω_a`` of one."""
+def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
+    found: dict[_Kind, list[int]] = {}
+    for number, case in enumerate(setup.cases):
+        acting = [source for source in setup.sources if source.name in case.sources]
+        moving = any(source.target == "omega" for source in acting)
+        noisy = any(s.kind == "precision" for s in acting) and "r_cg" in perturbed(acting)
+        found.setdefault(_Kind(moving, moving or noisy), []).append(number)
+    return found
 
 
-def _right_covariance(gram, cell, r_cg) -> Float[Array, "6 6"]:
-    """Covariance of ``Ωᵀ(M - r × F)`` for noise of this covariance at each sample."""
-    of_residual = jnp.concatenate([-cross_matrix(r_cg), jnp.eye(3)], axis=1)
-    per_sample = of_residual @ cell @ of_residual.T
-    of_axes = jnp.einsum("pijkl,kl->pij", _PAIRS, gram)
-    return jnp.tensordot(per_sample[_AXES], of_axes, axes=1)
+def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array):
+    """One estimator's estimates of one case, (6, trials), and which could be solved."""
+    errors = jax.tree.map(lambda leaf: leaf[case], draws.errors)
+    own = jnp.asarray(_own(setup.estimators))[number]
+    rows = sums[setup.variant[case], own] if kind.moving else setup.mean[0, own][:, None]
+    known: dict = dict(zip(sum_equations.KEPT, rows, strict=True))
+    if perturbed(setup.sources) & {"cell_scale", "cell_misalignment", "cell_cross_talk"}:
+        known |= _sensed(known, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
+    r_cg = setup.r_cg[:, None] + errors.r_cg
+    known |= sum_equations.residual_sums(known, r_cg, errors.cell_bias)
+    if kind.moving:
+        powers = sum_equations.powers_of(errors.gyro_bias)
+        wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
+        known = {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
+    right = sum_equations.right_side(known)
+    if any(source.kind == "precision" and source.target != "omega" for source in setup.sources):
+        at = r_cg if kind.noisy else setup.r_cg[:, None]
+        weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
+        noise = plain_solve.times_root(sum_equations.weighted_matrix(known, weight), draws.cell[number])
+        right = [one + other for one, other in zip(right, noise, strict=True)]
+    found, ok = plain_solve.solve(sum_equations.normal_matrix(known), right)
+    inertia = jnp.stack(found)
+    ok = ok & jnp.all(jnp.isfinite(inertia), axis=0)
+    return jnp.where(ok[None], inertia, jnp.nan), ok
 
 
-def triangular_root(matrix: Float[Array, "6 6"]) -> Float[Array, "6 6"]:
-    """Return the triangular root of a covariance in plain arithmetic; zero for a zero matrix."""
-    index, columns = np.arange(len(matrix)), []
-    for k in range(len(matrix)):
-        pivot = matrix[k, k]
-        scale = jnp.where(pivot > 0, 1 / jnp.sqrt(jnp.where(pivot > 0, pivot, 1)), 0)
-        column = jnp.where(index >= k, matrix[:, k] * scale, 0)
-        matrix = matrix - jnp.outer(column, column)
-        columns.append(column)
-    return jnp.stack(columns, axis=1)
+def _own(estimators: int) -> np.ndarray:
+    """Where the sums of :data:`uq.sum_equations.KEPT` stand among the distinct products of all estimators."""
+    place = {factors: k for k, factors in enumerate(distinct_products(estimators))}
+
+    def row(factor, number):
+        return factor if factor < 3 else factor + 3 * number if factor < 6 else factor - 3 + 3 * estimators
+
+    return np.array(
+        [[place[tuple(row(f, k) for f in factors)] for factors in sum_equations.KEPT] for k in range(estimators)]
+    )
+
+
+def _sensed(known: dict, cell: Float[Array, "6 6 trials"]) -> dict:
+    """The sums with the wrench, as the load cell sees it."""
+    return {
+        (*phi, 6 + row): plain_solve.total(cell[row, k] * known[(*phi, 6 + k)] for k in range(6))
+        for phi in sum_equations.PHI
+        for row in range(6)
+    }

@@ -91,11 +91,11 @@ def normalised_error(measured: Tensor, expected: Tensor) -> np.ndarray:
 def joint(measured: Tensor, expected: Tensor) -> tuple[float, int, float]:
     """Return ``dᵀ (V + V_ref)⁻¹ d`` of all six components, its degrees of freedom and its probability (chi-squared).
 
-    Directions in which neither is uncertain are left out.
+    Directions in which neither is uncertain, and components that are not determined, are left out.
     """
     deviation, covariance = measured.inertia - expected.inertia, measured.covariance + expected.covariance
     scale = np.sqrt(np.diag(covariance))
-    kept = scale > 0
+    kept = (scale > 0) & np.isfinite(scale)
     if not kept.any():
         return 0.0, 0, 1.0
     correlation = covariance[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept])

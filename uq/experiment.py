@@ -23,9 +23,12 @@ from identify.estimator import EstimatorSpec
 from identify.gravity import normal_gravity
 from identify.inertia import Body
 from identify.inertial import Datum, InertialParameters
-from identify.trajectory import Harmonic, Sphere, Trajectory
+from identify.platform import Platform
+from identify.trajectory import Harmonic, Multisine, Sphere, Trajectory
 from uq.certificate import parse_report
 from uq.document import ExperimentError, Table
+from uq.multisine_table import read_multisine
+from uq.platform_table import GEOMETRIES, DeclaredLimits, parse_geometry, parse_limits
 from uq.poses import Poses, parse_poses
 from uq.recording import Recording, parse_recording
 from uq.source_table import parse_sources
@@ -81,6 +84,10 @@ class Experiment:
     recording: Recording = field(default_factory=Recording)
     poses: Poses | None = None
     """How static poses are declared; None: they are not."""
+    geometry: Platform | None = None
+    """The platform's six legs; None: not stated."""
+    limits: DeclaredLimits | None = None
+    """What the rig can do; None: not stated."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The file's content, for the provenance of results."""
     folder: Path = field(default=Path("."), repr=False)
@@ -140,9 +147,10 @@ class Experiment:
         top = Table("", document)
         poses = top.table("poses", parse_poses) if "poses" in document else None
         r_cg_from_q, mass, inertia = _whole_body(top, stated=poses is None)
-        gravity, r_cg_from_omb = top.table("platform", _platform, {})
+        gravity, r_cg_from_omb, geometry, limits = top.table("platform", _platform, {})
         trajectories = {
-            name: _trajectory(Table(f"trajectory.{name}", value)) for name, value in top.mapping("trajectory").items()
+            name: _trajectory(Table(f"trajectory.{name}", value), Path(folder))
+            for name, value in top.mapping("trajectory").items()
         }
         estimators = top.tables("estimator", _estimator)
         sources, mixing = parse_sources(top, Path(folder))
@@ -166,7 +174,7 @@ class Experiment:
             )
         return cls(
             r_cg_from_q, mass, inertia, gravity, r_cg_from_omb, trajectories, estimators, sources, mixing, recording,
-            poses, document, Path(folder), report=report, **more,
+            poses, geometry, limits, document, Path(folder), report=report, **more,
         )  # fmt: skip
 
     @property
@@ -180,6 +188,17 @@ class Experiment:
             if getattr(self, key) is None:
                 raise ExperimentError(f"missing key body.{key}: a simulation needs it")
         return Body(jnp.asarray(self.mass), jnp.asarray(self.stated_r_cg), jnp.asarray(self.inertia))
+
+    @property
+    def platform(self) -> Platform:
+        """The platform's six legs.
+
+        Raises:
+            ExperimentError: they are not stated.
+        """
+        if self.geometry is None:
+            raise ExperimentError(f"missing key platform.geometry: describe the legs, or name {', '.join(GEOMETRIES)}")
+        return jax.tree.map(jnp.asarray, self.geometry)
 
     @property
     def stated_r_cg(self) -> np.ndarray:
@@ -284,11 +303,13 @@ def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     return r_cg, mass, inertia
 
 
-def _platform(table: Table) -> tuple[float, np.ndarray]:
+def _platform(table: Table) -> tuple[float, np.ndarray, Platform | None, DeclaredLimits | None]:
     gravity = _gravity(table)
     r_cg_from_omb = table.vector("r_cg_from_omb", "m", ["0 m", "0 m", "0 m"])
+    geometry = parse_geometry(table)
+    limits = table.table("limits", parse_limits) if "limits" in table.content else None
     table.finish()
-    return gravity, r_cg_from_omb
+    return gravity, r_cg_from_omb, geometry, limits
 
 
 def _gravity(table: Table) -> float:
@@ -308,36 +329,41 @@ def _of_place(table: Table) -> float:
     return normal_gravity(latitude, height)
 
 
-def _trajectory(table: Table) -> TrajectorySpec:
-    kind = table.choice("kind", ("sphere", "harmonic"))
-    still = table.choice("still", ("cg", "omb"), "cg")
+def _trajectory(table: Table, folder: Path) -> TrajectorySpec:
+    kind = table.choice("kind", ("sphere", "harmonic", "multisine"))
+    still = table.choice("still", ("cg", "omb"), "omb" if kind == "multisine" else "cg")
     duration = table.quantity("duration", "s", positive=True)
     rate = table.quantity("rate", "Hz", positive=True)
-    common = {
-        "angular_velocity": table.quantity("angular_velocity", "rad/s", positive=True),
-        "angular_acceleration": table.quantity("angular_acceleration", "rad/s^2", positive=True),
-        "duration": duration,
-        "ramp": table.quantity("ramp", "s", positive=True),
-    }
-    segment = duration if kind == "sphere" else duration / 3
-    if 2 * common["ramp"] > segment:
+    ramp = table.quantity("ramp", "s", positive=True)
+    segment = duration / 3 if kind == "harmonic" else duration
+    if 2 * ramp > segment:
         raise ExperimentError(
-            f"{table.path('ramp')} is {common['ramp']:g} s: at most half of the {segment:g} s that a motion lasts"
+            f"{table.path('ramp')} is {ramp:g} s: at most half of the {segment:g} s that a motion lasts"
         )
     if duration * rate > MOST_SAMPLES:
         raise ExperimentError(f"{table.where} has more than {MOST_SAMPLES:,} samples: lower duration or rate")
     if round(duration * rate) < 2:
         raise ExperimentError(f"{table.where} has fewer than two samples: raise duration or rate")
-    values = {name: np.array(value) for name, value in common.items()}
-    trajectory: Trajectory
-    if kind == "sphere":
-        precessions = np.array(float(table.typed("precessions", int)))
-        pole = ("b1", "b2", "b3").index(table.choice("pole", ("b1", "b2", "b3"), "b2"))
-        trajectory = Sphere(**values, precessions=precessions, pole=pole)
-    else:
-        trajectory = Harmonic(**values)
+    common = {"duration": np.array(duration), "ramp": np.array(ramp)}
+    trajectory = _multisine(table, folder, common) if kind == "multisine" else _of_the_source(table, kind, common)
     table.finish()
     return TrajectorySpec(trajectory, duration, rate, still)
+
+
+def _of_the_source(table: Table, kind: str, common: Mapping[str, np.ndarray]) -> Trajectory:
+    speeds = {"angular_velocity": "rad/s", "angular_acceleration": "rad/s^2"}
+    values = {**common, **{key: np.array(table.quantity(key, unit, positive=True)) for key, unit in speeds.items()}}
+    if kind == "harmonic":
+        return Harmonic(**values)
+    precessions = np.array(float(table.typed("precessions", int)))
+    pole = ("b1", "b2", "b3").index(table.choice("pole", ("b1", "b2", "b3"), "b2"))
+    return Sphere(**values, precessions=precessions, pole=pole)
+
+
+def _multisine(table: Table, folder: Path, common: Mapping[str, np.ndarray]) -> Multisine:
+    if table.choice("still", ("cg", "omb"), "omb") == "cg":
+        raise ExperimentError(f'{table.path("still")} is "cg": a multisine carries the platform\'s centre, write "omb"')
+    return read_multisine(table.path("amplitudes"), folder / table.typed("amplitudes", str), **common)
 
 
 def _estimator(table: Table) -> EstimatorSpec:

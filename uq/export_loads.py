@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from uq.export_models import commented
-from uq.exported_body import ExportedBody, number, numbers, yaml_number
+from uq.exported_body import ExportedBody, number, numbers
 
 MILLIMETRE = 1e3
 """mm in a metre."""
@@ -54,8 +54,8 @@ def franka(body: ExportedBody) -> str:
     """Return the request of franka_msgs/SetLoad as YAML; ``Robot::setLoad`` takes the same three in this order."""
     entries = body.named
     columns = [entries["i" + "".join(sorted(row + column))] for column in "xyz" for row in "xyz"]
-    centre, inertia = (", ".join(map(yaml_number, part)) for part in (body.r_cg, columns))
-    lines = [f"mass: {yaml_number(body.mass)}", f"center_of_mass: [{centre}]", f"load_inertia: [{inertia}]"]
+    centre, inertia = (numbers(part, ", ") for part in (body.r_cg, np.array(columns)))
+    lines = [f"mass: {number(body.mass)}", f"center_of_mass: [{centre}]", f"load_inertia: [{inertia}]"]
     return "\n".join([*commented(body, "# "), *lines, ""])
 
 

@@ -8,7 +8,7 @@ first (MuJoCo's XML reference, ``inertial``).
 import json
 from xml.sax.saxutils import quoteattr
 
-from uq.exported_body import ExportedBody, number, numbers, yaml_number
+from uq.exported_body import ExportedBody, number, numbers
 
 
 def urdf(body: ExportedBody) -> str:
@@ -66,9 +66,9 @@ def sdf(body: ExportedBody) -> str:
 
 def ros(body: ExportedBody) -> str:
     """Return a geometry_msgs/Inertia as YAML, as ``ros2 topic pub`` takes it; a bare y is a truth value in YAML 1.1."""
-    com = ", ".join(f'"{axis}": {yaml_number(value)}' for axis, value in zip("xyz", body.r_cg, strict=True))
-    entries = [f"{name}: {yaml_number(value)}" for name, value in body.named.items()]
-    return "\n".join([*commented(body, "# "), f"m: {yaml_number(body.mass)}", f"com: {{{com}}}", *entries, ""])
+    com = ", ".join(f'"{axis}": {number(value)}' for axis, value in zip("xyz", body.r_cg, strict=True))
+    entries = [f"{name}: {number(value)}" for name, value in body.named.items()]
+    return "\n".join([*commented(body, "# "), f"m: {number(body.mass)}", f"com: {{{com}}}", *entries, ""])
 
 
 def json_(body: ExportedBody) -> str:

@@ -5,16 +5,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.errors import RunError
-from identify.inertia import principal
 from identify.inertial import PARAMETERS, InertialParameters
 from identify.tables import html_table, text_table
 from uq import export_loads, export_models
 from uq.document import ExperimentError
-from uq.exported_body import ExportedBody
+from uq.exported_body import ExportedBody, principal_axes
 
 FORMATS: Mapping[str, tuple[str, Callable[[ExportedBody], str], str]] = {
     "urdf": ("body.urdf", export_models.urdf, "URDF, a robot of one link"),
@@ -89,29 +87,25 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
         OSError: the folder cannot be written.
     """
     wanted = formats_of(formats)
-    parameters, frame = _parameters(result)
-    mass = float(parameters.mass)
-    if not (np.isfinite(mass) and mass > 0):
-        raise RunError("the mass is not known, and an export needs it: state body.mass, or give --centre")
-    if not np.isfinite(parameters.values).all():
-        raise RunError("centre of gravity or tensor are not finite: identify them before they are exported")
-    _refuse_inadmissible(parameters.inertia)
-    changed = getattr(result, "admissible", None)
-    warnings = (f"the exported tensor is the nearest admissible one, not the plain estimate: {changed}",) * bool(
-        changed
-    )
-    tare = getattr(result, "tare", None)
-    runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
-    runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
-    body = ExportedBody(
-        mass, parameters.r_cg, parameters.inertia, tuple(_notes(parameters, frame, runs, warnings)),
-        {"frame": frame} | _content(parameters, runs, warnings),
-    )  # fmt: skip
+    body, warnings = _body(result)
     contents = {FORMATS[one][0]: FORMATS[one][1](body) for one in wanted}
     made = Exported(contents, wanted, warnings, getattr(result, "provenance", {}))
     if folder is not None:
         made.write(folder)
     return made
+
+
+def _body(result: Any) -> tuple[ExportedBody, tuple[str, ...]]:
+    """What is to be exported, and warnings."""
+    parameters, frame = _parameters(result)
+    _refuse_unfit(parameters)
+    weak, tare = getattr(result, "admissible", None), getattr(result, "tare", None)
+    warnings = () if weak is None else (f"the data are weak and the exported tensor is a fit to bodies: {weak.reason}",)
+    runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
+    runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
+    notes = tuple(_notes(parameters, frame, runs, warnings))
+    content = {"frame": frame} | _content(parameters, runs, warnings)
+    return ExportedBody(float(parameters.mass), parameters.r_cg, parameters.inertia, notes, content), warnings
 
 
 def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
@@ -137,8 +131,12 @@ def _parameters(result: Any) -> tuple[InertialParameters, str]:
     return result.parameters, "body, origin Q (load cell's centre)"
 
 
-def _refuse_inadmissible(inertia: np.ndarray) -> None:
-    low, middle, high = np.asarray(principal(jnp.asarray(inertia))[0])
+def _refuse_unfit(parameters: InertialParameters) -> None:
+    if not parameters.mass > 0:
+        raise RunError("the mass is not known, and an export needs it: state body.mass, or give --centre")
+    if not np.isfinite(parameters.values).all():
+        raise RunError("mass, centre of gravity or tensor are not finite: identify them before they are exported")
+    low, middle, high = principal_axes(parameters.inertia)[0]
     if low <= 0 or low + middle < high * (1 - ROUNDING):
         raise RunError(
             f"no body has this tensor (principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m²), so it is not "
@@ -151,7 +149,7 @@ def _notes(
 ) -> list[str]:
     """The comment: what it is, how uncertain, of which runs; ASCII only, as controllers want it."""
     u = dict(zip(PARAMETERS, parameters.standard_uncertainty, strict=True))
-    known = [f"{name} {value:.3g}" if np.isfinite(value) else f"{name} not known" for name, value in u.items()]
+    known = [f"{name} {value:.3g}" if value > 0 else f"{name} not stated" for name, value in u.items()]
     lines = [
         f"Written by inertia-uq. Tensor about the centre of gravity. Frame: {frame}.",
         f"Standard uncertainties in kg, m, kg*m^2: {', '.join(known)}",
@@ -171,7 +169,9 @@ def _content(
         return float(value) if np.isfinite(value) else None
 
     return {
-        "standard_uncertainty": dict(zip(PARAMETERS, map(known, parameters.standard_uncertainty), strict=True)),
+        "standard_uncertainty": {
+            name: known(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)
+        },
         "covariance": {"order": list(PARAMETERS), "values": [[known(x) for x in row] for row in parameters.covariance]},
         "runs": [{"file": file, "sha256": sha} for file, sha in runs],
         "warnings": list(warnings),

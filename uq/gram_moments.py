@@ -17,10 +17,14 @@ import numpy as np
 from jax.scipy.signal import fftconvolve
 from jaxtyping import Array, Float
 
+from identify.differentiate import derivative
 from identify.gram import Sums, sums_of
 from identify.regressor import features
 from uq.trial import SHARED, Setup
-from uq.wick import WHITE, Kernel, Monomial, Term, correlations, terms
+from uq.wick import WHITE, Kernel, Monomial, Term, correlations, summed_products, terms
+
+SHORT = 16
+"""Length of a kernel up to which its terms are summed one by one, which is then faster than by Fourier transforms."""
 
 
 class GramMoments(eqx.Module):
@@ -62,6 +66,15 @@ def own_products(estimators: int, number: int) -> np.ndarray:
     where[row, column] = np.arange(len(row))
     wrench = len(row) + np.arange(6 * everything).reshape(everything, 6)
     return np.concatenate([where[np.ix_(own, own)][_upper(len(own))], wrench[own].ravel()])
+
+
+@cache
+def distinct_products(estimators: int) -> dict[Monomial, int]:
+    """Return where each product of signals stands first among those of :func:`pack`; some of these are the same."""
+    found: dict[Monomial, int] = {}
+    for number, product in enumerate(summed_products(estimators)):
+        found.setdefault(next(signals for signals, noise in product if not noise), number)
+    return found
 
 
 class _Layout(NamedTuple):
@@ -125,6 +138,12 @@ def moments_of_signals(
     return _visit(signals, valid, _responses(taps), chunk)
 
 
+@jax.jit
+def alphas_of(omega: Float[Array, "3 n"], taps: Sequence[Array]) -> Float[Array, "alphas n"]:
+    """Return every differentiator's alpha of omega [rad/s²], three rows each; zero where it has none."""
+    return jnp.concatenate([jnp.pad(derivative(omega, one), ((0, 0), (len(one),) * 2)) for one in taps])
+
+
 def _responses(taps: Sequence[Array]) -> Float[Array, "estimators lags"]:
     """Each differentiator's antisymmetric response over lags -2h … 2h, h the longest's reach."""
     reach = max(map(len, taps))
@@ -150,7 +169,7 @@ def _visit(signals: Array, valid: Array, responses: Array, chunk: int) -> GramMo
         for kernel, (of_rows, of_columns) in needed.items():
             other = inner[of_columns]
             if kernel != WHITE:
-                other = jax.vmap(fftconvolve, (0, None, None))(wide[of_columns], kernels[kernel], "valid")
+                other = _convolved(wide[of_columns], kernels[kernel])
             found.append(inner[of_rows] @ other.T)
         return jax.tree.map(jnp.add, carry, found), None
 
@@ -161,6 +180,15 @@ def _visit(signals: Array, valid: Array, responses: Array, chunk: int) -> GramMo
     omega, of_estimators, wrench = jnp.split(signals * valid[None], [3, 3 + 3 * estimators])
     phi = jnp.concatenate([features(omega, omega)[:SHARED] * valid[None], of_estimators])
     return GramMoments(pack(sums_of(phi, wrench[:3], wrench[3:])), totals, correlated, alphas)
+
+
+def _convolved(rows: Float[Array, "rows n"], kernel: Float[Array, " lags"]) -> Float[Array, "rows inner"]:
+    """Convolve rows with a kernel of odd length, where it fits: term by term if it is short."""
+    lags = len(kernel)
+    if lags > SHORT:
+        return jax.vmap(fftconvolve, (0, None, None))(rows, kernel, "valid")
+    size = rows.shape[1] - lags + 1
+    return sum(kernel[lags - 1 - k] * rows[:, k : k + size] for k in range(lags))  # type: ignore[return-value]
 
 
 def _monomials(rows: Array, monomials: tuple[Monomial, ...]) -> Array:

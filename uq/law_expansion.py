@@ -41,15 +41,21 @@ class TrueSums(NamedTuple):
         return TrueSums(self.gram[index[:, None], index], self.wrench[index])
 
 
-class Ground(eqx.Module):
-    """One run summed up: everything that the law needs of it, whatever the size of the errors."""
+class Quiet(eqx.Module):
+    """One run without noise, summed up: everything that constant errors of any size need of it."""
 
     body: Body
     platform: Platform
     sums: tuple[TrueSums, TrueSums, TrueSums]
     """Sums, and their first and second derivatives by a delay of the gyro [1/s, 1/s²]."""
-    moments: GramMoments
     columns: Columns = eqx.field(static=True)
+
+
+class Ground(eqx.Module):
+    """One run summed up: everything that the law needs of it, whatever the size of the errors."""
+
+    quiet: Quiet
+    moments: GramMoments
 
 
 class Point(NamedTuple):
@@ -84,13 +90,14 @@ def expand_at(ground: Ground, estimator: Index, point: Point, directions: Float[
     """
 
     def equations(z):
-        return _equations(ground, estimator, point.errors + directions @ z, point.variance)
+        of_alpha = ground.moments.alphas[estimator, estimator]
+        return equations_of(ground.quiet, estimator, point.errors + directions @ z, point.variance, of_alpha)
 
     def estimate(z):
-        return _solve(equations(z))
+        return tensor_of(equations(z))
 
     zero = jnp.zeros(directions.shape[1])
-    jacobian, by_equations = _twice(estimate, zero), _twice(_solve, equations(zero))
+    jacobian, by_equations = _twice(estimate, zero), _twice(tensor_of, equations(zero))
     return Expansion(estimate(zero), *jacobian, *by_equations)
 
 
@@ -105,7 +112,8 @@ def _twice(function: Callable[[Array], Array], at: Array) -> tuple[Array, Array]
     return jacobian, hessian
 
 
-def _solve(equations: Float[Array, "27"]) -> Float[Array, "6"]:
+def tensor_of(equations: Float[Array, "27"]) -> Float[Array, "6"]:
+    """Return the estimate from packed normal equations."""
     upper = jnp.zeros((6, 6)).at[TRIANGLE].set(equations[:21])
     return solve_normal(upper + jnp.triu(upper, 1).T, equations[21:]).inertia
 
@@ -115,17 +123,27 @@ def _packed(sums: Sums, r_cg: Array) -> Float[Array, "27"]:
     return jnp.concatenate([matrix[TRIANGLE], right])
 
 
-def _equations(ground: Ground, estimator: Index, errors: Array, variance: Array) -> Float[Array, "27"]:
-    """Normal equations of a run with these errors, of its sums as they are expected under the noise."""
+def equations_of(
+    run: Quiet, estimator: Index, errors: Float[Array, " e"], variance: Float[Array, "3"], of_alpha: Float[Array, ""]
+) -> Float[Array, "27"]:
+    """Return the packed normal equations of a run with these errors, of its sums as the noise makes one expect them.
+
+    Args:
+        run: without noise.
+        estimator: its number.
+        errors: :class:`uq.errors.Errors` raveled.
+        variance: of omega's white noise [rad²/s²].
+        of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
+    """
     present: Errors = _unravel(errors)
     delay = present.gyro_delay
-    of_delay = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *ground.sums)
-    expected = expected_sums(of_delay.own(estimator), variance, ground.moments.alphas[estimator, estimator])
+    of_delay = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *run.sums)
+    expected = expected_sums(of_delay.own(estimator), variance, of_alpha)
     elements = element_map(present, whole=True)
-    measured = expected.wrench @ ground.columns.map(ground.body, ground.platform, present).T
+    measured = expected.wrench @ run.columns.map(run.body, run.platform, present).T
     measured = measured + jnp.outer(expected.gram[:, 0], present.cell_bias)
     sums = Sums(elements @ expected.gram @ elements.T, elements @ measured[:, :3], elements @ measured[:, 3:])
-    return _packed(sums, ground.body.r_cg_from_q + present.r_cg)
+    return _packed(sums, run.body.r_cg_from_q + present.r_cg)
 
 
 def _unravel(errors: Array) -> Errors:

@@ -7,10 +7,12 @@ enters :class:`uq.errors.Errors`, which is linear. Noise is white, with a varian
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
 
 from uq.distributions import Empirical, StudentT
 from uq.document import ExperimentError
@@ -83,7 +85,7 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
     sets += [np.array([k]) for k in np.flatnonzero(~in_rows)]
     joint = np.array([np.isin(np.arange(len(owner)), members) for members in sets], float)
     return Constants(
-        _linear_map(constant, sizes),
+        np.asarray(_linear_map(constant)),
         np.array([source.name for source in constant])[owner] if constant else np.zeros(0, str),
         np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
         np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
@@ -102,13 +104,16 @@ def _rows(source: Source) -> bool:
     return isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2
 
 
-def _linear_map(constant: Sequence[Source], sizes: Sequence[int]) -> np.ndarray:
+@eqx.filter_jit
+def _linear_map(constant: Sequence[Source]) -> Array:
+    sizes = [int(np.prod(np.shape(source.sigma))) for source in constant]
+
     def errors(numbers):
         parts = jnp.split(numbers, np.cumsum(sizes)[:-1]) if constant else []
         draws = {s.name: part.reshape(np.shape(s.sigma)) for s, part in zip(constant, parts, strict=True)}
         return ravel_pytree(errors_of(constant, draws) if constant else no_errors())[0]
 
-    return np.asarray(jax.jacfwd(errors)(jnp.zeros(sum(sizes))))
+    return jax.jacfwd(errors)(jnp.zeros(sum(sizes)))
 
 
 def _correlation(constant: Sequence[Source], sizes: Sequence[int], mixing: Sequence[Mixing]) -> np.ndarray:

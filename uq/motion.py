@@ -73,6 +73,18 @@ def motion(bag: Recording, declared: Declared, instants: np.ndarray, *, band: fl
     return Motion(found.imu, found.noise, found.notes, (warning,))
 
 
+def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
+    """Return the upward direction that recorded poses tell, in the frame of their sensor, (n, 3); None: there are none.
+
+    A pose takes components in the sensor's frame to those in its reference frame, whose z is up (REP 103).
+    """
+    if isinstance(source, ImuChannel) or source.orientation is None:
+        return None
+    x, y, z, w = source.orientation.T
+    up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    return up / np.linalg.norm(up, axis=1, keepdims=True)
+
+
 def _of_pose(source: MotionChannel, declared: Declared, instants: np.ndarray, name: str, band: float | None) -> Motion:
     if declared.angular_velocity_unit is not None:
         raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")

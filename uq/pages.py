@@ -89,7 +89,8 @@ def _centre(result: Centre) -> Page:
     return Page(
         "Mass and centre of gravity of a body",
         [f"From static poses, by least squares: {result.title()}; local gravity {result.gravity:.6g} m/s². "
-         "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty."],
+         "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty.",
+         *(f"{text[0].upper()}{text[1:]}." for text in result.findings())],
         result.warnings,
         [Table("Centre of gravity and offsets", *result.rows())],
         [Drawing("residuals", residuals(result), "What each pose leaves unexplained.")],

@@ -8,12 +8,14 @@ from typing import Literal
 import numpy as np
 
 from identify.accelerometer import Accelerometer, calibrate
+from identify.centre import Attitudes
 from identify.frames import from_quaternion, nearest_rotation
 from identify.run import RunError
 from uq.columns import Columns, parse_columns
 from uq.document import ExperimentError, Table
 
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
+SIGMAS = {"sigma_attitude": "rad", "sigma_alignment": "rad", "sigma_accelerometer": "m/s^2"}
 SIGNALS: Mapping[str, int | Sequence[str]] = {
     "force": 3,
     "moment": 3,
@@ -35,6 +37,12 @@ class Poses:
     """Which components a matrix or quaternion takes to which; the level frame's z is up."""
     accelerometer: Literal["offset", "scale"] | None = None
     """What is found of the accelerometer before its attitudes are used; None: the offset where the poses allow it."""
+    sigma_attitude: float = 0.0
+    """Standard uncertainty of each pose's own tilt [rad], beside what the residuals show."""
+    sigma_alignment: float = 0.0
+    """Standard uncertainty of the attitude sensor's axes against the load cell's, on each axis [rad]."""
+    sigma_accelerometer: float = 0.0
+    """Standard uncertainty of the accelerometer's offset where the poses do not find it [m/s²]."""
 
 
 def parse_poses(table: Table) -> Poses:
@@ -47,6 +55,7 @@ def parse_poses(table: Table) -> Poses:
     attitudes = [key for key in ATTITUDES if key in columns.names]
     takes = table.choice("takes", ("sensor_to_level", "level_to_sensor"), None)
     accelerometer = table.choice("accelerometer", ("offset", "scale"), None)
+    sigmas = {key: _sigma(table, key, unit) for key, unit in SIGMAS.items()}
     table.finish()
     if len(attitudes) > 1:
         raise ExperimentError(f"{table.where} tells the attitude by {' and '.join(attitudes)}: name one of them")
@@ -57,7 +66,36 @@ def parse_poses(table: Table) -> Poses:
     attitude = attitudes[0] if attitudes else None
     if attitude in ("matrix", "quaternion") and takes is None:
         raise ExperimentError(f'missing key {table.path("takes")}: write "sensor_to_level" or "level_to_sensor"')
-    return Poses(columns, attitude, takes, accelerometer)  # type: ignore[arg-type]
+    return Poses(columns, attitude, takes, accelerometer, **sigmas)  # type: ignore[arg-type]
+
+
+def _sigma(table: Table, key: str, unit: str) -> float:
+    value = float(table.quantity(key, unit, 0.0))
+    if value < 0:
+        raise ExperimentError(f"{table.path(key)} is {table.content[key]!r}: write a standard uncertainty")
+    return value
+
+
+def uncertain(specific_force: np.ndarray, poses: Poses, of_sensor: Accelerometer | None, turn: np.ndarray) -> Attitudes:
+    """Return how far attitudes may be off.
+
+    Args:
+        specific_force: of each pose, in B [m/s²].
+        poses: what is declared of the attitudes.
+        of_sensor: the accelerometer that told them; None: something else did.
+        turn: R with body = R · the attitude's sensor.
+    """
+    gravity = np.linalg.norm(specific_force, axis=1)[:, None, None]
+    axes = np.broadcast_to(poses.sigma_alignment * np.eye(3), (len(specific_force), 3, 3))
+    turned = np.cross(axes, specific_force[:, None], axis=2).transpose(0, 2, 1)
+    columns, lasting = [turned] * (poses.sigma_alignment > 0), 3 * (poses.sigma_alignment > 0)
+    if of_sensor is not None:
+        known = of_sensor.covariance if of_sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
+        values, vectors = np.linalg.eigh(known)
+        up = specific_force[:, :, None] / gravity
+        across = np.eye(3) - up * up.transpose(0, 2, 1)
+        columns.append(-across @ (turn @ (vectors * np.sqrt(np.maximum(values, 0)))) / of_sensor.gain)
+    return Attitudes(poses.sigma_attitude, np.concatenate(columns, axis=2) if columns else None, lasting)
 
 
 def up(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:

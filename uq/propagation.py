@@ -14,17 +14,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from identify.differentiate import derivative
 from identify.precision import check_precision
 from identify.trajectory import Motion
 from uq import gram_moments as moments_of
 from uq.campaign import distinct, fitted_estimators, platform_of, true_motion
 from uq.errors import perturbed
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
-from uq.gram_moments import moments_of_signals, own_products
+from uq.gram_moments import alphas_of, moments_of_signals, own_products
 from uq.law_expansion import (
     Ground,
     Point,
+    Quiet,
     TrueSums,
     expand_at,
     of_wrench_noise,
@@ -123,7 +123,7 @@ def _ground(
     columns, platform = Columns.of(experiment.sources), platform_of(experiment, spec)
     wrench = columns.sampled(experiment.body, motion)
     taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
-    alphas = _alphas(motion.omega, taps)
+    alphas = alphas_of(motion.omega, taps)
     moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
     t = motion.t - motion.t[0]
 
@@ -144,17 +144,12 @@ def _ground(
         {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
     )
     anyhow = eqx.tree_at(lambda p: p.trajectory, platform, None)  # its kind would make another compiled law of it
-    return Ground(experiment.body, anyhow, (now, first, second), moments, columns), peaks
-
-
-@jax.jit
-def _alphas(omega: Array, taps: Sequence[Array]) -> Float[Array, "alphas n"]:
-    return jnp.concatenate([jnp.pad(derivative(omega, one), ((0, 0), (len(one),) * 2)) for one in taps])
+    return Ground(Quiet(experiment.body, anyhow, (now, first, second), columns), moments), peaks
 
 
 @jax.jit
 def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequence[Array]) -> TrueSums:
-    phi = jnp.concatenate([true_elements(omega, omega, t), _alphas(omega, taps)]) * valid[None]
+    phi = jnp.concatenate([true_elements(omega, omega, t), alphas_of(omega, taps)]) * valid[None]
     return TrueSums(phi @ phi.T, phi @ wrench.T)
 
 
@@ -252,7 +247,7 @@ def _evaluate(
         wrench: covariance of the load cell's noise in each case.
         freedom: how well the standard deviations are known.
     """
-    nominal = jnp.asarray(ground.body.inertia)
+    nominal = jnp.asarray(ground.quiet.body.inertia)
 
     def of_case(estimator, index, variant, correlation, wrench):
         equations, expansions, scatter = estimator
@@ -267,7 +262,7 @@ def _evaluate(
         return errors[0], about.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
 
     def of_estimator(estimator):
-        equations = to_equations(jnp.asarray(ground.body.r_cg_from_q))
+        equations = to_equations(jnp.asarray(ground.quiet.body.r_cg_from_q))
         expansions = jax.lax.map(lambda point: expand_at(ground, estimator, point, directions), points)
         scatter = jax.lax.map(lambda variance: _scatter(ground, estimator, variance, equations), variances)
         cases = jax.vmap(of_case, (None, 1, 0, 0, 0))

@@ -26,7 +26,7 @@ from uq.declared import Rig, declared
 from uq.devices import about
 from uq.experiment import Experiment
 from uq.measured_noise import noise_warnings
-from uq.motion import motion
+from uq.motion import motion, upward
 from uq.mountings import check_count, labelled
 from uq.parts import Part, cut, on_clock
 from uq.provenance import provenance
@@ -47,6 +47,8 @@ class Recorded:
     """What neither the experiment nor the run's metadata says."""
     rig: Rig
     """How its channels became force, moment and motion in B."""
+    attitude: tuple[np.ndarray, np.ndarray] | None = None
+    """Instants [s] and upward direction in the sensor's frame (n, 3), where poses were recorded."""
 
 
 def load_run(path: str | Path, recording: Recording | None = None) -> Run:
@@ -78,6 +80,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
     times, said = instants((bag.wrench, bag.motion), recording.time)
     told = motion(bag, recording, times[1], band=band)
+    posed = (times[1], upward(bag.motion))
     if told.imu is not bag.motion:
         bag = replace(bag, motion=told.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
@@ -99,6 +102,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
         (*rig.assumptions, *told.notes),
         rig,
+        None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
     )
 
 
@@ -252,6 +256,9 @@ def identify_files(
 
 
 def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
+    """What the run's residuals follow; not of a method that turns and delays the signals before it fits them."""
+    if result.method == "joint" or result.seen is not None:
+        return ()
     return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
 
 

@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from identify.inertia import COMPONENTS, parallel_axis, rotate
 from identify.inertial import InertialParameters
+from identify.precision import check_precision
 from identify.trajectory import exponential
 from uq.distributions import Distribution
 from uq.document import ExperimentError, Table
@@ -84,6 +85,7 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
     Raises:
         ExperimentError: it is not a reference body.
     """
+    warned = check_precision("float64")
     top, quantities = Table("", document), Quantities({})
     if ("part" in document) == ("cad" in document):
         raise ExperimentError("a reference body has either [[part]] (a drawing) or [cad] (its report): write one")
@@ -100,7 +102,7 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
     wrong = _impossible(parameters, name)
     if wrong and not about:
         raise ExperimentError(f"{wrong}: check holes and masses")
-    warnings = (f"{wrong} as its report is read: check about, products and units",) if wrong else ()
+    warnings = (*warned, *([f"{wrong} as its report is read: check about, products and units"] if wrong else []))
     origin = np.array([quantities.best(f"frame.origin[{k}]") for k in range(3)])
     kind: Literal["drawing", "CAD report"] = "CAD report" if about else "drawing"
     said = {"about": about or "CG", "products": products or "tensor"}

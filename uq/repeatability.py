@@ -114,7 +114,7 @@ def scatter_verdict(
 ) -> ScatterVerdict:
     """Say whether the stated noise describes a rig's repeatability.
 
-    If it does, ``(k - 1) s²/σ²`` of a component is chi-squared with k - 1 degrees of freedom (GUM H.3.6, E.4.3), where
+    If it does, ``(k - 1) s²/σ²`` of a component is chi-squared with k - 1 degrees of freedom (see GUM E.4.3), where
     σ holds only what is drawn anew in each repeat: no calibration that the repeats share.
 
     Args:

@@ -95,8 +95,9 @@ def prepare_any(
         raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
     if needs_samples(sources, mixing):
         return prepare_samples(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype)
-    setup = prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
-    return collapse(setup) if sampling == "collapsed" else setup
+    if sampling == "collapsed":
+        return collapse(motion, body, sources, estimators, mixing=mixing)
+    return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
 
 
 def any_trial(setup: AnySetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:

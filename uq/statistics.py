@@ -34,7 +34,7 @@ class Statistics:
             return cls(errors.mean(0) if n else nothing, nothing, nothing, nothing)
         mean = errors.mean(0)
         variance = errors.var(0, ddof=1)
-        fourth = ((errors - mean) ** 4).mean(0)
+        fourth = np.square(np.square(errors - mean)).mean(0)
         of_variance = np.maximum(fourth - variance**2 * (n - 3) / (n - 1), 0) / n
         with np.errstate(invalid="ignore", divide="ignore"):
             of_sigma = np.where(variance > 0, np.sqrt(of_variance) / (2 * np.sqrt(variance)), 0.0)

@@ -79,6 +79,9 @@ class Problem(eqx.Module):
         return (frozenset(), names - self.anew, self.anew, *(frozenset([source.name]) for source in self.sources))
 
 
+UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
+
+
 class Systematic(NamedTuple):
     """What the systematic sources do to a pooled tensor."""
 
@@ -118,8 +121,10 @@ def with_declared_sources(
         ExperimentError: ``anew`` names no constant source, or one that is correlated with another that is not named.
         RunError: a declared delay takes more than half of a run.
     """
+    if result.seen is not None:
+        return replace(result, warnings=(*result.warnings, UNDETERMINED))
     found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
-    if result.pooling is None:
+    if result.pooling is None or result.admissible is not None:
         return _widened(result, found)
     together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
     if not found.sources:
@@ -136,7 +141,8 @@ def with_declared_sources(
         budget=budget_of(together, {name: errors.std(axis=0) for name, errors in found.alone.items()}),
         diagnostics={
             **result.diagnostics,
-            **_diagnostics(result, together, covariance, of_sources, (low, high), trials),
+            **_diagnostics(together, covariance, of_sources, (low, high)),
+            "declared_sources": {"trials": trials, "seed": seed},
         },
     )
 
@@ -218,12 +224,12 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
 
     The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
     """
-    estimated = ESTIMATED.get(getattr(result, "method", "source"), frozenset())
+    estimated = ESTIMATED.get(result.method, frozenset())
     sources = [
         s for s in experiment.sources if s.constant and s.target not in HELD and (s.target, s.kind) not in estimated
     ]
     mixing = list(experiment.mixing)
-    if result.pooling is None:  # the estimator holds the centre's uncertainty
+    if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already
         sources = [s for s in sources if s.target != "r_cg"]
         names = {source.name for source in sources}
         return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
@@ -332,12 +338,10 @@ def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str,
 
 
 def _diagnostics(
-    result: Identification,
     together: Pooling,
     covariance: np.ndarray,
     of_sources: np.ndarray,
     ends: tuple[np.ndarray, np.ndarray],
-    trials: int,
 ) -> dict[str, Any]:
     """What the covariance is made of; effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
     combined, own = np.diag(covariance), np.diag(together.covariance)
@@ -348,5 +352,4 @@ def _diagnostics(
         "effective_degrees_of_freedom": np.minimum(freedom, 1e9).tolist(),
         "coverage_factor": ((ends[1] - ends[0]) / 2 / np.sqrt(np.maximum(combined, 1e-300))).tolist(),
         "scatter_between_runs": together.excess.tolist(),
-        "trials_of_declared_sources": trials,
     }

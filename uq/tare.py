@@ -58,14 +58,18 @@ def tare_files(
         if not np.isfinite(experiment.fixture.inertia).all():
             raise ExperimentError("no fixture.inertia: state it, or name runs of the empty platform with --tare")
         return tared(result, experiment.fixture)
+    loaded = {run.sha256 for run in result.runs}
     alone = fixture_alone(experiment, tare_centre)
     empty = identify_files(paths, alone, estimator=estimator, offsets=offsets, centre=tare_centre)
+    if both := [run.file for run in empty.runs if run.sha256 in loaded]:
+        raise RunError(f"{both[0]} is both loaded and empty: name the runs of the empty platform after --tare")
     if tare_centre is None:
         fixture = experiment.fixture
         assert fixture is not None  # noqa: S101 - fixture_alone has seen it
         empty = replace(empty, mass_uncertainty=float(fixture.standard_uncertainty[0]))
-    both = None if centre is None or tare_centre is None else (load_centre(centre), load_centre(tare_centre))
-    return tared(result, empty, cross=None if both is None else lasting_errors(result, empty, *both))
+    if centre is None or tare_centre is None:
+        return tared(result, empty)
+    return tared(result, empty, cross=lasting_errors(result, empty, load_centre(centre), load_centre(tare_centre)))
 
 
 def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Experiment:
@@ -113,6 +117,7 @@ def tared(
     whole = result.parameters
     body = subtract(whole, part, cross)
     half = _half_width(result, empty, body)
+    middle = body.inertia + _shift(result) - (_shift(empty) if isinstance(empty, Identification) else 0.0)
     own = empty.warnings if isinstance(empty, Identification) else ()
     runs = tuple((run.file, run.sha256) for run in empty.runs) if isinstance(empty, Identification) else ()
     before = "fixture" if runs else "stated fixture"
@@ -123,7 +128,7 @@ def tared(
         sigma_r_cg=body.standard_uncertainty[1:4],
         inertia=body.inertia,
         covariance=body.covariance[4:, 4:],
-        interval95=np.stack([body.inertia - half, body.inertia + half], axis=1),
+        interval95=np.stack([middle - half, middle + half], axis=1),
         bias=result.bias - (empty.bias if isinstance(empty, Identification) else 0.0),
         mass_uncertainty=float(body.standard_uncertainty[0]),
         mass_covariance=body.covariance[0, 1:],
@@ -171,6 +176,11 @@ def _half_width(
     factors = [_factor(result), _factor(empty) if isinstance(empty, Identification) else np.full(6, NORMAL)]
     square = factors[0] ** 2 * alone[0] + factors[1] ** 2 * alone[1] + NORMAL**2 * common
     return np.sqrt(np.maximum(square, 0.0))
+
+
+def _shift(result: Identification) -> np.ndarray:
+    """How far the middle of a result's intervals is from its value: expected errors of declared sources."""
+    return result.interval95.mean(axis=1) - result.inertia
 
 
 def _factor(result: Identification) -> np.ndarray:

@@ -14,16 +14,18 @@ from tqdm import tqdm
 
 from identify.run import RunError
 from rig.errors import RigError
+from uq.compiled import keep_compiled
 from uq.experiment import ExperimentError
 
 ERRORS = (ExperimentError, RunError, RigError)
 
 
 def start_jax() -> None:
-    """Switch on float64 and let each processor be a device of its own; before the first array is made."""
+    """Switch on float64, keep what is compiled, let each processor be a device; before the first array is made."""
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+    keep_compiled()
 
 
 @contextlib.contextmanager
@@ -92,14 +94,26 @@ def whole_number(text: str) -> int:
     return number
 
 
+def say(line: str) -> None:
+    """Print a line that is no result."""
+    print(line, file=sys.stderr)
+
+
 class ProgressBar:
     """A progress bar on a terminal, nothing elsewhere: a context manager to be called with name, done, asked."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, silent: bool = False) -> None:
+        """Name what shows no bar: ``silent``, or no terminal."""
         self.bar: tqdm | None = None
+        self.silent = silent or not sys.stderr.isatty()
+
+    def print(self, line: str) -> None:
+        """Print a line of results above the bar, at once."""
+        tqdm.write(line, file=sys.stdout)
+        sys.stdout.flush()
 
     def __call__(self, name: str, done: int, asked: int) -> None:
-        if not sys.stderr.isatty():
+        if self.silent:
             return
         if self.bar is None or self.bar.desc != name:
             self.close()

@@ -1,13 +1,13 @@
 """``inertia montecarlo``: any body, platform, sensors and trajectory."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from uq.budget_result import BudgetResult
-from uq.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, montecarlo
+from uq.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
 from uq.checkpoint import Checkpoint
-from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
+from uq.commands._cluster import add_cluster_options, kept_in, together
+from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
 from uq.experiment import Experiment, ExperimentError
 from uq.law_validation import law_report
 from uq.propagation import law
@@ -15,9 +15,6 @@ from uq.source_budget import budget
 from uq.units import UnitError, quantity
 
 __all__ = ["ERRORS", "configure", "run"]
-
-CHECKPOINT = "checkpoint"
-"""Folder in the output folder that keeps what is done until the result is written."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
     )
+    add_cluster_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -57,41 +55,52 @@ def run(arguments: argparse.Namespace) -> int:
     goal = _goal(arguments)
     if arguments.budget is not None and arguments.budget < 2:
         raise ExperimentError(f"--budget is {arguments.budget}: ask for two pairs of trials or more")
+    if arguments.budget is not None and arguments.distributed:
+        raise ExperimentError("--budget is for one process: leave out --distributed, or make the budget by itself")
     start_jax()
+    with together(arguments) as speaks:
+        return _run(arguments, goal, speaks)
+
+
+def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
     experiments = Experiment.load_bodies(arguments.experiment)
     asked = experiments if arguments.law else {}
     laws = {name: law(e, arguments.trajectory, arguments.estimator) for name, e in asked.items()}
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
         checkpoints = {
-            name: None if folder is None else Checkpoint(folder / CHECKPOINT, say=_say)
-            for name, folder in folders.items()
+            name: None if folder is None else checkpoint_of(kept_in(folder), say) for name, folder in folders.items()
         }
         try:
             results = {
-                name: _campaign(arguments, name, experiment, checkpoints[name], goal)
+                name: _campaign(arguments, name, experiment, checkpoints[name], goal, speaks)
                 for name, experiment in experiments.items()
             }
             more = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
         except KeyboardInterrupt:
-            if out is None:
+            if out is None or arguments.distributed:
                 raise
-            _say("error: interrupted; the same command goes on from there")
+            say("error: interrupted; the same command goes on from there")
             return 130
-        for name, result in results.items():
+        for name, result in results.items() if speaks else ():
             _finish(name, result, folders[name], more[name])
             if name in laws:
                 print(law_report(laws[name], result))
-        for checkpoint in checkpoints.values():
+        for checkpoint in checkpoints.values() if speaks else ():
             if checkpoint is not None:
                 checkpoint.remove()
     return 0
 
 
 def _campaign(
-    arguments: argparse.Namespace, name: str, experiment: Experiment, checkpoint: Checkpoint | None, goal: dict
+    arguments: argparse.Namespace,
+    name: str,
+    experiment: Experiment,
+    checkpoint: Checkpoint | None,
+    goal: dict,
+    speaks: bool,
 ) -> MonteCarloResult:
-    with ProgressBar() as bar:
+    with ProgressBar(silent=not speaks) as bar:
         return montecarlo(
             experiment,
             trials=arguments.trials,
@@ -143,7 +152,3 @@ def _finish(name: str, result: MonteCarloResult, folder: Path | None, more: list
     if name:
         print(f"\nbody {name}\n")
     finish(result, folder, *more)
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)

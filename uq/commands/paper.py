@@ -1,9 +1,12 @@
 """``inertia paper``: the source's Table 2 and figures, beside its printed values."""
 
 import argparse
+from collections.abc import Mapping
 
-from uq.barreto2016 import paper
-from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
+from uq.barreto2016 import paper, row
+from uq.campaign import Breakdown, checkpoint_of
+from uq.commands._cluster import add_cluster_options, kept_in, together
+from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -15,14 +18,34 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
+    )
+    add_cluster_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
-    with output_folder(arguments.out) as out:
-        with ProgressBar() as progress:
-            result = paper(trials=arguments.trials, seed=arguments.seed, dtype=arguments.dtype, progress=progress)
-        finish(result, out)
+    with together(arguments) as speaks, output_folder(arguments.out) as out:
+        checkpoint = None if out is None else checkpoint_of(kept_in(out), say)
+        with ProgressBar(silent=not speaks) as progress:
+
+            def show(trajectory: str, trials: int, found: Mapping[str, Breakdown]) -> None:
+                for estimator, breakdown in found.items() if speaks else ():
+                    progress.print(row(trajectory, trials, estimator, breakdown.total))
+
+            given = {"trials": arguments.trials, "seed": arguments.seed, "dtype": arguments.dtype}
+            try:
+                result = paper(**given, progress=progress, checkpoint=checkpoint, shown=show)
+            except KeyboardInterrupt:
+                if checkpoint is None or arguments.distributed:
+                    raise
+                say("error: interrupted; the same command goes on from there")
+                return 130
+        if speaks:
+            print()
+            finish(result, out)
+            if checkpoint is not None:
+                checkpoint.remove()
     return 0

@@ -1,0 +1,56 @@
+"""Static poses in which the load cell drifts or creeps: their mean is no weight."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.stats import t as student
+
+BLOCKS_OF = 0.2
+"""Seconds whose mean counts as one independent reading."""
+CHANCE = 1e-4
+"""Of a false alarm, for each pose."""
+BEYOND = 3.0
+"""Times the typical change within a pose that one must change, to be left out."""
+
+
+def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+    """Return how much signals change within a pose, by a straight line, and whether that is beyond their noise.
+
+    The line is fitted to means over a fifth of a second, so that noise which is correlated over less counts once; what
+    a parabola leaves is the noise, since creep bends.
+
+    Args:
+        signal: samples of one pose.
+        rate: sample rate [Hz].
+    """
+    size = max(round(BLOCKS_OF * rate), 1)
+    count = len(signal) // size
+    if count < 5:
+        return np.zeros(signal.shape[1]), np.zeros(signal.shape[1], bool)
+    means = signal[: count * size].reshape(count, size, -1).mean(axis=1)
+    time = np.linspace(-0.5, 0.5, count)
+    slope = time @ (means - means.mean(axis=0)) / (time @ time)
+    bend = time**2 - (time**2).mean()
+    left = means - means.mean(axis=0) - np.outer(time, slope) - np.outer(bend, bend @ means / (bend @ bend))
+    sigma = np.sqrt((left**2).sum(axis=0) / (count - 3) / (time @ time))
+    limit = student.ppf(1 - CHANCE / (2 * signal.shape[1]), count - 3)
+    return slope, np.abs(slope) > limit * sigma
+
+
+def creeping(
+    poses: Sequence[Float[np.ndarray, "_ 6"]], rate: float
+) -> tuple[Bool[np.ndarray, " poses"], Float[np.ndarray, "poses 6"], bool]:
+    """Return which poses hold a drift or creep of their own, the change within each, and whether all of them drift.
+
+    A pose counts where a component changes beyond its noise and three times as much as it typically does in a pose.
+
+    Args:
+        poses: force and moment of each [N, N·m].
+        rate: sample rate [Hz].
+    """
+    found = [changes(pose, rate) for pose in poses]
+    slopes, beyond = np.array([slope for slope, _ in found]), np.array([significant for _, significant in found])
+    typical = np.median(np.abs(slopes), axis=0)
+    own = (beyond & (np.abs(slopes) > BEYOND * typical)).any(axis=1)
+    return own, slopes, bool(beyond.any(axis=1).mean() > 0.5)

@@ -1,0 +1,52 @@
+"""A process that watches over another: where the runtime of several processes aborts, one line says why.
+
+JAX's runtime ends a process at once, with a page of its own, when it finds the first process of a campaign gone. So the
+command divides before it loads anything: one process computes, the other waits for its end and says what it meant.
+"""
+
+import contextlib
+import ctypes
+import os
+import signal
+import sys
+
+LOST = 3
+"""Exit status when another process of a campaign is gone."""
+LOST_LINE = "another process of the campaign is gone: the same command goes on from what is kept in --out"
+_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+
+
+def divide() -> int | None:
+    """Divide into a process that goes on (None) and one that waits for it; return the latter's exit status.
+
+    The process that goes on ends when the other is killed, and keeps the runtime's own words from standard error.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    parent = os.getpid()
+    child = os.fork()
+    if child:
+        return _wait(child)
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+    sys.stderr = os.fdopen(os.dup(2), "w", buffering=1, errors="replace")
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 2)
+    os.close(nothing)
+    return None
+
+
+def _wait(child: int) -> int:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal interrupts both; the other one answers
+    signal.signal(signal.SIGTERM, lambda number, frame: os.kill(child, number))
+    _, status = os.waitpid(child, 0)
+    code = os.waitstatus_to_exitcode(status)
+    if code == -signal.SIGABRT:
+        sys.stderr.write(f"error: {LOST_LINE}\n")
+        return LOST
+    if code < 0:
+        sys.stderr.write(f"error: ended by {signal.Signals(-code).name}\n")
+        return 128 - code
+    return code
