@@ -12,12 +12,13 @@ import pytest
 from browser import Reader, drawn
 from test_certificate import FULL, T1
 
+from identify.admissible import Admissible
 from identify.alignment import Aligned
 from identify.inertial import InertialParameters
 from identify.tables import decimals, fixed
 from identify.trace import trace
 from uq import checks, sphere
-from uq.certificate_tables import alignment
+from uq.certificate_tables import alignment, bodies
 from uq.conformity import Conformity, decide
 from uq.contributions import contributions
 from uq.expanded import degrees_of_freedom, of_normal, of_tensor
@@ -112,7 +113,11 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
         (one,) = decide(Conformity("a", rule, {"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
                         of_tensor(weak).expanded)  # fmt: skip
         assert one.outcome == "undecided"
-    text = Reader(report(reported(weak, coverage_factor=2))).text
+    why = Admissible(weak.inertia, interval, np.arange(6) % 2 == 0, plain.inertia, plain.interval95, "data too weak")
+    (table,) = bodies(dataclasses.replace(weak, admissible=why))
+    assert [row[3] for row in table.rows] == ["yes", "no"] * 3
+    assert table.rows[0][1] == of_tensor(plain).rows(1e3)[0][1]
+    text = Reader(report(dataclasses.replace(reported(weak, coverage_factor=2), admissible=why))).text
     assert "not determined about every axis" in " ".join(text)
     assert not {"nan", "inf"} & set(" ".join(text).split())
 

@@ -38,6 +38,7 @@ def certificate(result: Identification) -> Page:
         [
             *tables.budget(result),
             *tables.scatter(result),
+            *tables.bodies(result),
             *tables.alignment(result),
             *tables.tare(result),
             tables.checked(result),
@@ -107,6 +108,8 @@ RESIDUALS = (
 )
 TYPE_A = {
     "source": "What the runs show, residuals correlated in time and scatter between runs, is evaluated as type A.",
+    "gls": "What the runs show is evaluated as type A: generalised least squares with the residuals' covariance across "
+    "axes and in time, and the scatter between runs.",
     "joint": "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
     "noise and from what was declared of them beforehand; where the runs scatter more, that counts.",
 }

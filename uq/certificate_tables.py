@@ -123,6 +123,23 @@ def alignment(result: Identification) -> list[Table]:
     return [Table("Alignment of load cell and IMU, estimated with the tensor", head, rows, PRIOR_NOTE)] if rows else []
 
 
+def bodies(result: Identification) -> list[Table]:
+    """Return the plain estimate, where the result is what bodies allow beside weak data."""
+    found = result.admissible
+    if found is None:
+        return []
+    rows = []
+    for name, value, (low, high), known in zip(
+        COMPONENTS, GRAM_METRE * found.plain, GRAM_METRE * found.plain_interval95, found.determined, strict=True
+    ):
+        half = (high - low) / 2
+        interval = f"{rounded(low, half)} … {rounded(high, half)}" if known else "–"
+        rows.append([name, rounded(value, half), interval, "yes" if known else "no"])
+    head = ["", "value", "95 % interval", "determined by the motion"]
+    note = f"The result is what bodies allow: {found.reason}."
+    return [Table("Plain estimate, before bodies alone were allowed, g·m²", head, rows, note)]
+
+
 def _aligned(of: Aligned, unit: float) -> Iterator[list[str]]:
     """Value, standard uncertainty and interval of each number."""
     for value, u, (low, high) in zip(of.value, of.standard_uncertainty, of.interval95, strict=True):

@@ -139,7 +139,7 @@ def _comparison(result: Comparison) -> Page:
         [],
         parts if result.reference.contributions else [],
         ["The errors of the result and of the expected value are independent."],
-        result.provenance,
+        {**result.provenance, "expected": {"file": result.reference.file, "sha256": result.reference.sha256}},
     )
 
 

@@ -23,7 +23,7 @@ from uq.pages import joined, page
 
 DPI = 300
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
-ELSEWHERE = ("experiment", "resolved", "report", "inputs", "experiment_file", "others")
+ELSEWHERE = ("experiment", "resolved", "report", "inputs", "experiment_file", "centre", "others")
 """Parts of the provenance that stand in other places of a page."""
 
 
