@@ -12,9 +12,10 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from benchmarks import reference, vectorised
 from identify.regressor import OMEGA_R_OF_FEATURES
-from uq.campaign import montecarlo
+from uq.campaign import default_batch, prepare_setup, run_trials
 from uq.experiment import Experiment
 from uq.normals import normal_pairs
+from uq.sampled import AnySetup
 from uq.simulation import simulate
 from uq.sources import BLOCK
 
@@ -48,7 +49,7 @@ def contenders(experiment: Experiment) -> dict[str, Callable[[int], object]]:
     ways = {"loop": loop} | {f"numpy {d}": partial(workers.campaign, dtype=d) for d in DTYPES}
     turns = _openturns(truths)
     ways |= {"openturns": turns} if turns else {}
-    ways |= {f"engine {d}": partial(_engine, experiment, dtype=d) for d in DTYPES}
+    ways |= {f"engine {d}": partial(_engine, setups(experiment, d)) for d in DTYPES}
     blocks = -(-len(runs["T1"].t) // BLOCK)
     for dtype in DTYPES:
         ways[f"floor {dtype}"] = _drawing(partial(_pairs, dtype=dtype), blocks)
@@ -62,8 +63,15 @@ def _truth(experiment: Experiment, run, rate: float) -> vectorised.Truth:
     return vectorised.Truth(np.ascontiguousarray(run.omega.T), wrench, rate, experiment.r_cg_from_q, sigma)
 
 
-def _engine(experiment: Experiment, trials: int, dtype: str):
-    return montecarlo(experiment, trials=trials, trajectories=TRAJECTORIES, estimators=["central"], dtype=dtype)
+def setups(experiment: Experiment, dtype: str) -> list[AnySetup]:
+    """Return the prepared trajectories: what a campaign does once, whatever its number of trials."""
+    chosen = [experiment.estimator("central")]
+    found = [prepare_setup(experiment, experiment.trajectories[name], chosen, dtype=dtype) for name in TRAJECTORIES]
+    return jax.block_until_ready(found)
+
+
+def _engine(prepared: list[AnySetup], trials: int):
+    return [run_trials(one, trials, 0, jax.devices(), default_batch(jax.devices()[0])) for one in prepared]
 
 
 def _pairs(key, block, dtype):
