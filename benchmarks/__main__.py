@@ -1,4 +1,4 @@
-"""``make bench``: the paper's campaign, engine against references and floors in alternation; a table, JSON to a file."""
+"""``make bench``: the paper's campaign, engine against references and floors in alternation; a table, JSON if asked."""
 
 import argparse
 import json
@@ -28,7 +28,7 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=400, help="trials per trajectory and round (400)")
     parser.add_argument("--loop-trials", type=int, default=4, help="the loop's trials per group and round (4)")
     parser.add_argument("--campaign", type=int, default=10_000, help="trials of the campaign that times are scaled to")
-    parser.add_argument("--only", nargs="*", metavar="NAME", help=f"some of {', '.join(LABELS)}")
+    parser.add_argument("--only", nargs="*", metavar="NAME", choices=list(LABELS), help=f"some of {', '.join(LABELS)}")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
     options = parser.parse_args()
     figures = measure(options)
@@ -45,8 +45,7 @@ def measure(options: argparse.Namespace) -> dict:
     Trials are fewer and their time is scaled; what the engine does once a campaign is timed apart and added.
     """
     experiment = Experiment.load("barreto2016")
-    ways = contenders(experiment)
-    ways = {name: way for name, way in ways.items() if not options.only or name in options.only}
+    ways = contenders(experiment, options.only or ())
     trials = {name: options.loop_trials if name in ("loop", "openturns") else options.trials for name in ways}
     for name, way in ways.items():  # compile, warm up
         way(trials[name])
