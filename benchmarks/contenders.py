@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 
 import jax
@@ -12,9 +12,10 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from benchmarks import reference, vectorised
 from identify.regressor import OMEGA_R_OF_FEATURES
-from uq.campaign import montecarlo
+from uq.campaign import default_batch, prepare_setup, run_trials
 from uq.experiment import Experiment
 from uq.normals import normal_pairs
+from uq.sampled import AnySetup
 from uq.simulation import simulate
 from uq.sources import BLOCK
 
@@ -32,38 +33,54 @@ LABELS = {
 }
 
 
-def contenders(experiment: Experiment) -> dict[str, Callable[[int], object]]:
+def contenders(experiment: Experiment, wanted: Collection[str] = ()) -> dict[str, Callable[[int], object]]:
     """Return, by name, what runs so many trials of every trajectory (and of every group, where these do not share)."""
+    truths = truths_of(experiment)
+    blocks = -(-truths[0].omega.shape[1] // BLOCK)
+    ways: dict[str, Callable[[int], object] | None] = {}
+    for name in wanted or LABELS:
+        kind, _, dtype = name.rpartition(" ")
+        if name == "loop":
+            ways[name] = partial(_loop, experiment, truths)
+        elif name == "openturns":
+            ways[name] = _openturns(truths)
+        elif kind == "numpy":
+            ways[name] = partial(vectorised.Workers(truths, OMEGA_R_OF_FEATURES, CORES).campaign, dtype=dtype)
+        elif kind == "engine":
+            ways[name] = partial(_engine, setups(experiment, dtype))
+        else:
+            ways[name] = _drawing(partial(_pairs if kind == "floor" else _library, dtype=dtype), blocks)
+    return {name: way for name, way in ways.items() if way}
+
+
+def truths_of(experiment: Experiment) -> list[vectorised.Truth]:
+    """Return every trajectory without noise."""
     silent = dataclasses.replace(experiment, sources=())
-    runs = {name: simulate(silent, name).run for name in TRAJECTORIES}
-    rate = experiment.trajectories["T1"].rate
-    truths = [_truth(experiment, run, rate) for run in runs.values()]
-    workers = vectorised.Workers(truths, OMEGA_R_OF_FEATURES, CORES)
-
-    def loop(trials):
-        for run in runs.values():
-            signals = {"omega": run.omega, "F": run.force, "M": run.moment}
-            reference.campaign(signals, experiment.sources, rate, experiment.r_cg_from_q, trials)
-
-    ways = {"loop": loop} | {f"numpy {d}": partial(workers.campaign, dtype=d) for d in DTYPES}
-    turns = _openturns(truths)
-    ways |= {"openturns": turns} if turns else {}
-    ways |= {f"engine {d}": partial(_engine, experiment, dtype=d) for d in DTYPES}
-    blocks = -(-len(runs["T1"].t) // BLOCK)
-    for dtype in DTYPES:
-        ways[f"floor {dtype}"] = _drawing(partial(_pairs, dtype=dtype), blocks)
-        ways[f"jax floor {dtype}"] = _drawing(partial(_library, dtype=dtype), blocks)
-    return ways
-
-
-def _truth(experiment: Experiment, run, rate: float) -> vectorised.Truth:
     sigma = {f"{s.target}_{s.kind}": np.asarray(s.sigma) for s in experiment.sources}
-    wrench = np.ascontiguousarray(np.concatenate([run.force.T, run.moment.T]))
-    return vectorised.Truth(np.ascontiguousarray(run.omega.T), wrench, rate, experiment.r_cg_from_q, sigma)
+    found = []
+    for name in TRAJECTORIES:
+        run, rate = simulate(silent, name).run, experiment.trajectories[name].rate
+        wrench = np.ascontiguousarray(np.concatenate([run.force.T, run.moment.T]))
+        omega = np.ascontiguousarray(run.omega.T)
+        found.append(vectorised.Truth(omega, wrench, rate, experiment.r_cg_from_q, sigma))
+    return found
 
 
-def _engine(experiment: Experiment, trials: int, dtype: str):
-    return montecarlo(experiment, trials=trials, trajectories=TRAJECTORIES, estimators=["central"], dtype=dtype)
+def _loop(experiment: Experiment, truths: list[vectorised.Truth], trials: int) -> None:
+    for truth in truths:
+        signals = {"omega": truth.omega.T, "F": truth.wrench[:3].T, "M": truth.wrench[3:].T}
+        reference.campaign(signals, experiment.sources, truth.rate, experiment.r_cg_from_q, trials)
+
+
+def setups(experiment: Experiment, dtype: str) -> list[AnySetup]:
+    """Return the prepared trajectories: what a campaign does once, whatever its number of trials."""
+    chosen = [experiment.estimator("central")]
+    found = [prepare_setup(experiment, experiment.trajectories[name], chosen, dtype=dtype) for name in TRAJECTORIES]
+    return jax.block_until_ready(found)
+
+
+def _engine(prepared: list[AnySetup], trials: int):
+    return [run_trials(one, trials, 0, jax.devices(), default_batch(jax.devices()[0])) for one in prepared]
 
 
 def _pairs(key, block, dtype):

@@ -1,4 +1,4 @@
-"""The paper's campaign on one graphics processor, float32 draws, beside its counted floor. ``python -m benchmarks.gpu``.
+"""The paper's campaign on one graphics processor, float32 draws, beside its floor. ``python -m benchmarks.gpu``.
 
 On a machine without one it says so, and runs on what there is if ``--anyway`` is given.
 """
@@ -20,7 +20,7 @@ SAMPLES, TRIALS = 72_000, 10_000
 INTEGER = SAMPLES * 3 / 2 * 80
 """Integer operations of a trial: 20 rounds of addition, rotation and exclusive or, and the keys, a pair of draws."""
 FLOATING = SAMPLES * (3 / 2 * 45 + 60 + 12 * (19 + 12))
-"""Multiply-adds of a trial: Box–Muller a pair, features, products of 12 changes with 19 known functions and 12 changes."""
+"""Multiply-adds of a trial: Box–Muller, features, products of 12 changes with 19 known functions and 12 changes."""
 BYTES = SAMPLES * 4 * (3 * 2 + 12 * 3)
 """Memory traffic of a trial in float32: noise written and read, changes written and read twice."""
 H200 = {"integer": 132 * 64 * 1.98e9, "floating": 132 * 128 * 1.98e9, "bytes": 4.8e12}

@@ -81,27 +81,38 @@ def estimates(
     noisy = tuple(np.array(part) for part in zip(*found, strict=True))
     true = tuple(np.broadcast_to(part, (trials, *part.shape)) for part in sums(truth, None, "float64"))
     draw = {name: s * generator.standard_normal((trials, 3)) for name, s in truth.sigma.items() if "bias" in name}
-    z = generator.standard_normal((trials, 13, 6))
-    z *= np.concatenate([truth.sigma["F_precision"], truth.sigma["M_precision"]])
+    z = generator.standard_normal((trials, 6))
     both = np.concatenate([draw["F_bias"], draw["M_bias"]], axis=1)
     none = np.zeros((trials, 3))
     cases = [
         (noisy, draw["omega_bias"], both, z, draw["r_cg_bias"]),
         (true, none, both, z, none),
-        (true, none, 0 * both, 0 * z, draw["r_cg_bias"]),
-        (noisy, draw["omega_bias"], 0 * both, 0 * z, none),
+        (true, none, 0 * both, None, draw["r_cg_bias"]),
+        (noisy, draw["omega_bias"], 0 * both, None, none),
     ]
-    return np.stack([_solved(*case, truth.r_cg, maps) for case in cases], axis=1)
+    return np.stack([_solved(truth, maps, *case) for case in cases], axis=1)
 
 
-def _solved(case, gyro_bias, cell_bias, z, r_error, r_cg, maps) -> np.ndarray:
+def _solved(truth: Truth, maps: np.ndarray, case, gyro_bias, cell_bias, z, r_error) -> np.ndarray:
+    """Solve one case of all trials; ``z``: standard normal numbers for the load cell's white noise, or None."""
     gram, right = case
-    shift = _shift(gyro_bias)
-    right = right + gram[:, :, :1] * cell_bias[:, None] + np.linalg.cholesky(gram) @ z
-    gram, right = shift @ gram @ shift.swapaxes(1, 2), shift @ right
-    about_cg = right[:, :, 3:] - np.cross((r_cg + r_error)[:, None], right[:, :, :3])
-    matrix = np.einsum("kji,lje,tkl->tie", maps, maps, gram, optimize=True)
-    return np.linalg.solve(matrix, np.einsum("kji,tkj->ti", maps, about_cg)[..., None])[..., 0]
+    shift, r_cg = _shift(gyro_bias), truth.r_cg + r_error
+    right = shift @ (right + gram[:, :, :1] * cell_bias[:, None])
+    gram = shift @ gram @ shift.swapaxes(1, 2)
+    products = np.einsum("kai,lbj->klabij", maps, maps).reshape(169, -1)
+    of_axes = (gram.reshape(-1, 169) @ products).reshape(-1, 3, 3, 6, 6)
+    right = np.einsum("kji,tkj->ti", maps, right[:, :, 3:] - np.cross(r_cg[:, None], right[:, :, :3]))
+    if z is not None:
+        right = right + (np.linalg.cholesky(_right_covariance(truth, of_axes, r_cg)) @ z[..., None])[..., 0]
+    return np.linalg.solve(np.einsum("taaij->tij", of_axes), right[..., None])[..., 0]
+
+
+def _right_covariance(truth: Truth, of_axes: np.ndarray, r_cg: np.ndarray) -> np.ndarray:
+    """Covariances of what the white noise of force and moment adds to the right sides of the normal equations."""
+    of_force = np.cross(np.eye(3), r_cg[:, None]).swapaxes(1, 2)  # of the moment about the CG: -r × F
+    residual = (of_force * truth.sigma["F_precision"] ** 2) @ of_force.swapaxes(1, 2)
+    residual = residual + np.diag(truth.sigma["M_precision"] ** 2)
+    return np.einsum("tab,tabij->tij", residual, of_axes)
 
 
 def _shift(b: np.ndarray) -> np.ndarray:

@@ -345,7 +345,19 @@ def _root(gram: Array) -> Array:
     inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
     nearly_singular = max(1e-12, 64 * len(gram) * float(jnp.finfo(gram.dtype).eps))  # alphas of alike differentiators
     correlation = gram * jnp.outer(inverse, inverse) + nearly_singular * jnp.eye(len(gram))
-    return scale[:, None] * jnp.linalg.cholesky(correlation)
+    return scale[:, None] * _triangular_root(correlation)
+
+
+def _triangular_root(matrix: Array) -> Array:
+    """Cholesky's root in plain arithmetic: LAPACK in small batches can block XLA's threads if each core is a device."""
+    index = jnp.arange(len(matrix))
+
+    def step(k, state):
+        rest, root = state
+        column = jnp.where(index >= k, rest[:, k], 0) * jax.lax.rsqrt(rest[k, k])
+        return rest - jnp.outer(column, column), root.at[:, k].set(column)
+
+    return jax.lax.fori_loop(0, len(matrix), step, (matrix, jnp.zeros_like(matrix)))[1]
 
 
 def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
