@@ -1,7 +1,6 @@
-"""``make bench``: the paper's campaign, engine against reference, in alternation; JSON to standard output or a file."""
+"""``make bench``: the paper's campaign, engine against references and floors in alternation; a table, JSON to a file."""
 
 import argparse
-import dataclasses
 import json
 import os
 import resource
@@ -16,23 +15,20 @@ jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 
 import numpy as np  # noqa: E402
 
-from benchmarks.reference import GROUPS, campaign  # noqa: E402
+from benchmarks.contenders import CORES, LABELS, TRAJECTORIES, contenders, setups  # noqa: E402
+from benchmarks.reference import GROUPS  # noqa: E402
 from identify.tables import text_table  # noqa: E402
-from uq.campaign import montecarlo  # noqa: E402
 from uq.experiment import Experiment  # noqa: E402
-from uq.simulation import simulate  # noqa: E402
-
-TRAJECTORIES = ("T1", "T2", "T3", "T4")
-LABELS = {"reference": "plain NumPy loop", "float64": "engine, float64", "float32": "engine, float32 draws"}
 
 
 def main() -> int:
-    """Time both, print the table, write the figures."""
+    """Time all, print the table, write the figures."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("--rounds", type=int, default=3, help="alternations of engine and reference (3)")
-    parser.add_argument("--trials", type=int, default=400, help="engine's trials per trajectory and round (400)")
-    parser.add_argument("--reference-trials", type=int, default=6, help="reference's trials per group and round (6)")
+    parser.add_argument("--rounds", type=int, default=5, help="alternations (5)")
+    parser.add_argument("--trials", type=int, default=400, help="trials per trajectory and round (400)")
+    parser.add_argument("--loop-trials", type=int, default=4, help="the loop's trials per group and round (4)")
     parser.add_argument("--campaign", type=int, default=10_000, help="trials of the campaign that times are scaled to")
+    parser.add_argument("--only", nargs="*", metavar="NAME", help=f"some of {', '.join(LABELS)}")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
     options = parser.parse_args()
     figures = measure(options)
@@ -44,60 +40,76 @@ def main() -> int:
 
 
 def measure(options: argparse.Namespace) -> dict:
-    """Return seconds of the whole campaign, round by round, and the ratio of the medians."""
+    """Return seconds of the whole campaign by contender, round by round, and the ratios of the medians.
+
+    Trials are fewer and their time is scaled; what the engine does once a campaign is timed apart and added.
+    """
     experiment = Experiment.load("barreto2016")
-    silent = dataclasses.replace(experiment, sources=())
-    runs = {name: simulate(silent, name).run for name in TRAJECTORIES}
-    truths = {name: {"omega": run.omega, "F": run.force, "M": run.moment} for name, run in runs.items()}
-    rate = experiment.trajectories["T1"].rate
-
-    def engine(dtype):
-        start = time.perf_counter()
-        montecarlo(experiment, trials=options.trials, estimators=["central"], dtype=dtype)
-        return (time.perf_counter() - start) * options.campaign / options.trials
-
-    def reference():
-        start = time.perf_counter()
-        for name in TRAJECTORIES:
-            campaign(truths[name], experiment.sources, rate, experiment.r_cg_from_q, options.reference_trials)
-        return (time.perf_counter() - start) * options.campaign / options.reference_trials
-
-    engine("float64"), engine("float32"), reference()  # compile, warm up
-    seconds: dict[str, list[float]] = {"float64": [], "float32": [], "reference": []}
+    ways = contenders(experiment)
+    ways = {name: way for name, way in ways.items() if not options.only or name in options.only}
+    trials = {name: options.loop_trials if name in ("loop", "openturns") else options.trials for name in ways}
+    for name, way in ways.items():  # compile, warm up
+        way(trials[name])
+    seconds: dict[str, list[float]] = {name: [] for name in ways}
+    prepared: list[float] = []
     for _ in range(options.rounds):
-        for name in ("float64", "float32"):
-            seconds[name].append(engine(name))
-        seconds["reference"].append(reference())
+        for name, way in ways.items():
+            start = time.perf_counter()
+            way(trials[name])
+            taken = (time.perf_counter() - start) * options.campaign / trials[name]
+            once = 0.0
+            if name.startswith("engine"):
+                start = time.perf_counter()
+                setups(experiment, name.removeprefix("engine "))
+                once = time.perf_counter() - start
+                prepared.append(once)
+            seconds[name].append(taken + once)
     median = {name: statistics.median(values) for name, values in seconds.items()}
     return {
         "campaign": f"{len(TRAJECTORIES)} trajectories x {len(GROUPS)} groups x {options.campaign} trials",
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": CORES,
         "seconds": seconds,
         "median_seconds": median,
-        "times_faster": {name: median["reference"] / median[name] for name in ("float64", "float32")},
-        "peak_memory_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        "ratios": ratios(median),
+        "set_up_seconds": statistics.median(prepared) if prepared else None,
+        "peak_memory_GiB": {
+            "this process": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+            "largest worker": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20,
+        },
         "numpy": np.__version__,
         "jax": jax.__version__,
     }
 
 
+def ratios(median: dict[str, float]) -> dict[str, dict[str, float]]:
+    """Return the engine's speed as multiples of the others', and its time as a multiple of the floors'."""
+    found = {}
+    for dtype in ("float64", "float32"):
+        engine = median.get(f"engine {dtype}")
+        if engine is None:
+            continue
+        faster = {name: median[name] / engine for name in ("loop", f"numpy {dtype}", "openturns") if name in median}
+        slower = {name: engine / median[name] for name in (f"floor {dtype}", f"jax floor {dtype}") if name in median}
+        found[dtype] = {f"speed over {k}": v for k, v in faster.items()} | {
+            f"time over {k}": v for k, v in slower.items()
+        }
+    return found
+
+
 def report(figures: dict) -> str:
-    """Return the figures as a table."""
-    head = ["", "campaign, s (median)", "min", "max", "times the reference's speed"]
+    """Return the figures as tables."""
     rows = []
-    for name, label in (
-        ("reference", "plain NumPy loop"),
-        ("float64", "engine, float64"),
-        ("float32", "engine, float32 draws"),
-    ):
-        values = figures["seconds"][name]
-        faster = figures["times_faster"].get(name)
-        rows.append([label, f"{figures['median_seconds'][name]:.1f}", f"{min(values):.1f}", f"{max(values):.1f}",
-                     f"{faster:.1f}" if faster else "1"])  # fmt: skip
-    lines = [figures["campaign"] + f", estimator central, {figures['cores']} cores", text_table(head, rows)]
-    return "\n".join(
-        [*lines, f"peak memory {figures['peak_memory_GiB']:.2f} GiB (engine and reference in one process)"]
-    )
+    for name, values in figures["seconds"].items():
+        middle = figures["median_seconds"][name]
+        rows.append([LABELS[name], f"{middle:.1f}", f"{min(values):.1f}", f"{max(values):.1f}"])
+    lines = [f"{figures['campaign']}, estimator central, {figures['cores']} cores"]
+    lines.append(text_table(["", "campaign, s (median)", "min", "max"], rows))
+    for dtype, found in figures["ratios"].items():
+        lines.append(f"engine {dtype}: " + ", ".join(f"{name} {value:.2f}" for name, value in found.items()))
+    if figures["set_up_seconds"] is not None:
+        lines.append(f"the engine's set-up of the four trajectories, in its figures: {figures['set_up_seconds']:.2f} s")
+    memory = figures["peak_memory_GiB"]
+    return "\n".join([*lines, "peak memory, GiB: " + ", ".join(f"{k} {v:.2f}" for k, v in memory.items())])
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 from uq.cluster import guarded, own_share, several
 from uq.collapsed import CollapsedSetup, collapsed_trials
-from uq.sampled import AnySetup, any_trial
-from uq.trial import TrialEstimates
+from uq.sampled import AnySetup, SampledSetup, sampled_trial
+from uq.trial import Setup, TrialEstimates, trials
 
 T = TypeVar("T")
 Keep = Callable[[int, TrialEstimates], None]
@@ -108,18 +108,23 @@ def _everywhere(tree: T, mesh: Mesh) -> T:
     return eqx.combine(arrays, static)
 
 
-@eqx.filter_jit
+WIDE = {"xla_cpu_prefer_vector_width": 512}
+"""Lets a processor use its widest vectors, which XLA by default does not; others take no notice."""
+
+
+@eqx.filter_jit(compiler_options=WIDE)  # type: ignore[call-overload]
 def _batch(
-    setup: AnySetup, key: jax.Array, trials: jax.Array, mesh: Mesh, batch: int, gathered: bool
+    setup: AnySetup, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int, gathered: bool
 ) -> TrialEstimates:
     """Trials spread over the mesh; ``gathered``: every process is given all results."""
 
     def on_one_device(setup, key, mine):
-        if isinstance(setup, CollapsedSetup):
-            found = _whole_batches(setup, key, mine, batch)
+        at_once = mesh.devices.flat[0].platform != "cpu"
+        if isinstance(setup, SampledSetup):
+            one = lambda index: sampled_trial(setup, key, index)  # noqa: E731
+            found = jax.lax.map(one, mine, batch_size=batch if at_once else None)
         else:
-            one = lambda index: any_trial(setup, key, index)  # noqa: E731
-            found = jax.lax.map(one, mine, batch_size=None if batch == 1 else batch)
+            found = _whole_batches(setup, key, mine, batch, at_once=at_once)
         return jax.lax.all_gather(found, "trials", tiled=True) if gathered else found
 
     arrays, static = eqx.partition(setup, eqx.is_array)
@@ -131,13 +136,20 @@ def _batch(
         out_specs=everywhere if gathered else split,
         check_vma=False,
     )
-    return sharded(arrays, key, trials)
+    return sharded(arrays, key, numbers)
 
 
-def _whole_batches(setup: CollapsedSetup, key: jax.Array, mine: jax.Array, batch: int) -> TrialEstimates:
+def _whole_batches(
+    setup: Setup | CollapsedSetup, key: jax.Array, mine: jax.Array, batch: int, *, at_once: bool
+) -> TrialEstimates:
     """Run trials that are computed many at a time; the last batch is filled up with trials that nobody asked for."""
     size = min(batch, len(mine))
     count = -(-len(mine) // size)
-    numbers = jnp.resize(mine, (count, size))
-    found = jax.lax.map(lambda some: collapsed_trials(setup, key, some), numbers)
+
+    def run(some: jax.Array) -> TrialEstimates:
+        if isinstance(setup, CollapsedSetup):
+            return collapsed_trials(setup, key, some)
+        return trials(setup, key, some, at_once=at_once)
+
+    found = jax.lax.map(run, jnp.resize(mine, (count, size)))
     return jax.tree.map(lambda leaf: leaf.reshape(count * size, *leaf.shape[2:])[: len(mine)], found)

@@ -14,9 +14,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Complex, Float, Int, Key
 
 from uq.distributions import Distribution, Empirical, Normal
+from uq.normals import in_order, normal_pairs
 
 Target = Literal[
     "F", "M", "wrench", "omega", "r_cg", "gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"
@@ -178,12 +179,30 @@ def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> 
     return draw_constants([source], (), key, trial, dtype)[source.name]
 
 
+def draw_pairs(
+    sources: Sequence[Source],
+    mixing: Sequence[Mixing],
+    key: Key[Array, ""],
+    trial: Index,
+    block: Index,
+    dtype: Any,
+    *,
+    first: int = BLOCK // 2,
+) -> list[Complex[Array, "3 first"]]:
+    """Return the draws of precision sources for one block of samples of a trial, component first, as complex numbers.
+
+    Real parts are the first half of the block, imaginary parts the second: what the generator makes, not yet in order;
+    only the ``first`` of either half, if asked for.
+    """
+    drawn = mixed({s.name: _standard_pairs(s, key, trial, block, dtype, first) for s in sources}, mixing)
+    return [_scaled(drawn[s.name], s.sigma) for s in sources]
+
+
 def draw_blocks(
     sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, block: Index, dtype: Any
 ) -> list[Float[Array, "3 4000"]]:
     """Return the draws of precision sources for one block of samples of a trial, component first."""
-    drawn = mixed({s.name: _standard_block(s, _key(s, key, trial, block), dtype) for s in sources}, mixing)
-    return [jnp.asarray(s.sigma, dtype)[:, None] * drawn[s.name] for s in sources]
+    return [in_order(pairs) for pairs in draw_pairs(sources, mixing, key, trial, block, dtype)]
 
 
 def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 4000"]:
@@ -191,8 +210,22 @@ def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, 
     return draw_blocks([source], (), key, trial, block, dtype)[0]
 
 
-def _key(source: Source, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
-    return block_key(stream_number(source.name), key, trial, block)
+def _standard_pairs(
+    source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any, first: int
+) -> Complex[Array, "3 first"]:
+    stream = jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial)
+    if not isinstance(source.shape, Normal):
+        drawn = _standard_block(source, jax.random.fold_in(stream, block), dtype)
+        return jax.lax.complex(drawn[:, :first], drawn[:, BLOCK // 2 : BLOCK // 2 + first])
+    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, first), axis) for axis in (0, 1))
+    pairs = normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + column, dtype)
+    mean = jnp.broadcast_to(jnp.asarray(source.shape.mean, dtype), (3,))[:, None]
+    return _scaled(pairs, source.shape.standard_deviation) + jax.lax.complex(mean, mean)
+
+
+def _scaled(pairs: Complex[Array, "3 n"], by: Any) -> Complex[Array, "3 n"]:
+    factor = jnp.broadcast_to(jnp.asarray(by, pairs.real.dtype), (3,))[:, None]
+    return jax.lax.complex(factor * pairs.real, factor * pairs.imag)
 
 
 def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 4000"]:
@@ -205,5 +238,6 @@ def draw_sums(
     sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, size: int
 ) -> list[Float[Array, "{size} 3"]]:
     """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
-    drawn = mixed({s.name: jax.random.normal(_key(s, key, trial, 0), (size, 3)).T for s in sources}, mixing)
+    keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
+    drawn = mixed({name: jax.random.normal(one, (size, 3)).T for name, one in keys.items()}, mixing)
     return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

@@ -15,6 +15,7 @@ Sources that no sums can tell (delay, saturation, quantisation, coloured noise) 
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -31,10 +32,13 @@ from identify.trajectory import Motion
 from uq.distributions import Normal
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import OF_THE_GYRO, Columns, Platform, element_map, noisy_elements, true_elements
-from uq.sources import BLOCK, Mixing, Source, draw_blocks, draw_constants, draw_sums
+from uq.normals import in_order, joined
+from uq.sources import BLOCK, Mixing, Source, draw_blocks, draw_constants, draw_pairs, draw_sums
 
 Sampling = Literal["conditioned", "samples", "collapsed"]
 
+PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Axes of the features that are products of two."""
 SHARED = ALPHA.start
 """Features that all estimators share: all but alpha."""
 
@@ -64,6 +68,8 @@ class Signals(NamedTuple):
     with errors that map the angular velocity the elements of :func:`uq.measurement.true_elements`."""
     wrench: Float[Array, "*blocks columns 4000"]
     """Force [N] and moment [N·m], then the other functions of :class:`uq.measurement.Columns`."""
+    known: Float[Array, "*blocks 4000 padded"]
+    """Both again, sample by sample, filled up to the width of a processor's matrix product."""
     valid: Float[Array, "*blocks 4000"]
     """1 where every estimator has a derivative, else 0."""
 
@@ -134,6 +140,7 @@ def prepare(
         jnp.arange(-(-len(t) // BLOCK)),
         _blocks(phi.astype(dtype)),
         _blocks(wrench.astype(dtype)),
+        _blocks(_padded(jnp.concatenate([phi, wrench]).astype(dtype))).swapaxes(1, 2),
         _blocks(valid[None].astype(dtype))[:, 0],
     )
     return Setup(
@@ -160,6 +167,11 @@ def _blocks(signal: Array) -> Array:
     return padded.reshape(signal.shape[0], count, BLOCK).swapaxes(0, 1)
 
 
+def _padded(rows: Array) -> Array:
+    """Fill up with zeros to a multiple of 16 rows."""
+    return jnp.pad(rows, ((0, -len(rows) % 16), (0, 0)))
+
+
 def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
     """Run one trial.
 
@@ -171,13 +183,39 @@ def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEsti
     Returns:
         The estimates of every estimator and case, from the same draws.
     """
+    return jax.tree.map(lambda leaf: leaf[0], trials(setup, key, jnp.asarray(index)[None]))
+
+
+def trials(
+    setup: Setup, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
+) -> TrialEstimates:
+    """Run several trials block by block, so that a block of the true run is fetched once for all of them.
+
+    Args:
+        setup: the experiment on one trajectory.
+        key: the campaign's key, from its seed.
+        indices: numbers of the trials.
+        at_once: whether to visit a block for all trials at a time, which wide devices need; else one by one, so that
+            what a trial works on stays in a processor's cache.
+
+    Returns:
+        The estimates, with the trials on the leading axis.
+    """
     plan = _plan(setup)
-    draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
-    errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
-    drawn = _visit_blocks(setup, plan, key, index)
-    sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, drawn, key, index))
-    estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
-    return TrialEstimates(estimate.inertia, estimate.ok)
+    drawn = _visit_blocks(setup, plan, key, indices, jax.vmap if at_once else _mapped)
+
+    def solved(index, drawn):
+        draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
+        errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+        sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, drawn, key, index))
+        estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
+        return TrialEstimates(estimate.inertia, estimate.ok)
+
+    return jax.vmap(solved)(indices, drawn)
+
+
+def _mapped(function):
+    return lambda *of_trials: jax.lax.map(lambda one: function(*one), of_trials)
 
 
 class _Plan(NamedTuple):
@@ -219,60 +257,61 @@ class _Drawn(NamedTuple):
     """Of true features and changes with the load cell's noise that is drawn by sample, three columns a source."""
 
 
-def _visit_blocks(setup: Setup, plan: _Plan, key, index) -> _Drawn:
+def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Drawn:
     """Scan over the blocks, drawing gyro noise one block ahead so that the differentiators see across the seams."""
     halo = _halo(setup.estimators)
 
-    def draw(sources, block):
-        return draw_blocks(sources, setup.mixing, key, index, block, setup.dtype)
+    def draw(index, block, first=BLOCK // 2):
+        return draw_pairs(plan.gyro, setup.mixing, key, index, block, setup.dtype, first=first)
+
+    def of_trial(signals, index, before, now):
+        after = draw(index, signals.block + 1)
+        # drawn again: what is carried to the next block, and nothing else, lets the compiler draw in one loop
+        heads = draw(index, signals.block + 1, halo) if halo <= BLOCK // 2 else after
+        wide = [joined([a, b.real, b.imag, in_order(c)[:, :halo]]) for a, b, c in zip(before, now, heads, strict=True)]
+        cell = draw_blocks(plan.sampled, setup.mixing, key, index, signals.block, setup.dtype)
+        sums = _block_sums(setup, plan, signals, wide, jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *cell]))
+        return [in_order(pairs)[:, -halo:] for pairs in now], after, sums
 
     def visit(carry, signals):
         before, now, sums = carry
-        after = draw(plan.gyro, signals.block + 1)
-        sums = _add(sums, block_sums(before, now, after, signals))
-        return ([noise[:, -halo:] for noise in now], after, sums), None
+        before, now, more = over_trials(partial(of_trial, signals))(indices, before, now)
+        return (before, now, _add(sums, more)), None
 
-    def block_sums(before, now, after, signals):
-        wide = [jnp.concatenate([a, b, c[:, :halo]], axis=1) for a, b, c in zip(before, now, after, strict=True)]
-        noise = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *draw(plan.sampled, signals.block)])
-        return _block_sums(setup, plan, signals, wide, noise)
-
-    head, last = jax.tree.map(lambda x: x[:-1], setup.signals), jax.tree.map(lambda x: x[-1], setup.signals)
-    edge = [jnp.zeros((3, halo), setup.dtype) for _ in plan.gyro]
-    first = draw(plan.gyro, 0)
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(block_sums, edge, first, edge, last))
-    (before, now, sums), _ = jax.lax.scan(visit, (edge, first, zero), head)
-    return _add(sums, block_sums(before, now, edge, last))
+    edge = [jnp.zeros((len(indices), 3, halo), setup.dtype) for _ in plan.gyro]
+    first = over_trials(lambda index: draw(index, 0))(indices)
+    one = jax.tree.map(lambda leaf: leaf[0], setup.signals)
+    sums = jax.eval_shape(over_trials(partial(of_trial, one)), indices, edge, first)[2]
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), sums)
+    return jax.lax.scan(visit, (edge, first, zero), setup.signals)[0][2]
 
 
 def _block_sums(setup: Setup, plan: _Plan, signals: Signals, wide, cell) -> _Drawn:
     """Sums of one block: ``wide`` holds each gyro source's noise with a halo on either side, ``cell`` the wrench's."""
-    true = signals.features
-    changes = [jnp.zeros((0, BLOCK), true.dtype)]
+    features = signals.features
+    changes = [jnp.zeros((0, BLOCK), features.dtype)]
     for variant in plan.variants:
         noise = sum(w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant)
-        changes.append(_changes(setup, true, noise) * signals.valid[None])
-    change = jnp.concatenate(changes)
-    everything = change @ jnp.concatenate([true, change, signals.wrench, cell]).T
-    with_true, with_changes, with_wrench, with_cell = jnp.split(
-        everything, np.cumsum([len(true), len(change), len(signals.wrench)]), axis=1
+        changes += _changes(setup, features, noise)
+    change = joined([one * signals.valid[None] for one in changes], axis=0)
+    with_true, with_wrench, _ = jnp.split(
+        change @ signals.known, np.cumsum([len(features), len(signals.wrench)]), axis=1
     )
-    return _Drawn(with_true, with_changes, with_wrench, jnp.concatenate([true @ cell.T, with_cell]))
+    with_cell = jnp.concatenate([features @ cell.T, change @ cell.T])
+    return _Drawn(with_true, change @ change.T, with_wrench, with_cell)
 
 
-def _changes(setup: Setup, true, noise) -> Array:
+def _changes(setup: Setup, true, noise) -> list[Array]:
     """What noise in omega (3, halo + block + halo) adds to each feature but 1; or the noisy elements."""
     halo, omega = _halo(setup.estimators), true[1:4]
     inner = noise[:, halo : halo + BLOCK]
     taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
     alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
     if setup.whole:
-        return jnp.concatenate([noisy_elements(omega, true[SHARED], inner), *alphas])
-    (w1, w2, _), (e1, e2, e3) = omega, inner
-    _, noisy2, noisy3 = omega + inner
+        return [noisy_elements(omega, true[SHARED], inner), *alphas]
     squares = (2 * omega + inner) * inner
-    crossed = jnp.stack([w1 * e2 + e1 * noisy2, w1 * e3 + e1 * noisy3, w2 * e3 + e2 * noisy3])
-    return jnp.concatenate([inner, squares, crossed, *alphas])
+    crossed = [omega[i : i + 1] * inner[j : j + 1] + inner[i : i + 1] * (omega + inner)[j : j + 1] for i, j in PAIRS]
+    return [inner, squares, *crossed, *alphas]
 
 
 def _add(sums, more):

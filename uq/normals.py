@@ -1,0 +1,105 @@
+"""Standard normal numbers, two from each turn of a counter-based generator: the time of a trial is mostly theirs.
+
+The generator is Threefry-2x32 with 20 rounds (doi:10.1145/2063384.2063405), the one of ``jax.random``, written out so
+that its two words are computed together with what is made of them. The Box–Muller transform takes one word for the
+radius and one for the angle: the largest number is 6.7, which one draw in 7e10 would exceed.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float, Int, Key, UInt32
+
+ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+PARITY = 0x1BD11BDA
+SERIES = {"float32": 5, "float64": 9}
+"""Terms of the series of sine and cosine up to 45° that the precision asks for."""
+
+Word = UInt32[Array, "*shape"]
+
+
+def threefry(key: tuple[Word, Word], counter: tuple[Word, Word]) -> tuple[Word, Word]:
+    """Return the two words of Threefry-2x32 with 20 rounds; key and counter broadcast."""
+    keys = (*key, key[0] ^ key[1] ^ jnp.uint32(PARITY))
+    one, two = counter[0] + keys[0], counter[1] + keys[1]
+    for group in range(5):
+        for turn in ROTATIONS[group % 2]:
+            one = one + two
+            two = one ^ ((two << jnp.uint32(turn)) | (two >> jnp.uint32(32 - turn)))
+        one = one + keys[(group + 1) % 3]
+        two = two + keys[(group + 2) % 3] + jnp.uint32(group + 1)
+    return one, two
+
+
+def normal_pairs(
+    key: Key[Array, ""], block: Int[Array, ""] | int, place: UInt32[Array, "*shape"], dtype: Any
+) -> Complex[Array, "*shape"]:
+    """Return independent standard normal numbers, two in each complex one, in real and imaginary part.
+
+    Args:
+        key: of the stream; a number depends on it, on the block and on its place alone.
+        block: number of the block.
+        place: numbers of the places in the block.
+        dtype: float32 or float64 of each part.
+    """
+    one, two = jax.random.key_data(key)
+    zero = jnp.zeros_like(place)
+    words = threefry((one + zero, two + zero), (jnp.asarray(block).astype(jnp.uint32) + zero, place))
+    return box_muller(*words, dtype)
+
+
+def box_muller(radius: Word, angle: Word, dtype: Any) -> Complex[Array, "..."]:
+    """Return two standard normal numbers, in a complex one, from two words of 32 random bits."""
+    dtype = jnp.dtype(dtype)
+    uniform = (radius.astype(dtype) + dtype.type(0.5)) * dtype.type(2.0**-32)
+    length = jnp.sqrt(-2 * (_log(uniform) if dtype == jnp.float64 else jnp.log(uniform)))
+    sine, cosine = _sine_and_cosine(jax.lax.bitcast_convert_type(angle << jnp.uint32(2), jnp.int32).astype(dtype))
+    swapped = (angle >> jnp.uint32(30)) & jnp.uint32(1) != 0
+    length = jnp.where(angle >> jnp.uint32(31) != 0, -length, length)
+    return jax.lax.complex(length * jnp.where(swapped, cosine, sine), length * jnp.where(swapped, sine, cosine))
+
+
+def in_order(pairs: Complex[Array, "k n"]) -> Float[Array, "k m"]:
+    """Return the real parts, then the imaginary ones: m = 2 n."""
+    return joined([pairs.real, pairs.imag])
+
+
+def joined(parts: Sequence[Array], axis: int = 1) -> Array:
+    """Return what ``concatenate`` does, each part written into its place: of that, XLA makes fast loops on a CPU."""
+    shape = list(parts[0].shape)
+    shape[axis] = sum(part.shape[axis] for part in parts)
+    whole, start = jnp.zeros(shape, parts[0].dtype), 0
+    for part in parts:
+        whole = jax.lax.dynamic_update_slice_in_dim(whole, part, start, axis)
+        start += part.shape[axis]
+    return whole
+
+
+def _log(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Natural logarithm of normal float64 numbers in arithmetic that goes through vector units; 1e-15 of itself."""
+    bits = jax.lax.bitcast_convert_type(x, jnp.int64)
+    exponent = (bits - np.float64(math.sqrt(0.5)).view(np.int64)) >> np.int64(52)
+    mantissa = jax.lax.bitcast_convert_type(bits - (exponent << np.int64(52)), jnp.float64)  # √½ … √2
+    ratio = (mantissa - 1) / (mantissa + 1)
+    series = _polynomial(ratio * ratio, [2 / (2 * k + 1) for k in range(11)])
+    return exponent.astype(jnp.int32).astype(jnp.float64) * math.log(2) + ratio * series
+
+
+def _sine_and_cosine(part: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """Of ±45° for a part of ±2³¹."""
+    turn = part * part.dtype.type(math.pi / 2 * 2.0**-32)
+    factorial = [(-1) ** (k // 2) / math.factorial(k) for k in range(2 * SERIES[part.dtype.name])]
+    square = turn * turn
+    return turn * _polynomial(square, factorial[1::2]), _polynomial(square, factorial[0::2])
+
+
+def _polynomial(x: Float[Array, "..."], coefficients: Sequence[float]) -> Float[Array, "..."]:
+    """Of ascending powers."""
+    result = jnp.full_like(x, coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        result = result * x + x.dtype.type(coefficient)
+    return result
