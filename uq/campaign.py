@@ -92,7 +92,7 @@ def montecarlo(
             component, with all sources together, are stable for every trajectory and estimator (:mod:`uq.adaptive`).
         digits: significant digits of the standard uncertainties that are to be stable, if adaptive.
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
-        batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 1000 if collapsed.
+        batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 500 if collapsed.
         devices: devices to spread the trials over; None for all.
         progress: called after each stretch of trials.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
