@@ -386,7 +386,7 @@ def test_runs_that_hold_no_poses(tmp_path, generator, capsys):
     (tmp_path / "e.toml").write_text("[poses]\n")
     command = ["--experiment", tmp_path / "e.toml"]
     path = recorded(tmp_path / "no.mcap", generator, accelerometer=False)
-    assert "no acceleration in no.mcap" in refused(capsys, "centre", path, *command)
+    assert "neither acceleration nor poses in no.mcap" in refused(capsys, "centre", path, *command)
     path = recorded(tmp_path / "short.mcap", generator, seconds=0.5)
     assert "0 poses in short.mcap" in refused(capsys, "centre", path, *command)
     (tmp_path / "e.toml").write_text('[poses]\n[recording]\ncompensated = "gravity"\n')

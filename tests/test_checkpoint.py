@@ -16,7 +16,7 @@ from uq.checkpoint import Checkpoint
 from uq.experiment import Experiment, ExperimentError
 
 TRIALS = 500
-OPTIONS = {"trajectories": ["T1", "T3"], "estimators": "central"}
+OPTIONS = {"batch": 4, "trajectories": ["T1", "T3"], "estimators": "central"}
 
 
 def brief():
