@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from rig import cdr, delay, messages, schemas
+from rig import cdr, delay, memory, messages, schemas
 from rig.container import seal
 from rig.errors import RigError
 from rig.rigfile import Rig
@@ -22,6 +22,7 @@ from rig.writer import new_writer, register
 TICK = 0.01  # seconds between two looks at the queues
 FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
 STATUS = 1.0  # seconds between two status messages
+TRIM = 10.0  # seconds between two returns of free memory
 KEPT = 60_000  # samples kept for the delay between a command and the IMU
 ENCODERS = {"wrench": cdr.WrenchEncoder, "imu": cdr.ImuEncoder}
 TYPES = {"wrench": schemas.WRENCH, "imu": schemas.IMU, "values": schemas.VALUES}
@@ -138,7 +139,7 @@ class Recorder:
         progress: Callable[[Progress], None] | None,
     ) -> None:
         """Write what arrives until the time is over."""
-        next_flush, next_status = start, start
+        next_flush, next_status, next_trim = start, start, start
         end = float("inf") if seconds is None else start + seconds * 1e9
         while not self._stopped.wait(TICK) and (now := time.monotonic_ns()) < end:
             self._drain(session)
@@ -154,6 +155,9 @@ class Recorder:
                 next_flush = now + round(FLUSH * 1e9)
                 self._writer.flush()
                 sink.mark_whole()
+            if now >= next_trim:
+                next_trim = now + round(TRIM * 1e9)
+                memory.give_back()
             session.raise_failures()
 
     def _register(self, session: Session) -> None:
