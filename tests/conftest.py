@@ -2,18 +2,29 @@
 
 import dataclasses
 import os
-
-os.environ.setdefault("INERTIA_CACHE", "off")  # tests compile for themselves, and leave nothing in a home
+import shutil
+import tempfile
 
 import jax
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from uq.compiled import keep_compiled
+
+if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
+    os.environ["INERTIA_CACHE"] = tempfile.mkdtemp(prefix="inertia-tests-")
+keep_compiled()
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_num_cpu_devices", 2)
+
+
+def pytest_unconfigure():
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        shutil.rmtree(os.environ["INERTIA_CACHE"], ignore_errors=True)
+
 
 settings.register_profile("same", derandomize=True)  # the same examples in every run
 settings.load_profile("same")

@@ -42,7 +42,7 @@ def start(arguments, core=0, **environment):
     code = f"import os, sys; os.sched_setaffinity(0, {{{core}}}); from uq.cli import main; sys.exit(main())"
     return subprocess.Popen(
         [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "INERTIA_CACHE": "off", **environment},
+        env={**os.environ, **environment},
     )  # fmt: skip
 
 
