@@ -35,13 +35,8 @@ def test_with_every_kind_of_error(preset):
         {"name": "scale", "target": "M", "kind": "scale", "sigma": ["0.5 %"] * 3, "group": "x"},
         {"name": "delay", "target": "omega", "kind": "delay", "sigma": "2 ms", "group": "x"},
         {"name": "axes", "target": "omega", "kind": "misalignment", "sigma": ["0.3 deg"] * 3, "group": "x"},
-        {
-            "name": "drift",
-            "target": "wrench",
-            "kind": "drift",
-            "sigma": ["5 mN/s"] * 3 + ["0.2 mN*m/s"] * 3,
-            "group": "x",
-        },
+        {"name": "drift of F", "target": "F", "kind": "drift", "sigma": ["5 mN/s"] * 3, "group": "x"},
+        {"name": "drift of M", "target": "M", "kind": "drift", "sigma": ["0.2 mN*m/s"] * 3, "group": "x"},
     ]
     experiment = Experiment.from_dict({**document, "source": [*document["source"], *more]})
     expected = law(experiment, "T2", "smoothed")["T2", "smoothed"].groups["total"]
