@@ -1,5 +1,7 @@
 """A device's clock against the host's: the fastest arrivals tell, the delayed ones do not bias the fit."""
 
+from bisect import bisect_left
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -66,7 +68,7 @@ def _edge(hull: list[tuple[int, int]]) -> ClockFit:
     if hull[-1][0] - origin < MINIMUM_SPAN:
         return ClockFit(min(offset for _, offset in hull), 0.0, origin)
     middle = (origin + hull[-1][0]) / 2
-    index = next(i for i, (device, _) in enumerate(hull) if device >= middle)
+    index = bisect_left(hull, middle, key=itemgetter(0))
     (x0, y0), (x1, y1) = hull[max(0, index - 1)], hull[max(1, index)]
     skew = (y1 - y0) / (x1 - x0)
     return ClockFit(y0 - skew * (x0 - origin), skew, origin)

@@ -50,11 +50,13 @@ class SerialPort:
             self._port = _Line(path, baudrate, timeout=TIMEOUT, write_timeout=1.0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             raise _reason(path, baudrate, error) from error
+        self._arrival = select.poll()
+        self._arrival.register(self._port.fd, select.POLLIN)
 
     def read(self) -> bytes:
         """What has arrived; waits up to TIMEOUT for the first byte. Straight from the descriptor: one call a frame."""
         try:
-            if not select.select([self._port.fd], [], [], TIMEOUT)[0]:
+            if not self._arrival.poll(1000 * TIMEOUT):
                 return b""
             data = os.read(self._port.fd, LARGEST_READ)
         except (OSError, TypeError, ValueError) as error:  # closed under the read
