@@ -52,7 +52,7 @@ def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
 def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
     class Interrupted(command.ProgressBar):
         def __call__(self, name, done, asked):
-            if done == 400:
+            if done == 384:
                 raise KeyboardInterrupt
 
     out = tmp_path / "out"
@@ -63,7 +63,7 @@ def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path,
     assert main(arguments(experiment, "--trials", 500, "--seed", 1, "--out", out)) == 2
     assert "is of another campaign (other seed): give the same arguments" in capsys.readouterr().err
     assert main(arguments(experiment, "--trials", 500, "--out", out)) == 0
-    assert capsys.readouterr().err == "resuming T3 at trial 400 of 500\n"
+    assert capsys.readouterr().err == "resuming T3 at trial 384 of 500\n"
     assert not (out / "checkpoint").exists()
     assert main(arguments(experiment, "--trials", 500, "--out", tmp_path / "whole")) == 0
     one, two = (json.loads((folder / "result.json").read_text()) for folder in (out, tmp_path / "whole"))

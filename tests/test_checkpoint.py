@@ -151,7 +151,7 @@ def test_a_damaged_head_is_refused(experiment, tmp_path, change, words):
 
 def test_a_checkpoint_of_another_campaign_is_refused(experiment, tmp_path):
     interrupted(experiment, tmp_path, 1)
-    with pytest.raises(ExperimentError, match=r"of another campaign \(other seed, estimators\): give the same"):
+    with pytest.raises(ExperimentError, match=r"of another campaign \(other seed, batch, estimators\): give the same"):
         montecarlo(experiment, trials=TRIALS, seed=1, trajectories="T1", checkpoint=tmp_path)
     heavier = Experiment.from_dict({**brief(), "body": {**brief()["body"], "mass": "19.8 kg"}})
     with pytest.raises(ExperimentError, match=r"other experiment"):

@@ -196,7 +196,8 @@ def test_simulate_then_identify(tmp_path, experiment, run, capsys):
     assert {"result.json", "report.html"} <= {path.name for path in out.iterdir()}
     assert content["inertia"]["I11"] == pytest.approx(0.3813, rel=0.05)
     assert f"{1e3 * content['inertia']['I11']:.0f}" in said
-    assert content["provenance"]["inputs"] == [{"file": str(run), "sha256": content["runs"][0]["sha256"]}]
+    used = {"file": str(run), "sha256": content["runs"][0]["sha256"], "made_up": "simulated"}
+    assert content["provenance"]["inputs"] == [used]
     assert "no driver removed the body's weight" in " ".join(content["assumptions"])
     assert "on the body" not in " ".join(content["assumptions"])  # the run's metadata says so
     assert content["provenance"]["experiment"]["body"]["mass"] == "19.7 kg"
