@@ -91,13 +91,17 @@ def sums(run):
 
 
 def test_every_order_and_sign_of_the_axes_is_recognised():
-    """All 48 of the load cell's, and the 24 left-handed ones of the IMU's."""
+    """All 48 of the load cell's, and the 24 left-handed ones of the IMU's.
+
+    All axes of one sensor reversed differ from all of the other reversed by the terms quadratic in omega alone: in this
+    noise the two may stay undecided, and then both are named.
+    """
     whole = sums(good())
     for one in axes.hypotheses():
         spoiled = one.applied(whole)
-        (best, *_) = axes.best_axes(spoiled, axes.scales(spoiled, weight=True))
-        assert best.sensor == one.sensor
-        np.testing.assert_array_equal(best.matrix, one.matrix.T)
+        found = axes.best_axes(spoiled, axes.scales(spoiled, weight=True))
+        held = [best.sensor == one.sensor and np.array_equal(best.matrix, one.matrix.T) for best in found]
+        assert held[0] or (np.array_equal(one.matrix, -np.eye(3)) and held == [False, True])
 
 
 @pytest.mark.parametrize("turn", [[0.0, 5.0, 0.0], [0.0, 0.0, 5.0], [3.0, -3.0, 3.0]])

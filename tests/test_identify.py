@@ -93,7 +93,7 @@ def test_the_stated_bias_is_the_monte_carlos_mean_error(short):
     assert any("gyro noise and differentiator bias I33 by about -" in text for text in result.warnings)
     smooth = identify(simulate(short, "T1").run, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert np.abs(smooth.bias).max() < 3e-4
-    assert smooth.warnings == ()
+    assert not any("bias" in text for text in smooth.warnings)
 
 
 @pytest.mark.parametrize("lowpass", [None, 4.0])

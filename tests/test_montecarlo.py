@@ -131,6 +131,11 @@ def test_groups_share_their_draws(short):
 # --- the same functions, the same numbers ---
 
 
+def plain(found):
+    """Least squares alone, where a short run's tensor was moved to one that a body can have."""
+    return found.inertia if found.admissible is None else found.admissible.plain
+
+
 @pytest.mark.parametrize("estimator", ["central", "smoothed"])
 def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
     """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
@@ -144,7 +149,7 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
         estimator=one.estimators[0],
         offsets="none",
     )
-    np.testing.assert_allclose(found.inertia, result.inertia[3, 0, 0], atol=1e-12 * short.inertia.max())
+    np.testing.assert_allclose(plain(found), result.inertia[3, 0, 0], atol=1e-12 * short.inertia.max())
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [("float64", 1e-12), ("float32", 1e-5)])
@@ -266,7 +271,7 @@ def test_any_number_of_samples(short, seconds):
     silent_r = dataclasses.replace(one, sources=tuple(s for s in one.sources if s.target != "r_cg"))
     found = identify(simulate(silent_r, "T", trial=1).run, r_cg=short.r_cg_from_q, estimator=estimator, offsets="none")
     expected = errors(silent_r, 3, name="T", estimators=("central",), sampling="samples")[1, 0, 0]
-    np.testing.assert_allclose(found.inertia - short.inertia, expected, atol=1e-12)
+    np.testing.assert_allclose(plain(found) - short.inertia, expected, atol=1e-12)
 
 
 def test_a_colon_in_a_name_is_part_of_the_name(short):

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Int, Key
+from jaxtyping import Array, Complex, Float, Inexact, Int, Key
 
 from uq.distributions import Distribution, Empirical, Normal
 from uq.normals import in_order, normal_pairs
@@ -112,8 +112,11 @@ class Mixing(eqx.Module):
     correlation: Float[Array | np.ndarray, "k k"]
     """Between all these numbers, in the order of the names."""
 
-    def mixed(self, drawn: Mapping[str, Float[Array, "..."]]) -> dict[str, Float[Array, "..."]]:
-        """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are."""
+    def mixed(self, drawn: Mapping[str, Inexact[Array, "..."]]) -> dict[str, Inexact[Array, "..."]]:
+        """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are.
+
+        Two draws may come in a complex number's parts.
+        """
         here = [name for name in self.names if name in drawn]
         if not here:
             return dict(drawn)
