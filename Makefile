@@ -32,8 +32,9 @@ check: env
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# Most of a test's time is compilation, so the compiler does not optimise here; plain `pytest` and `make study` do.
 unit: env
-	$(BIN)/python -m pytest -n 2
+	XLA_FLAGS=--xla_backend_optimization_level=0 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 notebooks: env
 	$(BIN)/python -m pytest notebooks
