@@ -54,7 +54,7 @@ def preset():
 
 @pytest.fixture(scope="session")
 def short(preset):
-    """The preset with trajectories of 7,900 samples: two blocks, the second not full."""
+    """The preset with trajectories of 7,900 samples: some blocks, the last not full."""
 
     def shorter(spec):
         scale = 19.75 / spec.duration

@@ -28,7 +28,7 @@ Kind = Literal[
 ]  # fmt: skip
 Index = Int[Array, ""] | int
 
-BLOCK = 4000
+BLOCK = 1200
 """Samples in a block of draws; always this, since the draws depend on it."""
 
 TARGET_UNITS = {
@@ -203,12 +203,12 @@ def draw_pairs(
 
 def draw_blocks(
     sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, block: Index, dtype: Any
-) -> list[Float[Array, "3 4000"]]:
+) -> list[Float[Array, "3 1200"]]:
     """Return the draws of precision sources for one block of samples of a trial, component first."""
     return [in_order(pairs) for pairs in draw_pairs(sources, mixing, key, trial, block, dtype)]
 
 
-def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 4000"]:
+def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 1200"]:
     """Return one block of a precision source that is correlated with no other."""
     return draw_blocks([source], (), key, trial, block, dtype)[0]
 
@@ -231,7 +231,7 @@ def _scaled(pairs: Complex[Array, "3 n"], by: Any) -> Complex[Array, "3 n"]:
     return jax.lax.complex(factor * pairs.real, factor * pairs.imag)
 
 
-def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 4000"]:
+def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 1200"]:
     if isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2:  # rows: axes that go together
         return source.shape.draw(key, (BLOCK, 3), dtype).T
     return source.shape.draw(key, (3, BLOCK), dtype)

@@ -63,14 +63,14 @@ class Signals(NamedTuple):
 
     block: Int[Array, "*blocks"]
     """Number of the block."""
-    features: Float[Array, "*blocks features 4000"]
+    features: Float[Array, "*blocks features 1200"]
     """What the estimators share, then each one's alpha; zero where a sample does not count. Shared are the features, or
     with errors that map the angular velocity the elements of :func:`uq.measurement.true_elements`."""
-    wrench: Float[Array, "*blocks columns 4000"]
+    wrench: Float[Array, "*blocks columns 1200"]
     """Force [N] and moment [N·m], then the other functions of :class:`uq.measurement.Columns`."""
-    known: Float[Array, "*blocks 4000 padded"]
+    known: Float[Array, "*blocks 1200 padded"]
     """Both again, sample by sample, filled up to the width of a processor's matrix product."""
-    valid: Float[Array, "*blocks 4000"]
+    valid: Float[Array, "*blocks 1200"]
     """1 where every estimator has a derivative, else 0."""
 
 
