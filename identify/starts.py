@@ -14,7 +14,7 @@ PLACE = 0.6
 def start(
     periodic: Periodic, r_cg_from_omb: Float[np.ndarray, "3"], generator: np.random.Generator, number: int
 ) -> Float[np.ndarray, " u"]:
-    """Return the unknowns of a start: the first is a spiral that keeps the centre of gravity still, the others random.
+    """Return the unknowns of a start: random, but the second is a spiral that keeps the centre of gravity still.
 
     Args:
         periodic: the harmonics.
@@ -22,7 +22,7 @@ def start(
         generator: of the random ones.
         number: which start, from 0.
     """
-    if number == 0 and len(periodic.frequency) >= 3:
+    if number == 1 and len(periodic.frequency) >= 3:
         return spiral(periodic, r_cg_from_omb)
     return SIZE / np.sqrt(len(periodic.frequency)) * generator.normal(size=periodic.unknowns)
 

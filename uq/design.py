@@ -122,7 +122,7 @@ def design(
             ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
         reference: name of the trajectory to be beaten; its size and speed are chosen anew under the limits.
         duration: of the run [s]; None: the reference's.
-        starts: motions to start from, a spiral that keeps the centre of gravity still and random ones.
+        starts: motions to start from, random ones, the second a spiral that keeps the centre of gravity still.
         seed: of the starts.
         period: of the motion [s].
         rounds: of the minimisation from each start.
