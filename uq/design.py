@@ -30,7 +30,7 @@ FINER = 10
 """Times as many at which the limits are checked in the end."""
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
-RAMPS = (4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0)
+RAMPS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
 """Ramps that are tried, in periods of the highest frequency."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
@@ -212,12 +212,13 @@ class Search:
 
     def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
         """Return the whole run, of the largest size and the shortest ramps that meet the limits; None: no size."""
-        lengths = [ramp / self.limits.bandwidth for ramp in RAMPS if 2 * ramp / self.limits.bandwidth <= self.duration]
-        size = largest(self.experiment, lambda size: self._short(size * found.unknowns, lengths[-1]), self.limits, fine)
+        unknowns = found.unknowns
+        size = self._largest(unknowns, min(RAMPS[-1] / self.limits.bandwidth, self.duration / 4), fine)
+        ramp = self._best_ramp(size * unknowns, fine)
+        size = self._largest(unknowns, ramp, fine)
         for number in range(FINAL):
             tell("limits", number, FINAL)
-            ramp = next(at for at in lengths if at == lengths[-1] or self._share(size * found.unknowns, at, fine) <= 1)
-            spec = self._spec(size * found.unknowns, self.duration, ramp)
+            spec = self._spec(size * unknowns, self.duration, ramp)
             share = worst_use(self.experiment, spec, self.limits, fine)
             if share <= 1:
                 tell("limits", FINAL, FINAL)
@@ -225,14 +226,24 @@ class Search:
             size = size / (1 + WEIGHT * (share - 1))
         return None
 
+    def _largest(self, unknowns: np.ndarray, ramp: float, fine: float) -> float:
+        return largest(self.experiment, lambda size: self._short(size * unknowns, ramp), self.limits, fine)
+
+    def _best_ramp(self, unknowns: np.ndarray, fine: float) -> float:
+        """Return the ramp [s] that costs least: by its own length, or by a motion made smaller for what it asks."""
+        ramps = [ramp / self.limits.bandwidth for ramp in RAMPS if 4 * ramp / self.limits.bandwidth <= self.duration]
+
+        def merit(ramp: float) -> float:
+            share = worst_use(self.experiment, self._short(unknowns, ramp), self.limits, fine)
+            return effective(self.duration, ramp) ** 0.5 / (1 + WEIGHT * max(share - 1, 0.0))
+
+        return max(ramps or [self.duration / 4], key=merit)
+
     def _short(self, unknowns: np.ndarray, ramp: float) -> TrajectorySpec:
         """Return a run that is shorter by whole periods: with the same ramps, and the same motion between them."""
         spare = self.duration - 2 * RAMPS[-1] / self.limits.bandwidth - 2 * self.periodic.period
         periods = max(0, np.floor(spare / self.periodic.period))
         return self._spec(unknowns, self.duration - self.periodic.period * periods, ramp)
-
-    def _share(self, unknowns: np.ndarray, ramp: float, fine: float) -> float:
-        return worst_use(self.experiment, self._short(unknowns, ramp), self.limits, fine)
 
     def _spec(self, unknowns: np.ndarray, duration: float, ramp: float) -> TrajectorySpec:
         trajectory = self.periodic.multisine(unknowns, duration, ramp)
