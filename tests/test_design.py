@@ -1,4 +1,7 @@
-"""The designed trajectory: its limits on a finer grid of the test's own, its promise, its bound, and bad input."""
+"""The designed trajectory: its limits on a finer grid of the test's own, its promise, its bound, and bad input.
+
+What needs a whole design is for ``make study``: its gradient alone takes a minute to compile.
+"""
 
 import dataclasses
 
@@ -52,6 +55,7 @@ def found(searched):
     return searched[0]
 
 
+@pytest.mark.study
 def test_no_limit_is_exceeded_at_any_instant(given, found):
     """On a grid of 3,000 Hz over the whole run with its ramps, which no part of the search has seen."""
     t = jnp.linspace(0, 20, 60_001)
@@ -64,6 +68,7 @@ def test_no_limit_is_exceeded_at_any_instant(given, found):
     assert found.peaks[0].share <= 1
 
 
+@pytest.mark.study
 def test_it_starts_and_ends_at_rest_at_home(found):
     trajectory = found.spec.trajectory
     for t in (0.0, 20.0):
@@ -71,6 +76,7 @@ def test_it_starts_and_ends_at_rest_at_home(found):
         np.testing.assert_allclose(trajectory.omega(jnp.array(t)), 0, atol=1e-30)
 
 
+@pytest.mark.study
 def test_it_beats_the_reference_and_not_the_bound(found):
     assert isinstance(found, Design)
     assert found.improved
@@ -80,6 +86,7 @@ def test_it_beats_the_reference_and_not_the_bound(found):
     assert highest_frequency(found.spec) <= found.band <= 3.0
 
 
+@pytest.mark.study
 def test_the_promise_is_the_laws(found):
     from uq import law
 
@@ -88,6 +95,7 @@ def test_the_promise_is_the_laws(found):
     np.testing.assert_allclose(found.expanded, 3 * np.sqrt(np.diag(total.covariance)), rtol=0.03)
 
 
+@pytest.mark.study
 def test_a_gradient_is_that_of_differences(searched, generator):
     """Of goal and limits together, along a random direction."""
     search = searched[1]
