@@ -6,6 +6,8 @@ import numpy as np
 
 from identify.estimator import EstimatorSpec
 from uq import montecarlo
+from uq.design_bound import design_bound
+from uq.design_limits import efforts
 from uq.design_reference import highest_frequency
 from uq.experiment import Experiment
 
@@ -36,6 +38,17 @@ def louder(source):
     if source["target"] != "omega":
         return source
     return source | {"sigma": [f"{10 * float(one.split()[0])} rad/s" for one in source["sigma"]]}
+
+
+OPTIONS = {"starts": 3, "rounds": 11}
+"""Of every search."""
+
+
+def as_it_fluctuates(found):
+    """The bound for legs that fluctuate as much as the designed motion's, and that fluctuation by the limit's square."""
+    squares = (efforts(found.experiment, found.spec, 80.0).legs.acceleration ** 2).mean(axis=0)
+    least = design_bound(found.experiment, found.spec, found.limits, squares)
+    return np.array([least.moments, least.products]), squares / found.limits.acceleration**2
 
 
 def average(expanded):

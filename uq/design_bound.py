@@ -42,19 +42,23 @@ class DesignBound:
     """What the bound does not ask of a motion."""
 
 
-def design_bound(experiment: Experiment, spec: TrajectorySpec, limits: Limits) -> DesignBound | None:
+def design_bound(
+    experiment: Experiment, spec: TrajectorySpec, limits: Limits, squares: Float[np.ndarray, "6"] | None = None
+) -> DesignBound | None:
     """Return what no motion of any frequencies up to the bandwidth can beat under these limits.
 
     Args:
         experiment: body, platform and sources.
         spec: how long and how often is sampled.
         limits: in figures.
+        squares: mean square of each leg's acceleration [m²/s⁴]; None: the largest that the limits allow. A motion's own
+            tell how much better the same fluctuation could be shared among the legs.
 
     Returns:
         The bound; None where stroke and speed of a leg are free, or the load cell has no white noise.
     """
     noise = moment_noise(experiment, spec)
-    squares = mean_squares(experiment, limits)
+    squares = mean_squares(experiment, limits) if squares is None else squares
     if np.linalg.eigvalsh(noise)[0] <= 0 or not np.isfinite(squares).all():
         return None
     platform = experiment.platform
