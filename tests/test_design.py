@@ -15,7 +15,7 @@ from uq.design import Design, Search, design
 from uq.design_bound import RELAXED, design_bound
 from uq.design_goal import GOALS, goal_of, principal_slope
 from uq.design_limits import efforts, resolved_limits, uses
-from uq.design_reference import highest_frequency, largest, scaled
+from uq.design_reference import highest_frequency, largest, promise, scaled
 from uq.document import ExperimentError
 from uq.experiment import Experiment
 
@@ -104,6 +104,20 @@ def test_a_gradient_is_that_of_differences(searched, generator):
     value = lambda h: search.lagrangian.at(x + h * along, multipliers, 30.0)[0]  # noqa: E731
     slope = search.lagrangian.at(x, multipliers, 30.0)[1] @ along
     np.testing.assert_allclose(slope, (value(1e-5) - value(-1e-5)) / 2e-5, rtol=1e-5)
+
+
+@pytest.mark.study
+def test_the_design_in_the_docs_is_what_they_say():
+    """docs/experiments/designed.toml: limits at 800 Hz over the whole run, the average 3σ of docs/design.md, the bound."""
+    experiment = Experiment.load("docs/experiments/designed.toml")
+    limits, figures = resolved_limits(experiment, 160), {"designed": (1.895, 1.327), "T1_at_its_best": (2.627, 1.795)}
+    for name, expected in figures.items():
+        spec = experiment.trajectories[name]
+        assert uses(experiment, spec, limits, 800.0)[0].share <= 1 + 1e-8
+        three = 3e3 * np.sqrt(np.diag(promise(experiment, spec, 50.0).covariance))
+        np.testing.assert_allclose([three[[0, 3, 5]].mean(), three[[1, 2, 4]].mean()], expected, atol=6e-4)
+    least = design_bound(experiment, experiment.trajectories["T1"], limits)
+    np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.460, 1.008], atol=6e-4)
 
 
 # --- limits and reference ---
