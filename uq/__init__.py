@@ -12,7 +12,6 @@ _WHERE = {
     "centre_file": "centre",
     "compare": "expected",
     "datasheet": "datasheets",
-    "design": "design",
     "emulated_tables": "emulated",
     "export": "exports",
     "identify_files": "recorded",
