@@ -36,6 +36,8 @@ _WHERE = {
     "Centre": "centre",
     "Comparison": "expected",
     "CurvilinearTrapezoid": "distributions",
+    "Design": "design",
+    "DesignBound": "design_bound",
     "Empirical": "distributions",
     "EmulatedTables": "emulated",
     "Experiment": "experiment",
