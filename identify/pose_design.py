@@ -1,7 +1,7 @@
 """Static poses that determine mass and centre of gravity best: chosen out of many by exchange.
 
-Each set of poses is judged by the logarithm of its predicted covariance's determinant (D-optimality), which units do not
-change. The set is improved by exchanging one pose for another as long as that helps (Fedorov's exchange; Atkinson,
+Each set of poses is judged by the logarithm of its predicted covariance's determinant (D-optimality), which units do
+not change. The set is improved by exchanging one pose for another as long as that helps (Fedorov's exchange; Atkinson,
 Donev, Tobias, Optimum Experimental Designs (2007), chapter 12).
 """
 

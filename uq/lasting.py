@@ -1,7 +1,7 @@
 """How long must I measure? The duration that a target takes, or the source that forbids it.
 
-Noise is averaged: its variance falls with the time between the ramps. What is drawn once is not: its variance stays, and
-that of a drift grows. The law of propagation tells each source's part at the trajectory's own duration and at twice
+Noise is averaged: its variance falls with the time between the ramps. What is drawn once is not: its variance stays,
+and that of a drift grows. The law of propagation tells each source's part at the trajectory's own duration and at twice
 that; in between and beyond, noise follows ``1 / (T - lost)`` and every other source its own power of T. The answer is
 checked, and mended, by the law at the answer itself.
 """
@@ -53,7 +53,7 @@ class Growth:
         """Return each source's variance at a duration [s]; durations lead."""
         T = np.asarray(duration, float)[..., None, None]
         with np.errstate(invalid="ignore", divide="ignore"):
-            noise = np.where(T > self.lost, (self.own - self.lost) / (T - self.lost), np.inf)
+            noise = np.where(self.lost < T, (self.own - self.lost) / (T - self.lost), np.inf)
             factor = np.where(np.isnan(self.lost), (T / self.own) ** self.power, noise)
             return np.where(self.variance > 0, self.variance * factor, 0.0)
 

@@ -40,7 +40,7 @@ EXACT, SINGLE = 2e-9, 2e-6
 MEANING = {
     "frames": "A: earth, z up; B: platform, parallel to A at home; x y z: platform centre OMB from home, in A",
     "rotation": "R_AB = Rz(yaw) Ry(pitch) Rx(roll) takes components in B to components in A; q is the same rotation",
-    "rotation_order": f"{ORDER}, about turned axes: z by yaw, y' by pitch, x'' by roll; right-handed, counter-clockwise",
+    "rotation_order": f"{ORDER}, about turned axes: z by yaw, y' by pitch, x'' by roll; right-handed",
     "legs": "between the centres of the joints, leg 1 to 6 as in the experiment",
 }
 
@@ -191,7 +191,9 @@ def _read_back(
     from_csv, by_quaternion = read_csv(contents[f"{name}.csv"])
     from_pi = read_pi_waves(contents[f"{name}.pi.txt"], RATE)
     from_moog = read_moog_packets(contents[f"{name}.moog.bin"], MOOG_RATE)
-    again = _lengths(platform, Pose(jnp.asarray(from_csv.position) + platform.home, jnp.asarray(by_quaternion)))
+    again = _lengths(
+        platform, Pose(jnp.asarray(from_csv.position + np.asarray(platform.home)), jnp.asarray(by_quaternion))
+    )
     found = {
         f"{name}.csv": max(
             _apart(from_csv, table),

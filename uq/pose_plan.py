@@ -1,4 +1,4 @@
-"""Static poses for a platform, designed for mass and centre of gravity: a list to run, as ``inertia centre`` reads it."""
+"""Static poses for a platform, designed for mass and centre of gravity: a list that ``inertia centre`` reads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,8 +1,9 @@
 """What a platform really did: a recorded run beside its plan, and the uncertainty of what was run.
 
-The run's angular velocity is fitted by the planned one on each axis, ``gain * plan(t - lag) + offset``: the lag is found
-by cross-correlation first and then, with gain and offset, by least squares on the plan's own derivative, to a small part
-of a sample. The centre of gravity's acceleration is the specific force there less gravity, turned along by the gyro.
+The run's angular velocity is fitted by the planned one on each axis, ``gain * plan(t - lag) + offset``: the lag is
+found by cross-correlation first and then, with gain and offset, by least squares on the plan's own derivative, to a
+small part of a sample. The centre of gravity's acceleration is the specific force there less gravity, turned along by
+the gyro.
 The prediction is the law of propagation with the measured motion in place of the plan.
 """
 
@@ -61,9 +62,9 @@ class Sampled(Trajectory):
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """Return the angular velocity in B at ``t``."""
         count = self.pieces.shape[1]
-        k = jnp.clip(jnp.floor(t / self.interval), 0, count - 1).astype(int)
-        x = jnp.clip(t, 0.0, count * self.interval) - k * self.interval
-        a, b, c, d = jnp.asarray(self.pieces)[:, k]
+        number = jnp.clip(jnp.floor(t / self.interval), 0.0, count - 1.0)
+        x = jnp.clip(t, 0.0, count * self.interval) - number * self.interval
+        a, b, c, d = jnp.asarray(self.pieces)[:, number.astype(int)]
         return ((a * x + b) * x + c) * x + d
 
     def displacement(self, t: Float[Array, ""]) -> Float[Array, "3"]:
@@ -135,14 +136,10 @@ class Achieved:
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows: how each axis followed."""
         f = self.followed
-        rows = [
-            [
-                f"ω{k + 1}", with_error(f.gain[k], f.gain_standard_error[k], 6),
-                with_error(1e3 * f.lag[k], 1e3 * f.lag_standard_error[k], 6), f"{1e3 * f.offset[k]:.3g}".replace("-", "−"),
-                f"{1e3 * f.residual[k]:.3g}",
-            ]
-            for k in range(3)
-        ]  # fmt: skip
+        gains = map(with_error, f.gain, f.gain_standard_error, [6] * 3)
+        lags = map(with_error, 1e3 * f.lag, 1e3 * f.lag_standard_error, [6] * 3)
+        others = [[f"{1e3 * x:.3g}".replace("-", "−") for x in pair] for pair in zip(f.offset, f.residual, strict=True)]
+        rows = [[f"ω{k + 1}", gain, lag, *others[k]] for k, (gain, lag) in enumerate(zip(gains, lags, strict=True))]
         return ["axis", "amplitude / planned", "lag, ms", "offset, mrad/s", "residual rms, mrad/s"], rows
 
     def width_rows(self) -> tuple[list[str], list[list[str]]]:
@@ -355,7 +352,8 @@ def _stillness(
     if run.specific_force is not None:
         reading = CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
         offset = np.asarray(experiment.r_cg_from_q) - (0.0 if run.imu_position is None else run.imu_position)
-        force, by = specific_force_at(reading, motion.omega.T, motion.alpha.T, offset), "accelerometer"
+        turning = np.asarray(motion.omega.T), np.asarray(motion.alpha.T)
+        force, by = specific_force_at(reading, *turning, offset), "accelerometer"
     else:
         reading = CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
         force, by = reading / experiment.mass, "load cell"
