@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from identify.inertia import Body, unpack
 from identify.regressor import cross_matrix, omega_r
-from identify.trajectory import Motion
+from identify.trajectory import Motion, Trajectory
 from uq.campaign import platform_of
 from uq.document import ExperimentError
 from uq.errors import perturbed
@@ -66,15 +66,20 @@ class Prediction(eqx.Module):
             Columns.of(experiment.sources),
         )
 
-    def covariance(self, motion: Motion, jerk: Float[Array, "3 n"]) -> Float[Array, "6 6"]:
+    @eqx.filter_jit
+    def covariance(
+        self, motion: Motion, jerk: Float[Array, "3 n"], each: Array | float | None = None
+    ) -> Float[Array, "6 6"]:
         """Return the covariance of the tensor [(kg·m²)²] that a motion promises.
 
         Args:
             motion: at n uniform instants, far fewer than the run's samples.
             jerk: derivative of alpha in B [rad/s³].
+            each: samples that one instant stands for, where the motion is one period of a longer run; None: those
+                between two instants.
         """
-        spacing = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1)
-        each = spacing * self.rate  # samples that one instant stands for
+        if each is None:
+            each = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1) * self.rate
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
         inverse = jnp.linalg.inv(each * jnp.einsum("nij,nik->jk", rows, rows))
         noise = each * inverse @ (self._of_cell(rows) + self._of_gyro(motion, jerk)) @ inverse
@@ -98,7 +103,7 @@ class Prediction(eqx.Module):
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
         return jnp.einsum("nji,i,nki->jk", acts, self.gyro, acts)
 
-    def _by_constants(self, motion: Motion, jerk: Array, each: Array) -> Float[Array, "6 d"]:
+    def _by_constants(self, motion: Motion, jerk: Array, each: Array | float) -> Float[Array, "6 d"]:
         wrench, t = self.columns.sampled(self.body, motion), motion.t - motion.t[0]
 
         def sums(delay):
@@ -117,5 +122,9 @@ class Prediction(eqx.Module):
 
 def signals(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
     """Return the derivative of alpha of a trajectory at a motion's instants, in B [rad/s³]."""
-    slope = lambda t: jax.jvp(spec.trajectory.alpha, (t,), (jnp.ones_like(t),))[1]  # noqa: E731
-    return jax.vmap(slope, out_axes=1)(motion.t)
+    return _slopes(spec.trajectory, motion.t)
+
+
+@eqx.filter_jit
+def _slopes(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
+    return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)

@@ -1,0 +1,251 @@
+"""The best experiment a platform can run: the motion of least predicted uncertainty within its limits."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.estimator import EstimatorSpec
+from identify.optimal import Lagrangian, Optimum, minimise
+from identify.periodic import Periodic, moved
+from identify.platform_motion import Limits, Peak, effort, shares
+from identify.trajectory import window
+from uq.design_bound import DesignBound
+from uq.design_goal import Measure, expanded, goal_of
+from uq.design_limits import resolved_limits, uses
+from uq.design_reference import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
+from uq.document import ExperimentError
+from uq.experiment import Experiment, TrajectorySpec
+from uq.prediction import Prediction
+
+NAME = "designed"
+"""Of the designed trajectory in :meth:`Design.montecarlo_experiment`."""
+GRID = 16
+"""Instants of the optimiser in a period of the highest frequency."""
+FINER = 10
+"""Times as many at which the limits are checked in the end."""
+ACTIVE = 0.98
+"""Share of a limit from which on it counts as active."""
+RAMPS = (4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0)
+"""Ramps that are tried, in periods of the highest frequency."""
+AMPLITUDE = 0.5
+"""Root-mean-square acceleration of a leg with which a start begins, of its limit."""
+FINAL = 8
+"""Looks at the finer grid before a design is given up."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, the steps done and the steps in all."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """How the search from one start ended."""
+
+    goal: float
+    """What was to be small, against the reference's."""
+    excess: float
+    """Largest violation of a limit on the optimiser's grid, as a share of it."""
+    evaluations: int
+
+    @property
+    def met(self) -> bool:
+        """Whether it met the limits there, to the per cent that a smaller amplitude mends."""
+        return self.excess < 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A designed trajectory, what it promises, and what limits it."""
+
+    experiment: Experiment
+    """As given."""
+    spec: TrajectorySpec
+    """The designed trajectory, a Multisine; the reference itself where no design beat it."""
+    reference: TrajectorySpec
+    """What it is compared with, at the size and speed that promise most under the same limits."""
+    limits: Limits
+    """In figures."""
+    expanded: np.ndarray
+    """Predicted 3σ of each component with the designed trajectory [kg·m²]."""
+    expanded_reference: np.ndarray
+    """The same with the reference."""
+    bound: DesignBound | None
+    """What no motion under these limits can beat; None: the limits do not tell."""
+    peaks: list[Peak]
+    """Each limit's largest use over the whole run, largest first."""
+    starts: list[Start]
+    """Of the search."""
+    band: float
+    """Highest frequency of the designed trajectory [Hz], for the differentiator."""
+
+    @property
+    def active(self) -> list[Peak]:
+        """What limits the design."""
+        return [peak for peak in self.peaks if peak.share >= ACTIVE]
+
+    @property
+    def improved(self) -> bool:
+        """Whether a design beat the reference."""
+        return self.spec is not self.reference
+
+    def montecarlo_experiment(self) -> Experiment:
+        """Return the experiment with this trajectory and a differentiator matched to its band, named ``designed``."""
+        estimator = EstimatorSpec(NAME, "savitzky-golay", self.band)
+        return replace(self.experiment, trajectories={NAME: self.spec}, estimators=(estimator,))
+
+
+def design(
+    experiment: Experiment,
+    *,
+    goal: str = "all",
+    reference: str = "T1",
+    duration: float | None = None,
+    starts: int = 6,
+    seed: int = 0,
+    period: float = 5.0,
+    rounds: int = 14,
+    steps: int = 150,
+    progress: Progress | None = None,
+) -> Design:
+    """Find the motion of least predicted uncertainty that a platform can run.
+
+    The motion repeats a period of sines and cosines up to the command's bandwidth, displacement and rotation of the
+    platform's centre, between two ramps. Its predicted uncertainty, by the law of propagation with every declared
+    source, is minimised over the amplitudes under all limits at every instant, from several starts; limits are then
+    checked over the whole run on a grid ten times finer, and the motion made smaller until all are met.
+
+    Args:
+        experiment: body, sources, ``[platform] geometry`` and ``[platform.limits]``.
+        goal: ``all`` (average 3σ of moments and of products, each against the reference's), ``moments``, ``products``,
+            ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
+        reference: name of the trajectory to be beaten; its size and speed are chosen anew under the limits.
+        duration: of the run [s]; None: the reference's.
+        starts: random motions to start from.
+        seed: of the starts.
+        period: of the motion [s].
+        rounds: of the minimisation from each start.
+        steps: in each round, at most.
+        progress: called with what is being done, the steps done and the steps in all.
+
+    Raises:
+        ExperimentError: limits missing or exceeded at home, an unknown goal or trajectory, a number that cannot be.
+    """
+    _check(starts, period, duration)
+    tell = progress or (lambda *_: None)
+    _, given = experiment.select(reference)
+    limits = resolved_limits(experiment, given.rate)
+    fine = FINER * GRID * limits.bandwidth
+    given = _lasting(given, duration)
+    tell("reference", 0, 1)
+    base = promise(experiment, given, 10 * limits.bandwidth)
+    beaten = best_reference(experiment, given, limits, goal_of(goal, _inertia(experiment), base.covariance), fine)
+    tell("reference", 1, 1)
+    measure = goal_of(goal, _inertia(experiment), beaten.covariance)
+    search = Search(experiment, beaten.spec, limits, measure, period)
+    found = [search.start(seed, number, rounds, steps, tell, starts) for number in range(starts)]
+    listed = [Start(one.goal, one.excess, one.evaluations) for one in found]
+    best = search.finish(min(found, key=lambda one: one.goal + 10 * max(one.excess - 0.01, 0.0)), fine, tell)
+    if best is None or measure(jnp.asarray(best.covariance)) >= measure(jnp.asarray(beaten.covariance)):
+        best = beaten
+    return Design(
+        experiment, best.spec, beaten.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
+        np.asarray(expanded(jnp.asarray(beaten.covariance))), None,
+        uses(experiment, best.spec, limits, fine), listed, limits.bandwidth,
+    )  # fmt: skip
+
+
+def _check(starts: int, period: float, duration: float | None) -> None:
+    if starts < 1:
+        raise ExperimentError(f"{starts} starts: ask for one at least")
+    for name, value in (("period", period), ("duration", duration)):
+        if value is not None and not 0 < value < np.inf:
+            raise ExperimentError(f"a {name} of {value:g} s: give seconds above zero")
+
+
+def _inertia(experiment: Experiment) -> np.ndarray:
+    return np.asarray(experiment.body.inertia)
+
+
+def _lasting(spec: TrajectorySpec, duration: float | None) -> TrajectorySpec:
+    return spec if duration is None else scaled(spec, 1.0, 1.0, duration)
+
+
+class Search:
+    """The minimisation for one experiment, compiled once for all starts."""
+
+    def __init__(
+        self, experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, period: float
+    ):
+        band, self.duration = limits.bandwidth, reference.duration
+        if period * band < 2 or 4 * period > self.duration:
+            raise ExperimentError(f"a period of {period:g} s: give 2 / bandwidth to a quarter of the duration")
+        self.experiment, self.limits = experiment, limits
+        self.spec = replace(reference, still="omb")
+        self.periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
+        prediction = Prediction.of(experiment, self.spec)
+        each = effective(self.duration, RAMPS[0] / band) * reference.rate / len(self.periodic.t)
+        names = limited(limits)
+        r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
+        platform, body = experiment.platform, experiment.body
+
+        def goal(unknowns):
+            one = moved(platform, self.periodic, unknowns, r_cg, gravity)
+            used = shares(effort(platform, body, r_cg, one.platform, gravity), limits)
+            covariance = prediction.covariance(one.body, one.jerk, each)
+            return jnp.log(measure(covariance)), jnp.concatenate([used[name].ravel() for name in names]) - 1
+
+        self.lagrangian = Lagrangian(goal)
+
+    def start(self, seed: int, number: int, rounds: int, steps: int, tell: Progress, starts: int) -> Optimum:
+        """Minimise from a random motion; of how many starts it is, for progress."""
+        generator = np.random.default_rng([seed, number])
+        first = generator.normal(size=self.periodic.unknowns) * AMPLITUDE / np.sqrt(len(self.periodic.frequency))
+        found = minimise(
+            self.lagrangian, first, rounds=rounds, steps=steps,
+            progress=lambda done, *_: tell("starts", number * rounds + done, starts * rounds),
+        )  # fmt: skip
+        return replace(found, goal=float(np.exp(found.goal)))
+
+    def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
+        """Return the whole run, of the largest size and the shortest ramps that meet the limits; None: no size."""
+        lengths = [ramp / self.limits.bandwidth for ramp in RAMPS if 2 * ramp / self.limits.bandwidth <= self.duration]
+        size = largest(self.experiment, lambda size: self._short(size * found.unknowns, lengths[-1]), self.limits, fine)
+        for number in range(FINAL):
+            tell("limits", number, FINAL)
+            ramp = next(at for at in lengths if at == lengths[-1] or self._share(size * found.unknowns, at, fine) <= 1)
+            spec = self._spec(size * found.unknowns, self.duration, ramp)
+            share = worst_use(self.experiment, spec, self.limits, fine)
+            if share <= 1:
+                tell("limits", FINAL, FINAL)
+                return promise(self.experiment, spec, 10 * self.limits.bandwidth)
+            size = size / (1 + WEIGHT * (share - 1))
+        return None
+
+    def _short(self, unknowns: np.ndarray, ramp: float) -> TrajectorySpec:
+        """Return a run that is shorter by whole periods: with the same ramps, and the same motion between them."""
+        spare = self.duration - 2 * RAMPS[-1] / self.limits.bandwidth - 2 * self.periodic.period
+        periods = max(0, np.floor(spare / self.periodic.period))
+        return self._spec(unknowns, self.duration - self.periodic.period * periods, ramp)
+
+    def _share(self, unknowns: np.ndarray, ramp: float, fine: float) -> float:
+        return worst_use(self.experiment, self._short(unknowns, ramp), self.limits, fine)
+
+    def _spec(self, unknowns: np.ndarray, duration: float, ramp: float) -> TrajectorySpec:
+        trajectory = self.periodic.multisine(unknowns, duration, ramp)
+        return replace(self.spec, trajectory=trajectory, duration=duration)
+
+
+def limited(limits: Limits) -> list[str]:
+    """Return the quantities that are limited, as :func:`identify.platform_motion.shares` names them."""
+    values: Any = limits._replace(length=limits.length[:, 1])._asdict()
+    return [name for name, value in values.items() if name != "bandwidth" and np.isfinite(value).any()]
+
+
+def effective(duration: float, ramp: float) -> float:
+    """Return how long a motion at full size tells as much as one with ramps [s]: the window's square, integrated."""
+    t = jnp.linspace(0.0, duration, 20_001)
+    shape = jax.vmap(window, in_axes=(0, None, None))(t, duration, ramp)
+    return float((shape**2).mean() * duration)
