@@ -109,7 +109,11 @@ def test_a_trajectory_starts_and_ends_at_home(exported, experiment):
     np.testing.assert_allclose(rows[-1, 1:4] - rows[-2, 1:4], 0, atol=2e-10)
     platform = experiment.platform
     turn = Rotation.from_quat(rows[:, [8, 9, 10, 7]])
-    ends = np.asarray(platform.home) + rows[:, None, 1:4] + np.stack([turn.apply(p) for p in platform.joints], axis=1)
+    ends = (
+        np.asarray(platform.home)
+        + rows[:, None, 1:4]
+        + np.stack([turn.apply(p) for p in np.array(platform.joints)], axis=1)
+    )
     lengths = np.linalg.norm(ends - np.asarray(platform.base), axis=2)
     np.testing.assert_allclose(rows[:, 11:], lengths, atol=1e-9)
     assert np.ptp(lengths, axis=0).min() > 1e-3

@@ -54,15 +54,15 @@ def plan(experiment, limits):
 
 
 def test_the_promise_is_the_scatter_of_many_series():
-    """2,000 series of eight poses: a standard deviation has 1.6 % standard error, ten of them within four: 6e-4."""
+    """600 series of eight poses: a standard deviation has 2.9 % standard error, ten of them within four: 6e-4."""
     generator = np.random.default_rng(3)
     force = np.concatenate([leaning(0.2, np.arange(6)), leaning(0.1, [1.0, 3.0])])
     promised = np.sqrt(np.diag(foreseen_covariance(force, MASS, R_CG, np.diag(NOISE**2))))
     found = []
-    for _ in range(2000):
+    for _ in range(600):
         one = centre(*simulated(force, generator), force)
         found.append([one.mass, *one.r_cg, *one.force_offset, *one.moment_offset])
-    np.testing.assert_allclose(np.std(found, axis=0), promised, rtol=0.064)
+    np.testing.assert_allclose(np.std(found, axis=0), promised, rtol=0.116)
 
 
 def test_declared_attitudes_are_in_the_promise():
@@ -119,7 +119,7 @@ def test_what_is_written_is_the_plan(plan, experiment):
     turn = Rotation.from_euler("ZYX", rows[:, 6:3:-1])
     np.testing.assert_allclose(turn.inv().apply([0, 0, -1]), rows[:, 13:16], atol=1e-8)
     ends = np.asarray(experiment.platform.home) + rows[:, None, 1:4] + np.stack(
-        [turn.apply(p) for p in experiment.platform.joints], axis=1
+        [turn.apply(p) for p in np.array(experiment.platform.joints)], axis=1
     )  # fmt: skip
     np.testing.assert_allclose(
         np.linalg.norm(ends - np.asarray(experiment.platform.base), axis=2), rows[:, 7:13], atol=1e-8

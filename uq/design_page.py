@@ -19,7 +19,14 @@ def design_page(report: DesignReport) -> Page:
     return Page(
         "The best experiment that a platform can run",
         [*report.verdicts(), COMPUTED],
-        [] if design.improved else ["No design beat the reference within these limits: the reference is returned."],
+        [
+            *(
+                []
+                if design.improved
+                else ["No design beat the reference within these limits: the reference is returned."]
+            ),
+            *(f"A limit is exceeded: {peak}." for peak in design.peaks if peak.share > 1 + 1e-6),
+        ],
         [
             Table("Predicted 3σ of each trajectory, g·m²", *report.rows(), note=BUDGET_NOTE),
             Table("What each limit is used to", *report.limit_rows(), note=LIMIT_NOTE),
@@ -127,7 +134,7 @@ COVERAGE = (
     "Directions in the body frame that the same seconds visit: within 15° of {} of all axes the angular velocity comes "
     "with half its largest magnitude or more, the angular acceleration within 15° of {}."
 )
-LEGS = "The legs over the same seconds; dashed: the tightest of the six legs' limits."
+LEGS = "The legs over the same seconds, each against its own limit; dashed: the limit."
 BUDGETS = (
     "Average 3σ of moments and of products, all sources and each alone; dashed: what no motion can beat, if known."
 )

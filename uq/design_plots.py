@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import matplotlib
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
@@ -46,43 +45,37 @@ def motion(
 
 
 def legs(t: Float[np.ndarray, " n"], found: Effort, limits: Limits) -> Figure:
-    """Draw the legs' lengths, speeds, accelerations and forces over a stretch of time, with their limits dashed.
+    """Draw the legs' lengths, speeds, accelerations and forces over a stretch of time, in parts of each leg's limit.
 
     Args:
         t: instants [s].
         found: what the motion asks for at these.
-        limits: of the rig; the tightest of the six legs is drawn.
+        limits: of the rig; a length counts from the middle of its range.
     """
     low, high = limits.length.T
-    rows = (
-        (1e3 * np.asarray(found.legs.length), (1e3 * low.max(), 1e3 * high.min()), "length [mm]"),
-        (np.asarray(found.legs.speed), _either(limits.speed), "speed [m/s]"),
-        (np.asarray(found.legs.acceleration), _either(limits.acceleration), "acceleration [m/s²]"),
-        (np.asarray(found.force), _either(limits.force), "force [N]"),
-    )
+    with np.errstate(invalid="ignore"):
+        length = (np.asarray(found.legs.length) - (low + high) / 2) / ((high - low) / 2)
+    rows = {
+        "length, from the middle": np.nan_to_num(length),
+        "speed": np.asarray(found.legs.speed) / limits.speed,
+        "acceleration": np.asarray(found.legs.acceleration) / limits.acceleration,
+        "force": np.asarray(found.force) / limits.force,
+    }
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
-        panels = figure.subplots(2, 2, sharex=True).ravel()
-        for panel, (values, ends, label) in zip(panels, rows, strict=True):
+        panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+        for panel, (name, parts) in zip(panels, rows.items(), strict=True):
             for k in range(6):
-                panel.plot(t, values[:, k], color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
-            _limits(panel, ends)
-            panel.set_ylabel(label)
-            panel.set_xlim(t[0], t[-1])
+                panel.plot(t, 100 * parts[:, k], color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
+            for end in (-100, 100):
+                panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
+            panel.set(title=name, xlim=(t[0], t[-1]))
+        for panel in panels[::2]:
+            panel.set_ylabel("part of the limit [%]")
         for panel in panels[2:]:
             panel.set_xlabel("time [s]")
         figure.legend(*panels[0].get_legend_handles_labels(), ncols=6, loc="outside upper center")
     return figure
-
-
-def _either(limit: np.ndarray) -> tuple[float, float]:
-    return -float(limit.min()), float(limit.min())
-
-
-def _limits(panel: Axes, ends: tuple[float, float]) -> None:
-    for end in ends:
-        if np.isfinite(end) and end != 0:
-            panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
 
 
 def budgets(laws: Mapping[str, LawBreakdown], bound: Mapping[str, float | None]) -> Figure:

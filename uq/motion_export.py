@@ -189,8 +189,8 @@ def _read_back(
         RuntimeError: too far.
     """
     from_csv, by_quaternion = read_csv(contents[f"{name}.csv"])
-    from_pi = read_pi_waves(contents[f"{name}.pi.txt"], RATE)
-    from_moog = read_moog_packets(contents[f"{name}.moog.bin"], MOOG_RATE)
+    from_pi = read_pi_waves(contents[f"{name}.pi.txt"], float(RATE))
+    from_moog = read_moog_packets(contents[f"{name}.moog.bin"], float(MOOG_RATE))
     again = _lengths(
         platform, Pose(jnp.asarray(from_csv.position + np.asarray(platform.home)), jnp.asarray(by_quaternion))
     )

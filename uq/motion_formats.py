@@ -40,7 +40,7 @@ class Commanded:
     """Of OMB from home, in A [m]."""
     rotation: Float[np.ndarray, "n 3 3"]
     """R_AB."""
-    length: Float[np.ndarray, "n 6"]
+    length: Float[np.ndarray, "n legs"]
     """Of the legs [m]; of no width where the format has none."""
 
     def every(self, step: int) -> "Commanded":
