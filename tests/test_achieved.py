@@ -20,7 +20,7 @@ from uq.simulation import simulate
 from uq.toml_text import toml_text
 
 GAIN, LAG = 0.93, 0.0373
-RATE, SECONDS = 200, 20.0
+RATE, SECONDS = 100, 20.0
 
 
 class Late(Trajectory):

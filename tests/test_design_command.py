@@ -30,12 +30,12 @@ from uq.pose_plan import plan_poses
 from uq.report import files
 from uq.toml_text import toml_text
 
-SECONDS = 12.0
+SECONDS = 20.0
 
 
 def document(preset):
-    """The preset on a platform, T1 and T2 alone, of twelve seconds at 100 Hz."""
-    short = {"duration": f"{SECONDS:g} s", "ramp": "1.8 s", "rate": "100 Hz", "precessions": 1}
+    """The preset on a platform, T1 and T2 alone, of twenty seconds at 100 Hz."""
+    short = {"duration": f"{SECONDS:g} s", "ramp": "3 s", "rate": "100 Hz", "precessions": 1}
     content = dict(preset.document)
     content["trajectory"] = {name: {**content["trajectory"][name], **short} for name in ("T1", "T2")}
     content["platform"] = {
@@ -51,7 +51,7 @@ def design(preset):
     given = experiment.trajectories["T1"]
     limits = needs(efforts(experiment, given, 50.0), 2.0)
     amplitudes = np.random.default_rng(2).normal(size=(2, 6, 3)) * np.repeat([0.001, 0.02], 3)[:, None]
-    motion = Multisine(np.array([0.6, 1.0, 1.6]), *amplitudes, np.array(SECONDS), np.array(1.5))
+    motion = Multisine(np.array([0.6, 1.0, 1.6]), *amplitudes, np.array(SECONDS), np.array(3.0))
     spec = dataclasses.replace(given, still="omb", trajectory=motion)
     used = uses(experiment, spec, limits, 50.0)
     return Design(
@@ -168,10 +168,10 @@ def test_the_command_writes_everything(design, preset, tmp_path, monkeypatch, ca
     monkeypatch.setattr(command, "design", found)
     (tmp_path / "e.toml").write_text(toml_text(document(preset)))
     out = tmp_path / "out"
-    options = ["--goal", "moments", "--starts", "2", "--seed", "3", "--duration", "12 s", "--rehearsal", "0.5"]
+    options = ["--goal", "moments", "--starts", "2", "--seed", "3", "--duration", "20 s", "--rehearsal", "0.5"]
     assert main(["design", str(tmp_path / "e.toml"), "--out", str(out), *options, "--poses", "0"]) == 0
     assert {k: v for k, v in asked.items() if k != "progress"} == {
-        "goal": "moments", "starts": 2, "seed": 3, "duration": 12.0
+        "goal": "moments", "starts": 2, "seed": 3, "duration": 20.0
     }  # fmt: skip
     names = {path.name for path in out.iterdir()}
     assert {"result.json", "designed.toml", "rehearsal.csv", "rehearsal.json", "motion.csv"} <= names
