@@ -124,13 +124,15 @@ def test_a_moving_centre_of_gravity_is_seen(experiment, tmp_path):
     assert 4 / 0.425 / (2 * np.pi) > SLOWEST
 
 
-def test_a_sampled_rotation_is_its_spline():
+def test_a_sampled_rotation_is_its_spline(preset):
     """A sine of 1 Hz from 40 samples a period: the spline's error is of (ωh)⁴ and (ωh)³."""
     from scipy.interpolate import CubicSpline
 
     at = np.arange(81) / 40
     values = np.sin(2 * np.pi * np.multiply.outer(at, np.ones(3)) + np.arange(3))
-    made = Sampled(CubicSpline(at, values).c, np.array(1 / 40), np.array(2.0), np.array(0.1), None)
+    made = Sampled(
+        CubicSpline(at, values).c, np.array(1 / 40), np.array(2.0), np.array(0.1), preset.trajectories["T1"].trajectory
+    )
     t = jnp.linspace(0.3, 1.7, 57)
     phase = 2 * np.pi * np.asarray(t)[:, None] + np.arange(3)
     np.testing.assert_allclose(jax.vmap(made.omega)(t), np.sin(phase), atol=1e-5)

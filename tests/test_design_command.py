@@ -1,6 +1,8 @@
 """The report of a design, its files, the command and its options; the search itself is tested elsewhere."""
 
+import contextlib
 import dataclasses
+import io
 import json
 import re
 import shutil
@@ -24,10 +26,7 @@ from uq.design_files import designed_files, trajectory_table
 from uq.design_limits import efforts, uses
 from uq.design_result import design_report
 from uq.experiment import Experiment, ExperimentError
-from uq.motion_export import export_motion
 from uq.platform_view import cuboid
-from uq.pose_plan import plan_poses
-from uq.report import files
 from uq.toml_text import toml_text
 
 SECONDS = 20.0
@@ -60,14 +59,37 @@ def design(preset):
 
 
 @pytest.fixture(scope="module")
-def report(design):
-    return design_report(design, targets=[1e-6])
+def ran(design, preset, tmp_path_factory):
+    """One run of the command, the search apart: what it was asked, its report, its files and what it printed."""
+    folder, kept, said = tmp_path_factory.mktemp("design"), {}, io.StringIO()
+
+    def found(experiment, **given):
+        kept["asked"] = {name: value for name, value in given.items() if name != "progress"}
+        return dataclasses.replace(design, experiment=experiment)
+
+    def reported(*operands, **given):
+        kept["report"] = design_report(*operands, **given)
+        return kept["report"]
+
+    (folder / "e.toml").write_text(toml_text(document(preset)))
+    options = ["--goal", "moments", "--starts", "2", "--seed", "3", "--duration", "20 s", "--target", "1e-3 g*m^2"]
+    more = ["--rehearsal", "0.5", "--rehearsal-amplitude", "0.8", "--poses", "3"]
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
+        patch.setattr(command, "design", found)
+        patch.setattr(command, "design_report", reported)
+        assert main(["design", str(folder / "e.toml"), "--out", str(folder / "out"), *options, *more]) == 0
+    files = {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
+    return kept["asked"], kept["report"], files, said.getvalue()
 
 
 @pytest.fixture(scope="module")
-def content(design, report):
-    motion = export_motion(design.experiment, design.spec)
-    return files(report, motion, plan_poses(design.experiment, design.spec, design.limits, count=4, starts=1))
+def report(ran):
+    return ran[1]
+
+
+@pytest.fixture(scope="module")
+def content(ran):
+    return ran[2]
 
 
 def test_everything_is_written(content):
@@ -158,26 +180,12 @@ def test_a_browser_draws_and_prints_it(content, tmp_path):
     assert printed.read_bytes().startswith(b"%PDF")
 
 
-def test_the_command_writes_everything(design, preset, tmp_path, monkeypatch, capsys):
-    asked = {}
-
-    def found(experiment, **given):
-        asked.update(given)
-        return dataclasses.replace(design, experiment=experiment)
-
-    monkeypatch.setattr(command, "design", found)
-    (tmp_path / "e.toml").write_text(toml_text(document(preset)))
-    out = tmp_path / "out"
-    options = ["--goal", "moments", "--starts", "2", "--seed", "3", "--duration", "20 s", "--rehearsal", "0.5"]
-    assert main(["design", str(tmp_path / "e.toml"), "--out", str(out), *options, "--poses", "0"]) == 0
-    assert {k: v for k, v in asked.items() if k != "progress"} == {
-        "goal": "moments", "starts": 2, "seed": 3, "duration": 20.0
-    }  # fmt: skip
-    names = {path.name for path in out.iterdir()}
-    assert {"result.json", "designed.toml", "rehearsal.csv", "rehearsal.json", "motion.csv"} <= names
-    assert "poses.csv" not in names
-    assert json.loads((out / "rehearsal.json").read_text())["speed"] == 0.5
-    said = capsys.readouterr().out
+def test_the_command_asks_for_what_it_was_told(ran):
+    asked, _, files, said = ran
+    assert asked == {"goal": "moments", "starts": 2, "seed": 3, "duration": 20.0}
+    assert {"rehearsal.csv", "rehearsal.pi.txt", "rehearsal.moog.bin"} <= set(files)
+    about = json.loads(files["rehearsal.json"])
+    assert (about["speed"], about["amplitude"]) == (0.5, 0.8)
     assert "Average 3σ of the moments" in said
     assert "result.json, report.html" in said
 
