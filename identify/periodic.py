@@ -52,7 +52,7 @@ class Periodic(eqx.Module):
     def amplitudes(self, unknowns: Float[Array, " u"]) -> Float[Array, "2 6 k"]:
         """Return the amplitudes of cosines and sines: displacement [m], then rotation vector [rad]."""
         square = (2 * np.pi * self.frequency) ** 2
-        return -jnp.einsum("ij,cjk->cik", jnp.asarray(self.to_pose), unknowns.reshape(2, 6, -1)) / square
+        return -jnp.einsum("ij,cjk->cik", jnp.asarray(self.to_pose), unknowns.reshape(2, 6, -1)) / square[None, None]
 
     def unknowns_of(self, amplitudes: Float[np.ndarray, "2 6 k"]) -> Float[np.ndarray, " u"]:
         """Return the unknowns that give these amplitudes."""
@@ -73,7 +73,8 @@ class Periodic(eqx.Module):
 
         def of_order(order: int) -> Array:  # each derivative turns (cos, sin) by a quarter
             turned = [(cos, sin), (-sin, cos), (-cos, -sin), (sin, -cos)][order]
-            return (turned[0] * speed**order) @ cosine.T + (turned[1] * speed**order) @ sine.T
+            factor = speed[None] ** order
+            return (turned[0] * factor) @ cosine.T + (turned[1] * factor) @ sine.T
 
         return jnp.stack([of_order(order) for order in range(4)])
 

@@ -12,9 +12,10 @@ from identify.estimator import EstimatorSpec
 from identify.optimal import Lagrangian, Optimum, minimise
 from identify.periodic import Periodic, moved
 from identify.platform_motion import Limits, Peak, effort, shares
+from identify.starts import start
 from identify.trajectory import window
-from uq.design_bound import DesignBound
-from uq.design_goal import Measure, expanded, goal_of
+from uq.design_bound import DesignBound, design_bound
+from uq.design_goal import GOALS, Measure, expanded, goal_of
 from uq.design_limits import resolved_limits, uses
 from uq.design_reference import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
 from uq.document import ExperimentError
@@ -31,8 +32,6 @@ ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
 RAMPS = (4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 """Ramps that are tried, in periods of the highest frequency."""
-AMPLITUDE = 0.5
-"""Root-mean-square acceleration of a leg with which a start begins, of its limit."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
 
@@ -123,7 +122,7 @@ def design(
             ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
         reference: name of the trajectory to be beaten; its size and speed are chosen anew under the limits.
         duration: of the run [s]; None: the reference's.
-        starts: random motions to start from.
+        starts: motions to start from, random ones, the second a spiral that keeps the centre of gravity still.
         seed: of the starts.
         period: of the motion [s].
         rounds: of the minimisation from each start.
@@ -133,31 +132,35 @@ def design(
     Raises:
         ExperimentError: limits missing or exceeded at home, an unknown goal or trajectory, a number that cannot be.
     """
-    _check(starts, period, duration)
+    _check(goal, starts, period, duration)
     tell = progress or (lambda *_: None)
     _, given = experiment.select(reference)
-    limits = resolved_limits(experiment, given.rate)
+    limits = resolved_limits(experiment, FINER * GRID)
     fine = FINER * GRID * limits.bandwidth
     given = _lasting(given, duration)
+    if period * limits.bandwidth < 2 or 4 * period > given.duration:
+        raise ExperimentError(f"a period of {period:g} s: give 2 / bandwidth to a quarter of the duration")
     tell("reference", 0, 1)
     base = promise(experiment, given, 10 * limits.bandwidth)
     beaten = best_reference(experiment, given, limits, goal_of(goal, _inertia(experiment), base.covariance), fine)
     tell("reference", 1, 1)
     measure = goal_of(goal, _inertia(experiment), beaten.covariance)
     search = Search(experiment, beaten.spec, limits, measure, period)
-    found = [search.start(seed, number, rounds, steps, tell, starts) for number in range(starts)]
+    found = [search.from_start(seed, number, rounds, steps, tell, starts) for number in range(starts)]
     listed = [Start(one.goal, one.excess, one.evaluations) for one in found]
     best = search.finish(min(found, key=lambda one: one.goal + 10 * max(one.excess - 0.01, 0.0)), fine, tell)
     if best is None or measure(jnp.asarray(best.covariance)) >= measure(jnp.asarray(beaten.covariance)):
         best = beaten
     return Design(
         experiment, best.spec, beaten.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
-        np.asarray(expanded(jnp.asarray(beaten.covariance))), None,
+        np.asarray(expanded(jnp.asarray(beaten.covariance))), design_bound(experiment, beaten.spec, limits),
         uses(experiment, best.spec, limits, fine), listed, limits.bandwidth,
     )  # fmt: skip
 
 
-def _check(starts: int, period: float, duration: float | None) -> None:
+def _check(goal: str, starts: int, period: float, duration: float | None) -> None:
+    if goal not in GOALS:
+        raise ExperimentError(f"unknown goal '{goal}': choose one of {', '.join(GOALS)}")
     if starts < 1:
         raise ExperimentError(f"{starts} starts: ask for one at least")
     for name, value in (("period", period), ("duration", duration)):
@@ -180,8 +183,6 @@ class Search:
         self, experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, period: float
     ):
         band, self.duration = limits.bandwidth, reference.duration
-        if period * band < 2 or 4 * period > self.duration:
-            raise ExperimentError(f"a period of {period:g} s: give 2 / bandwidth to a quarter of the duration")
         self.experiment, self.limits = experiment, limits
         self.spec = replace(reference, still="omb")
         self.periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
@@ -199,10 +200,10 @@ class Search:
 
         self.lagrangian = Lagrangian(goal)
 
-    def start(self, seed: int, number: int, rounds: int, steps: int, tell: Progress, starts: int) -> Optimum:
-        """Minimise from a random motion; of how many starts it is, for progress."""
+    def from_start(self, seed: int, number: int, rounds: int, steps: int, tell: Progress, starts: int) -> Optimum:
+        """Minimise from one of several starts."""
         generator = np.random.default_rng([seed, number])
-        first = generator.normal(size=self.periodic.unknowns) * AMPLITUDE / np.sqrt(len(self.periodic.frequency))
+        first = start(self.periodic, self.experiment.r_cg_from_omb, generator, number)
         found = minimise(
             self.lagrangian, first, rounds=rounds, steps=steps,
             progress=lambda done, *_: tell("starts", number * rounds + done, starts * rounds),

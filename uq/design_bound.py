@@ -1,6 +1,33 @@
-"""What no motion of a platform can beat: a lower bound of the predicted uncertainty under its limits."""
+"""What no motion of a platform can beat: a lower bound of the predicted uncertainty under its limits.
 
+With the legs' Jacobian of home and without products of omega, the load cell's white noise alone gives every unbiased
+linear estimate at least the covariance ``(n mean(Ωᵀ S⁻¹ Ω))⁻¹`` (Gauss and Markov), linear in the second moment of
+alpha inside. :mod:`identify.information_bound` bounds it over all second moments that the legs can have.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.band_limited import largest_amplitude, largest_mean_square
+from identify.inertia import MOMENTS, PRODUCTS
+from identify.information_bound import Uncertainty, least
+from identify.platform import jacobian, lengths
+from identify.platform_motion import Limits
+from identify.regressor import cross_matrix, omega_r
+from uq.experiment import Experiment, TrajectorySpec
+from uq.prediction import Prediction
+
+RELAXED = (
+    "the legs' Jacobian is that of home, and products of omega tell nothing",
+    "of all sources only the white noise of load cell force and moment counts, weighted as best it can be",
+    "of all limits only stroke, speed, acceleration and bandwidth count, each leg's for itself",
+    "ramps take no time",
+)
+"""What the bound does not ask of a motion."""
 
 
 @dataclass(frozen=True)
@@ -13,3 +40,62 @@ class DesignBound:
     """Of the three products [kg·m²]."""
     relaxes: tuple[str, ...]
     """What the bound does not ask of a motion."""
+
+
+def design_bound(experiment: Experiment, spec: TrajectorySpec, limits: Limits) -> DesignBound | None:
+    """Return what no motion of any frequencies up to the bandwidth can beat under these limits.
+
+    Args:
+        experiment: body, platform and sources.
+        spec: how long and how often is sampled.
+        limits: in figures.
+
+    Returns:
+        The bound; None where stroke and speed of a leg are free, or the load cell has no white noise.
+    """
+    noise = moment_noise(experiment, spec)
+    squares = mean_squares(experiment, limits)
+    if np.linalg.eigvalsh(noise)[0] <= 0 or not np.isfinite(squares).all():
+        return None
+    platform = experiment.platform
+    to_alpha = np.linalg.inv(np.asarray(jacobian(platform, platform.home_pose)))[3:]
+    samples = spec.rate * spec.duration
+    moments, products = (
+        least(average(samples, noise, part), np.eye(6), squares, to_alpha).value / 1e3 for part in (MOMENTS, PRODUCTS)
+    )
+    return DesignBound(moments, products, RELAXED)
+
+
+def moment_noise(experiment: Experiment, spec: TrajectorySpec) -> Float[np.ndarray, "3 3"]:
+    """Return the covariance of the white noise of ``M - r × F`` at one sample [N²·m²]."""
+    about = jnp.hstack([-cross_matrix(jnp.asarray(experiment.stated_r_cg)), jnp.eye(3)])
+    return np.asarray(about @ Prediction.of(experiment, spec).wrench @ about.T)
+
+
+def mean_squares(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
+    """Return the largest mean square of each leg's acceleration [m²/s⁴] that its own limits leave within the band."""
+    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
+    strokes = np.abs(limits.length - home[:, None]).max(axis=1)
+    found = []
+    for acceleration, speed, stroke in zip(limits.acceleration, limits.speed, strokes, strict=True):
+        amplitude = largest_amplitude(acceleration, speed, stroke, limits.bandwidth)
+        found.append(largest_mean_square(amplitude, speed, limits.bandwidth) if np.isfinite(amplitude) else np.inf)
+    return np.array(found)
+
+
+def average(samples: float, noise: Float[np.ndarray, "3 3"], components: Sequence[int]) -> Uncertainty:
+    """Return the average 3σ [g·m²] of components as a function of the second moment of alpha [rad²/s⁴].
+
+    Args:
+        samples: of the run.
+        noise: covariance of the moment about the centre of gravity at one sample [N²·m²].
+        components: which of the packed tensor's.
+    """
+    rows = np.stack([np.asarray(omega_r(jnp.zeros(3), jnp.eye(3)[axis])) for axis in range(3)])
+    each = jnp.asarray(samples * np.einsum("aij,ik,bkl->abjl", rows, np.linalg.inv(noise), rows))
+
+    def function(moment: Array) -> Array:
+        variance = jnp.diagonal(jnp.linalg.inv(jnp.einsum("ab,abjl->jl", moment, each)))
+        return 3e3 * jnp.sqrt(variance[jnp.array(components)]).mean()
+
+    return function

@@ -15,12 +15,12 @@ PIECE = 20_000
 """Instants that are looked at together."""
 
 
-def resolved_limits(experiment: Experiment, rate: float) -> Limits:
+def resolved_limits(experiment: Experiment, per_period: int) -> Limits:
     """Return the rig's limits, the needs of a trajectory filled in where the legs' own are not declared.
 
     Args:
         experiment: with ``[platform.limits]``.
-        rate: of the instants at which that trajectory is looked at [Hz].
+        per_period: instants, in a period of the bandwidth, at which that trajectory is looked at.
 
     Raises:
         ExperimentError: no limits, none on the legs' motion, or a body that they cannot carry at home.
@@ -28,18 +28,18 @@ def resolved_limits(experiment: Experiment, rate: float) -> Limits:
     if experiment.limits is None:
         raise ExperimentError("missing table [platform.limits]: state what the platform can do")
     found = experiment.limits.figures
+    if not np.isfinite(found.bandwidth):
+        raise ExperimentError("missing key platform.limits.bandwidth: state the command's highest frequency")
     if experiment.limits.trajectory is not None:
         _, spec = experiment.select(experiment.limits.trajectory)
-        own = needs(efforts(experiment, spec, rate))
+        own = needs(efforts(experiment, spec, per_period * found.bandwidth))
         free = {"length": np.isinf(found.length).any(axis=1)[:, None]}
         free |= {name: np.isinf(getattr(found, name)) for name in ("speed", "acceleration", "force")}
         found = found._replace(
             **{name: np.where(at, getattr(own, name), getattr(found, name)) for name, at in free.items()}
         )
-    if not np.isfinite(found.bandwidth):
-        raise ExperimentError("missing key platform.limits.bandwidth: state the command's highest frequency")
-    if not all(np.isfinite(getattr(found, name)).any() for name in ("length", "speed")):
-        raise ExperimentError("platform.limits leave stroke or speed of the legs free: state them, or needs_of")
+    if not (np.isfinite(found.length).all() and np.isfinite(found.speed).all()):
+        raise ExperimentError("missing key platform.limits.length or speed: state both, or needs_of a trajectory")
     _carried_at_home(experiment, found)
     return found
 
