@@ -6,7 +6,6 @@ from typing import Any
 from uq.achieved_motion import achieved
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.design import design
-from uq.design_goal import GOALS
 from uq.design_result import design_report
 from uq.experiment import Experiment, ExperimentError
 from uq.motion_export import MotionExport, export_motion
@@ -80,8 +79,6 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ExperimentError(f"--{option} designs a motion, --achieved looks at one: leave one out")
     if arguments.achieved is None and arguments.trajectory is not None:
         raise ExperimentError("--trajectory names the plan of a recorded run: add --achieved, or use --reference")
-    if arguments.goal is not None and arguments.goal not in GOALS:
-        raise ExperimentError(f"unknown goal '{arguments.goal}': choose one of {', '.join(GOALS)}")
     for name in ("rehearsal", "rehearsal_amplitude"):
         part = getattr(arguments, name)
         if part is not None and not 0 < part <= 1:
