@@ -224,6 +224,16 @@ def test_bad_options(preset, tmp_path, capsys, options, message):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_rate_too_low_is_refused_before_the_search(preset, tmp_path, capsys):
+    content = document(preset)
+    content["platform"]["limits"] = {"needs_of": "T1", "bandwidth": "5 Hz"}
+    (tmp_path / "e.toml").write_text(toml_text(content))
+    assert main(["design", str(tmp_path / "e.toml")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: trajectory.T1.rate is 100 Hz, too low to differentiate a motion of 5 Hz: raise it")
+    assert said.count("\n") == 1
+
+
 # --- the files ---
 
 

@@ -16,7 +16,7 @@ from identify.tables import fixed, html_table, text_table
 from uq.design import Design
 from uq.design_files import NAME, designed_files
 from uq.design_reference import highest_frequency
-from uq.experiment import Experiment, TrajectorySpec
+from uq.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.lasting import Duration, average, growth_of, required_duration
 from uq.law_result import LawBreakdown
 from uq.platform_view import FRAMES, Scene, scene
@@ -241,6 +241,28 @@ def design_report(
     tell("durations", len(GOALS), len(GOALS))
     record = provenance(**experiment.inputs(), goal=goal)
     return DesignReport(design, goal, laws, bands, sensors, tuple(durations), files, record)
+
+
+def check_rate(experiment: Experiment, reference: str | None = None) -> None:
+    """Refuse, before a long search, a sample rate at which the designed motion cannot be differentiated.
+
+    Args:
+        experiment: with ``[platform.limits]``.
+        reference: the trajectory whose sample rate the design takes; None for T1.
+
+    Raises:
+        ExperimentError: there is no such trajectory, or its rate is too low for the bandwidth.
+    """
+    name, spec = experiment.select(reference or "T1")
+    band = np.inf if experiment.limits is None else experiment.limits.figures.bandwidth
+    if np.isfinite(band):
+        try:
+            EstimatorSpec(NAME, "savitzky-golay", band).taps(spec.rate)
+        except ValueError:
+            raise ExperimentError(
+                f"trajectory.{name}.rate is {spec.rate:g} Hz, too low to differentiate a motion of {band:g} Hz: raise "
+                "it, or lower platform.limits.bandwidth"
+            ) from None
 
 
 def _matched(experiment: Experiment, name: str, spec: TrajectorySpec, band: float) -> Experiment:

@@ -6,7 +6,7 @@ from typing import Any
 from uq.achieved_motion import achieved
 from uq.commands._common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.design import design
-from uq.design_result import design_report
+from uq.design_result import check_rate, design_report
 from uq.experiment import Experiment, ExperimentError
 from uq.motion_export import MotionExport, export_motion
 from uq.pose_plan import POSES, plan_poses
@@ -58,6 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.achieved is not None:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
+        check_rate(experiment, arguments.reference)
         with ProgressBar(unit="steps") as bar:
             given = {name: value for name in ("goal", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
