@@ -22,6 +22,7 @@ from identify.platform_motion import needs
 from identify.trajectory import Multisine
 from uq.cli import main
 from uq.design import Design, Start
+from uq.design_bound import DesignBound
 from uq.design_files import designed_files, trajectory_table
 from uq.design_limits import efforts, uses
 from uq.design_result import design_report
@@ -30,6 +31,7 @@ from uq.platform_view import cuboid
 from uq.toml_text import toml_text
 
 SECONDS = 20.0
+BOUND = DesignBound(1e-3, 0.5e-3, ("ramps take no time",))
 
 
 def document(preset):
@@ -54,7 +56,7 @@ def design(preset):
     spec = dataclasses.replace(given, still="omb", trajectory=motion)
     used = uses(experiment, spec, limits, 50.0)
     return Design(
-        experiment, spec, given, limits, np.full(6, 1e-3), np.full(6, 2e-3), None, used, [Start(0.7, 0.0, 9)], 2.0
+        experiment, spec, given, limits, np.full(6, 1e-3), np.full(6, 2e-3), BOUND, used, [Start(0.7, 0.0, 9)], 2.0
     )
 
 
@@ -144,6 +146,9 @@ def test_the_report_says_what_was_asked(content, report):
                   "out of reach: r_cg", "Static poses to run", "Exported motion", "Average 3σ of the moments"):  # fmt: skip
         assert words in text, words
     assert text.count("change, %") >= 3
+    assert "No motion under these limits promises less than 1 g·m² (moments) and 0.5 g·m² (products)." in text
+    assert "The bound leaves out: ramps take no time." in text
+    assert report.rows()[1][-1][0] == "bound"
 
 
 def test_the_page_loads_nothing_and_its_platform_moves(content):
