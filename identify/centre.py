@@ -13,9 +13,9 @@ from scipy.stats import t as student
 from identify.centre_result import PARAMETERS, UNITS, Centre
 from identify.errors import RunError
 from identify.gain_check import GainCheck, gain_check
-from identify.static_poses import EXACT, Attitudes, Fit, fit
+from identify.static_poses import EXACT, LINEAR, Attitudes, Fit, fit, foreseen
 
-__all__ = ["PARAMETERS", "UNITS", "Attitudes", "Centre", "centre"]
+__all__ = ["PARAMETERS", "UNITS", "Attitudes", "Centre", "centre", "foreseen_covariance"]
 
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
@@ -82,6 +82,29 @@ def centre(
         gain=check, largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
     )  # fmt: skip
     return _warned(result)
+
+
+def foreseen_covariance(
+    specific_force: ArrayLike, mass: float, r_cg: ArrayLike, scatter: ArrayLike, attitudes: Attitudes = EXACT
+) -> np.ndarray:
+    """Return the covariance of the ten parameters that static poses promise before they are measured.
+
+    Args:
+        specific_force: of the poses, opposite to gravity, in B [m/s²], shape (n, 3), n at least 3.
+        mass: as far as it is known [kg].
+        r_cg: centre of gravity from Q, as far as it is known, in B [m], shape (3,).
+        scatter: covariance of each pose's mean force and moment [N², N²·m, N²·m²], shape (6, 6).
+        attitudes: how far the direction of ``specific_force`` may be off.
+
+    Returns:
+        Covariance in the order of ``PARAMETERS``, shape (10, 10); its figures mean nothing where the poses do not
+        determine the centre of gravity.
+    """
+    values = np.zeros(LINEAR)
+    values[0], values[4:7] = mass, mass * np.asarray(r_cg, float)
+    found = foreseen(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
+    _, by = _parameters(found)
+    return by @ found.covariance @ by.T
 
 
 def _checked(found: Fit, mass: tuple[float, float]) -> GainCheck:

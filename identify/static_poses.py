@@ -80,6 +80,28 @@ def fit(
     return Fit(values, covariance, measured - rows @ values, degrees, known[:, : attitudes.lasting])
 
 
+def foreseen(
+    values: Float[np.ndarray, "10"],
+    specific_force: Float[np.ndarray, "n 3"],
+    scatter: Float[np.ndarray, "6 6"],
+    attitudes: Attitudes = EXACT,
+) -> Fit:
+    """Return the least squares of poses that are not measured yet, with the covariance that it will have.
+
+    Args:
+        values: (m, F0, m r, M0), as far as they are known.
+        specific_force: of the poses, opposite to gravity [m/s²].
+        scatter: covariance of each pose's mean force and moment.
+        attitudes: how far the poses' attitudes may be off.
+    """
+    rows = _rows(specific_force)
+    gain = np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
+    tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
+    common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
+    known = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
+    return Fit(values, _covariance(gain, scatter, tilts, known), np.zeros((len(rows), CHANNELS)))
+
+
 def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:
     """Return a sample covariance whose correlations are shrunk by as much as their own noise asks for.
 

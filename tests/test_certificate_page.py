@@ -123,7 +123,7 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
 
 
 def test_uncertainty_about_an_axis_is_that_of_the_turned_tensor(plain):
-    about = sphere.uncertainty_about(plain)
+    about = sphere.uncertainty_about(plain.covariance)
     draws = np.random.default_rng(0).multivariate_normal(np.zeros(6), plain.covariance, 4000, method="cholesky")
     matrices = draws[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
     for k in (0, 300, 999):

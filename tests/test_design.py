@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from identify.platform_motion import effort, peaks, platform_motion
-from uq.design import Design, Search, design
 from uq.design_bound import RELAXED, design_bound
 from uq.design_goal import GOALS, goal_of, principal_slope
 from uq.design_limits import efforts, resolved_limits, uses
 from uq.design_reference import highest_frequency, largest, promise, scaled
+from uq.designing import Design, Search, design
 from uq.document import ExperimentError
 from uq.experiment import Experiment
 
@@ -44,7 +44,7 @@ def searched(given):
         return made[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uq.design.Search", spy)
+        patch.setattr("uq.designing.Search", spy)
         one = design(given, starts=1, period=1.0, rounds=5, steps=40, progress=lambda *at: told.append(at))
     assert {at[0] for at in told} == {"reference", "starts", "limits"}
     return one, made[0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from design_studies import CASES, OPTIONS, as_it_fluctuates, average, case, certified, table
 
-from uq.design import design
+from uq.designing import design
 
 TRIALS = 10_000
 

@@ -80,7 +80,7 @@ def _coverage_words(result: Identification) -> str:
     paths = sphere.motion(result)
     assert paths is not None  # noqa: S101
     of_omega, of_alpha = (f"{100 * sphere.visited(path):.0f} %" for path in paths)
-    least, known = sphere.rms_about(paths[1]), sphere.uncertainty_about(result)
+    least, known = sphere.rms_about(paths[1]), sphere.uncertainty_about(result.covariance)
     (weak, low), (strong, high) = least.least, least.largest
     doubtful, u = known.largest
     certain = (

@@ -46,6 +46,8 @@ class Drawing:
     """Stem of its files."""
     figure: Figure
     caption: str
+    moving: bytes = b""
+    """An SVG that moves, in place of the figure's own; empty: the figure stands for itself."""
 
     @property
     def wide(self) -> bool:

@@ -9,13 +9,16 @@ from typing import Any
 
 from identify.centre import Centre
 from identify.identification import Identification
-from uq import budget_plot
+from uq import budget_plot, design_page
+from uq.achieved_motion import Achieved
 from uq.barreto2016 import PaperResult
 from uq.budget_result import BudgetResult
 from uq.campaign import MonteCarloResult
 from uq.certificate_page import certificate
+from uq.design_result import DesignReport
 from uq.expected import Comparison
 from uq.exports import Exported
+from uq.motion_export import MotionExport
 from uq.page_parts import (
     Drawing,
     Page,
@@ -29,6 +32,7 @@ from uq.page_parts import (
     stem,
     summary,
 )
+from uq.pose_plan import PosePlan
 from uq.residual_plot import residuals
 
 
@@ -147,6 +151,26 @@ def _comparison(result: Comparison) -> Page:
 def _exported(result: Exported) -> Page:
     files = Table("Exported files", *result.rows())
     return Page("Exported files", [], result.warnings, [], [], [files], [], result.provenance)
+
+
+@page.register
+def _design(result: DesignReport) -> Page:
+    return design_page.design_page(result)
+
+
+@page.register
+def _motion(result: MotionExport) -> Page:
+    return design_page.motion_page(result)
+
+
+@page.register
+def _poses(result: PosePlan) -> Page:
+    return design_page.poses_page(result)
+
+
+@page.register
+def _achieved(result: Achieved) -> Page:
+    return design_page.achieved_page(result)
 
 
 def joined(first: Page, *others: Page) -> Page:

@@ -34,15 +34,15 @@ def report(result: Any) -> str:
         TypeError: there is no report for this kind of result.
     """
     content = page(result)
-    svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
+    svg = {drawing.name: drawing.moving or _render(drawing.figure, "svg") for drawing in content.figures}
     return _html(content, svg, number(content, result.to_dict()))
 
 
 def write(result: Any, out: Path, *more: Any) -> None:
     """Write ``result.json`` (``centre.json`` of a centre), ``report.html`` and the figures (SVG and PNG) into a folder.
 
-    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV and other files of theirs stand
-    beside them.
+    What ``more`` results say, such as a budget, joins the same report and JSON; a CSV and other files that a result
+    brings stand beside them.
 
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
     of the same name is replaced; other files stay.
@@ -71,14 +71,14 @@ def place(content: Mapping[str, bytes], out: Path) -> None:
 def files(result: Any, *more: Any) -> dict[str, bytes]:
     """Return the content of a result's files by name, together with that of ``more``."""
     content = joined(page(result), *map(page, more))
-    svg = {drawing.name: _render(drawing.figure, "svg") for drawing in content.figures}
+    svg = {drawing.name: drawing.moving or _render(drawing.figure, "svg") for drawing in content.figures}
     figures = result.to_dict() | {other.name: other.to_dict() for other in more}
     name = number(content, figures)
     return {
         getattr(result, "file_name", "result.json"): _json(figures | ({"certificate": name} if name else {})).encode(),
         "report.html": _html(content, svg, name).encode(),
         **{f"{one.name}.csv": one.csv().encode() for one in (result, *more) if hasattr(one, "csv")},
-        **{name: data for one in more if hasattr(one, "files") for name, data in one.files().items()},
+        **{name: data for one in (result, *more) if hasattr(one, "files") for name, data in one.files().items()},
         **{f"{name}.svg": data for name, data in svg.items()},
         **{f"{drawing.name}.png": _render(drawing.figure, "png") for drawing in content.figures},
     }

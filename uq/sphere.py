@@ -65,12 +65,16 @@ def rms_about(path: Float[np.ndarray, "p 3"]) -> Axes:
     return Axes(axes, np.sqrt(np.einsum("ni,ij,nj->n", axes, path.T @ path / len(path), axes)))
 
 
-def uncertainty_about(result: Identification) -> Axes:
-    """Return the standard uncertainty of the moment of inertia ``n·I·n`` about every axis n [kg·m²]."""
+def uncertainty_about(covariance: Float[np.ndarray, "6 6"]) -> Axes:
+    """Return the standard uncertainty of the moment of inertia ``n·I·n`` about every axis n [kg·m²].
+
+    Args:
+        covariance: of the packed tensor [(kg·m²)²].
+    """
     axes = directions()
     x, y, z = axes.T
     gradient = np.stack([x * x, 2 * x * y, 2 * x * z, y * y, 2 * y * z, z * z], axis=1)
-    return Axes(axes, np.sqrt(np.einsum("ni,ij,nj->n", gradient, result.covariance, gradient)))
+    return Axes(axes, np.sqrt(np.einsum("ni,ij,nj->n", gradient, covariance, gradient)))
 
 
 def motion(result: Identification) -> tuple[np.ndarray, np.ndarray] | None:

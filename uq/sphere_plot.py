@@ -18,25 +18,34 @@ RIM = np.sqrt(2)
 
 
 def coverage(result: Identification) -> Figure | None:
-    """Draw the directions of angular velocity and acceleration, and acceleration and uncertainty about every axis.
+    """Draw what the motion of an identification's runs covered; see :func:`covered`.
 
     Args:
         result: an identification; None is returned where none of its runs kept its motion.
     """
     paths = motion(result)
-    if paths is None:
-        return None
+    return None if paths is None else covered(*paths, result.covariance)
+
+
+def covered(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Figure:
+    """Draw the directions of angular velocity and acceleration, and acceleration and uncertainty about every axis.
+
+    Args:
+        omega: angular velocity in B [rad/s], (n, 3).
+        alpha: angular acceleration in B [rad/s²], (n, 3).
+        covariance: of the packed tensor [(kg·m²)²].
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
         panels = figure.subplots(2, 3, width_ratios=(1, 1, 1.12))
-        for row, path, name in zip(panels, paths, ("ω [rad/s]", "α [rad/s²]"), strict=True):
+        for row, path, name in zip(panels, (omega, alpha), ("ω [rad/s]", "α [rad/s²]"), strict=True):
             drawn = [_directions(panel, path, side) for panel, side in zip(row[:2], (1, -1), strict=True)]
             bar = figure.colorbar(drawn[0], ax=row[:2], shrink=0.75, aspect=14)
             bar.set_label(f"|{name[0]}|{name[1:]}")
             row[0].set_title(f"{name[0]}, half of +b3")
             row[1].set_title(f"{name[0]}, half of −b3")
-        _about(figure, panels[0, 2], rms_about(paths[1]), "α about each axis", "rms [rad/s²]", weak="least")
-        known = uncertainty_about(result)
+        _about(figure, panels[0, 2], rms_about(alpha), "α about each axis", "rms [rad/s²]", weak="least")
+        known = uncertainty_about(covariance)
         known = Axes(known.directions, GRAM_METRE * known.values)
         _about(figure, panels[1, 2], known, "moment of inertia about each axis", "u [g·m²]", weak="largest")
     return figure

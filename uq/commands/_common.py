@@ -102,9 +102,10 @@ def say(line: str) -> None:
 class ProgressBar:
     """A progress bar on a terminal, nothing elsewhere: a context manager to be called with name, done, asked."""
 
-    def __init__(self, *, silent: bool = False) -> None:
-        """Name what shows no bar: ``silent``, or no terminal."""
+    def __init__(self, *, silent: bool = False, unit: str = "trials") -> None:
+        """Name what shows no bar, ``silent`` or no terminal; and what is counted."""
         self.bar: tqdm | None = None
+        self.unit = f" {unit}"
         self.silent = silent or not sys.stderr.isatty()
 
     def print(self, line: str) -> None:
@@ -117,7 +118,7 @@ class ProgressBar:
             return
         if self.bar is None or self.bar.desc != name:
             self.close()
-            self.bar = tqdm(desc=name, total=asked, unit=" trials", leave=False)
+            self.bar = tqdm(desc=name, total=asked, unit=self.unit, leave=False)
             self.bar.desc = name
             self.bar.initial = self.bar.n = self.bar.last_print_n = done  # what is resumed took no time
         self.bar.total = asked
