@@ -33,8 +33,10 @@ check: env
 	$(BIN)/lint-imports
 
 # Most of a test's time is compilation, so the compiler does not optimise here; plain `pytest` and `make study` do.
+unit notebooks: export XLA_FLAGS = --xla_backend_optimization_level=0
+
 unit: env
-	XLA_FLAGS=--xla_backend_optimization_level=0 $(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 notebooks: env
 	$(BIN)/python -m pytest notebooks
