@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
+from identify.frames import specific_force_at
 from identify.platform import Pose, lengths
 from identify.platform_motion import Limits, effort, needs, peaks, platform_motion, shares
 from identify.trajectory import Multisine, attitude, sample
@@ -16,6 +17,7 @@ from uq.document import ExperimentError, Table
 from uq.experiment import Experiment
 from uq.multisine_table import COLUMNS, multisine_csv
 from uq.platform_table import GEOMETRIES, parse_geometry, parse_limits
+from uq.simulation import simulate
 
 GRAVITY = jnp.array(9.81)
 
@@ -257,3 +259,13 @@ def test_pose_is_differentiable_through_the_lengths():
     platform = named("assumed-source-size")
     slope = jax.jacobian(lambda p: lengths(platform, Pose(p, jnp.eye(3))))(platform.home_pose.position)
     assert np.isfinite(slope).all()
+
+
+def test_a_simulated_multisines_accelerometer_agrees_with_its_load_cell(preset, tmp_path, multisine):
+    """Without errors, the force is the mass times the specific force at Q carried to the centre of gravity."""
+    written = document(preset, tmp_path, multisine)
+    experiment = dataclasses.replace(Experiment.from_dict(written, folder=tmp_path), sources=())
+    found = simulate(experiment, "D")
+    alpha = np.gradient(found.run.omega, 1 / 400, axis=0)
+    at_cg = specific_force_at(found.specific_force, found.run.omega, alpha, preset.r_cg_from_q)
+    np.testing.assert_allclose(at_cg[1:-1], found.run.force[1:-1] / preset.mass, atol=2e-4)

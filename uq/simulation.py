@@ -13,7 +13,7 @@ from jaxtyping import Array
 from identify.dynamics import acceleration_at
 from identify.precision import check_precision
 from identify.run import Run
-from identify.trajectory import Motion, exponential
+from identify.trajectory import Motion, acceleration_of, exponential
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
 from uq.campaign import platform_of, true_motion
@@ -99,5 +99,6 @@ def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> 
     record = sensed(setup, smooth_signals(setup, errors), draw_noise(setup, key, trial), [True] * len(setup.sources))
     rotation = exponential(errors.tilt) @ motion.rotation
     q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
-    acceleration = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
-    return record, acceleration + (setup.platform.gravity + errors.gravity) * rotation[:, 2, :], rotation
+    turning = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
+    moving = jax.vmap(lambda t, r_ab: acceleration_of(setup.platform.trajectory, t) @ r_ab)(motion.t, motion.rotation)
+    return record, turning + moving + (setup.platform.gravity + errors.gravity) * rotation[:, 2, :], rotation
