@@ -67,6 +67,17 @@ def test_the_duration_solves_its_equation(experiment, monkeypatch):
     assert found.reachable
 
 
+def test_a_very_long_answer_is_extrapolated(experiment, monkeypatch):
+    """A million samples at 100 Hz are 10,000 s: beyond, the law is not asked, which would take all memory."""
+    made = closed(cg=0.0)
+    monkeypatch.setattr("uq.lasting._variances", lambda *_: pytest.fail("the law was asked"))
+    found = required_duration(experiment, 0.16, growth=made)
+    assert found.seconds == pytest.approx(20 + 4 * 80 / 0.16**2, rel=1e-4)
+    assert found.reached == pytest.approx(0.16, rel=1e-4)
+    assert not found.checked
+    assert "extrapolated" in repr(found)
+
+
 def test_a_constant_source_forbids_what_is_below_it(experiment):
     found = required_duration(experiment, 0.99, growth=closed())
     assert (found.seconds, found.forbids) == (None, "cg")

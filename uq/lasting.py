@@ -33,6 +33,8 @@ MOST_POWER = 4.0
 CLOSE = 2e-3
 """How near the law at the answer must be to the target."""
 ROUNDS = 4
+MOST_SAMPLES = 1_000_000
+"""Of a run at which the law is evaluated; a longer answer is extrapolated."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,8 @@ class Duration:
     now: float
     """Its average 3σ by the law [kg·m²]."""
     growth: Growth = field(repr=False)
+    checked: bool = True
+    """Whether the law was evaluated at the answer; else it is extrapolated, from two durations."""
 
     @property
     def reachable(self) -> bool:
@@ -85,14 +89,15 @@ class Duration:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: kg·m², s."""
-        names = ("goal", "target", "seconds", "reached", "forbids", "own", "now")
+        names = ("goal", "target", "seconds", "reached", "forbids", "own", "now", "checked")
         return {name: getattr(self, name) for name in names}
 
     def __repr__(self) -> str:
         wanted = f"average 3σ of {GRAM_METRE * self.target:.4g} g·m² ({self.goal})"
         now = f"{GRAM_METRE * self.now:.4g} g·m² at {self.own:g} s"
         if self.seconds is not None:
-            return f"{wanted}: measure for {self.seconds:.4g} s (now {now})"
+            how = "" if self.checked else "; extrapolated, too long to be checked"
+            return f"{wanted}: measure for {self.seconds:.4g} s (now {now}{how})"
         return (
             f"{wanted}: no duration reaches it, {GRAM_METRE * self.reached:.4g} g·m² is the least; "
             f"{self.forbids} forbids it, which time does not average (now {now})"
@@ -135,6 +140,9 @@ def required_duration(
         least, source = _floor(growth, goal, spec)
         return Duration(target, goal, None, least, source, spec.duration, now, growth)
     for _ in range(ROUNDS):
+        if found * spec.rate > MOST_SAMPLES:
+            reached = average(growth.at(found).sum(axis=0), goal)
+            return Duration(target, goal, found, reached, None, spec.duration, now, growth, checked=False)
         reached = average(_variances(experiment, name, spec, found, estimator).sum(axis=0), goal)
         if abs(reached / target - 1) < CLOSE:
             break
