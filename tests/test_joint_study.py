@@ -42,8 +42,8 @@ def test_the_joint_estimate_reaches_its_bound(preset, aligned):
 
     The variance of 4,000 trials has a standard error of 2.2 %.
     """
-    errors = studies.efficiency(preset, range(TRIALS), aligned=aligned)[:, :6]
     least = bound(studies.declared(preset, aligned), "T1", band=BAND, sigma_mass=SIGMA_MASS)
+    errors = studies.efficiency(preset, range(TRIALS), aligned=aligned)[:, :6]
     print(studies.efficiency_table(errors, least))
     ratio = errors.var(axis=0, ddof=1) / np.diag(least.covariance)[SLICES["inertia"]]
     assert np.abs(ratio - 1).max() < 0.05
