@@ -1,4 +1,4 @@
-"""Motions from which a search for the best one starts."""
+"""Motions of one period from which a search for the best one starts."""
 
 import numpy as np
 from jaxtyping import Float

@@ -99,7 +99,7 @@ def test_the_promise_is_the_laws(found):
 def test_a_gradient_is_that_of_differences(searched, generator):
     """Of goal and limits together, along a random direction."""
     search = searched[1]
-    x, along = 0.3 * generator.normal(size=(2, search.periodic.unknowns))
+    x, along = 0.3 * generator.normal(size=(2, search.stages.unknowns))
     multipliers = np.full(jax.eval_shape(search.lagrangian.goal, x)[1].shape, 0.2)
     value = lambda h: search.lagrangian.at(x + h * along, multipliers, 30.0)[0]  # noqa: E731
     slope = search.lagrangian.at(x, multipliers, 30.0)[1] @ along

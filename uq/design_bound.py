@@ -5,7 +5,7 @@ linear estimate at least the covariance ``(n mean(Ωᵀ S⁻¹ Ω))⁻¹`` (Gaus
 alpha inside. :mod:`identify.information_bound` bounds it over all second moments that the legs can have.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -95,11 +95,17 @@ def average(samples: float, noise: Float[np.ndarray, "3 3"], components: Sequenc
         noise: covariance of the moment about the centre of gravity at one sample [N²·m²].
         components: which of the packed tensor's.
     """
+    of_moment = covariance_of(samples, noise)
+    return lambda moment: 3e3 * jnp.sqrt(jnp.diagonal(of_moment(moment))[jnp.array(components)]).mean()
+
+
+def covariance_of(samples: float, noise: Float[np.ndarray, "3 3"]) -> Callable[[Array], Array]:
+    """Return the tensor's covariance [(kg·m²)²] as a function of the second moment of alpha [rad²/s⁴].
+
+    Args:
+        samples: of the run.
+        noise: covariance of the moment about the centre of gravity at one sample [N²·m²].
+    """
     rows = np.stack([np.asarray(omega_r(jnp.zeros(3), jnp.eye(3)[axis])) for axis in range(3)])
     each = jnp.asarray(samples * np.einsum("aij,ik,bkl->abjl", rows, np.linalg.inv(noise), rows))
-
-    def function(moment: Array) -> Array:
-        variance = jnp.diagonal(jnp.linalg.inv(jnp.einsum("ab,abjl->jl", moment, each)))
-        return 3e3 * jnp.sqrt(variance[jnp.array(components)]).mean()
-
-    return function
+    return lambda moment: jnp.linalg.inv(jnp.einsum("ab,abjl->jl", moment, each))

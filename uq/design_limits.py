@@ -11,8 +11,8 @@ from identify.platform_motion import Effort, Limits, Peak, PlatformMotion, effor
 from uq.document import ExperimentError
 from uq.experiment import Experiment, TrajectorySpec
 
-PIECE = 20_000
-"""Instants that are looked at together."""
+PIECE = 16_384
+"""Instants that are looked at together: runs of all lengths are filled up to it, so that little is compiled."""
 
 
 def resolved_limits(experiment: Experiment, per_period: int) -> Limits:
@@ -63,14 +63,13 @@ def _effort(experiment: Experiment, motion: PlatformMotion) -> Effort:
 def efforts(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Effort:
     """Return what a trajectory asks for over its whole run, at instants of a rate [Hz], both ends included."""
     t = instants(spec, rate)
+    filled = np.append(t, np.full(-len(t) % PIECE, t[-1]))
     still = jnp.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else jnp.zeros(3)
-    motion = platform_motion(experiment.platform, spec.trajectory, jnp.asarray(t), still)
-    count = -(-len(t) // PIECE)
-    size = -(-len(t) // count)
+    motion = platform_motion(experiment.platform, spec.trajectory, jnp.asarray(filled), still)
     found: list[Any] = []
-    for first in range(0, len(t), size):  # pieces of one size, the last one filled up
-        at = np.minimum(np.arange(first, first + size), len(t) - 1)
-        found.append(jax.tree.map(np.asarray, _effort(experiment, jax.tree.map(lambda x, at=at: x[at], motion))))
+    for first in range(0, len(t), PIECE):
+        part = jax.tree.map(lambda x, first=first: x[first : first + PIECE], motion)
+        found.append(jax.tree.map(np.asarray, _effort(experiment, part)))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(t)], *found)
 
 

@@ -57,8 +57,9 @@ def scaled(spec: TrajectorySpec, size: float, speed: float, duration: float | No
     longer = 1.0 if duration is None else duration / spec.duration
     common = {"duration": np.array(longer * spec.duration), "ramp": np.array(longer * old.ramp)}
     if isinstance(old, Multisine):
+        start = None if old.start is None else longer * np.asarray(old.start)
         new: Any = replace(
-            old, frequency=speed * old.frequency, cosine=size * old.cosine, sine=size * old.sine, **common
+            old, frequency=speed * old.frequency, cosine=size * old.cosine, sine=size * old.sine, start=start, **common
         )
     else:
         new = replace(

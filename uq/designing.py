@@ -1,6 +1,6 @@
 """The best experiment a platform can run: the motion of least predicted uncertainty within its limits."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,14 +10,16 @@ import numpy as np
 
 from identify.estimator import EstimatorSpec
 from identify.optimal import Lagrangian, Optimum, minimise
-from identify.periodic import Periodic, moved
+from identify.periodic import Periodic
 from identify.platform_motion import Limits, Peak, effort, shares
+from identify.stages import Stages
 from identify.starts import start
 from identify.trajectory import window
 from uq.design_bound import DesignBound, design_bound
 from uq.design_goal import GOALS, Measure, expanded, goal_of
 from uq.design_limits import resolved_limits, uses
 from uq.design_reference import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
+from uq.design_stages import patterns_for, staged
 from uq.document import ExperimentError
 from uq.experiment import Experiment, TrajectorySpec
 from uq.prediction import Prediction
@@ -31,7 +33,7 @@ FINER = 10
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
 RAMPS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
-"""Ramps that are tried, in periods of the highest frequency."""
+"""Ramps and cross-fades that are tried, in periods of the highest frequency."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
 
@@ -48,6 +50,8 @@ class Start:
     excess: float
     """Largest violation of a limit on the optimiser's grid, as a share of it."""
     evaluations: int
+    stages: int = 1
+    """Of its motion."""
 
     @property
     def met(self) -> bool:
@@ -111,10 +115,12 @@ def design(
 ) -> Design:
     """Find the motion of least predicted uncertainty that a platform can run.
 
-    The motion repeats a period of sines and cosines up to the command's bandwidth, displacement and rotation of the
-    platform's centre, between two ramps. Its predicted uncertainty, by the law of propagation with every declared
-    source, is minimised over the amplitudes under all limits at every instant, from several starts; limits are then
-    checked over the whole run on a grid ten times finer, and the motion made smaller until all are met.
+    The motion is sums of sines and cosines up to the command's bandwidth, displacement and rotation of the platform's
+    centre, between two ramps: either in stages, one for each of the legs' optimal patterns (identify/patterns.py), each
+    repeating a short period of its own, or one period for the whole run. Its predicted uncertainty, by the law of
+    propagation with every declared source, is minimised over the amplitudes under all limits at every instant, from
+    several starts. The best motion of either kind is then made smaller until all limits are met over the whole run,
+    cross-fades between stages included, on a grid ten times finer; the better one is returned.
 
     Args:
         experiment: body, sources, ``[platform] geometry`` and ``[platform.limits]``.
@@ -122,9 +128,10 @@ def design(
             ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
         reference: name of the trajectory to be beaten; its size and speed are chosen anew under the limits.
         duration: of the run [s]; None: the reference's.
-        starts: motions to start from, random ones, the second a spiral that keeps the centre of gravity still.
+        starts: motions to start from: the first in stages, the second a spiral that keeps the centre of gravity still,
+            the others random.
         seed: of the starts.
-        period: of the motion [s].
+        period: of the motions that are not in stages [s].
         rounds: of the minimisation from each start.
         steps: in each round, at most.
         progress: called with what is being done, the steps done and the steps in all.
@@ -145,17 +152,45 @@ def design(
     beaten = best_reference(experiment, given, limits, goal_of(goal, _inertia(experiment), base.covariance), fine)
     tell("reference", 1, 1)
     measure = goal_of(goal, _inertia(experiment), beaten.covariance)
-    search = Search(experiment, beaten.spec, limits, measure, period)
-    found = [search.from_start(seed, number, rounds, steps, tell, starts) for number in range(starts)]
-    listed = [Start(one.goal, one.excess, one.evaluations) for one in found]
-    best = search.finish(min(found, key=lambda one: one.goal + 10 * max(one.excess - 0.01, 0.0)), fine, tell)
-    if best is None or measure(jnp.asarray(best.covariance)) >= measure(jnp.asarray(beaten.covariance)):
-        best = beaten
+    searches = kinds(experiment, beaten.spec, limits, measure, period, starts)
+    listed, promised = [], [beaten]
+    for search, firsts in searches:
+        found = []
+        for number, first in firsts:
+            of_all = lambda done, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
+            generator = np.random.default_rng([seed, number])
+            found.append(search.from_start(first(generator), rounds, steps, of_all))
+        listed += [Start(one.goal, one.excess, one.evaluations, search.stages.count) for one in found]
+        ended = search.finish(min(found, key=lambda one: one.goal + 10 * max(one.excess - 0.01, 0.0)), fine, tell)
+        promised += [] if ended is None else [ended]
+    best = min(promised, key=lambda one: float(measure(jnp.asarray(one.covariance))))
     return Design(
         experiment, best.spec, beaten.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
         np.asarray(expanded(jnp.asarray(beaten.covariance))), design_bound(experiment, beaten.spec, limits),
         uses(experiment, best.spec, limits, fine), listed, limits.bandwidth,
     )  # fmt: skip
+
+
+Beginning = tuple[int, Callable[[np.random.Generator], np.ndarray]]
+"""Number of a start, and what gives its unknowns."""
+
+
+def kinds(
+    experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, period: float, starts: int
+) -> Iterator[tuple["Search", list[Beginning]]]:
+    """Yield the searches and where each starts: first in stages, then with one period for the whole run."""
+    mixed = patterns_for(experiment, reference, limits, measure)
+    stages, first = staged(experiment, limits, mixed, GRID)
+    yield Search(experiment, reference, limits, measure, stages), [(0, first)]
+    if starts > 1:
+        band = limits.bandwidth
+        one = Stages(Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band), np.ones(1))
+        r_cg = experiment.r_cg_from_omb
+
+        def single(number: int) -> Beginning:
+            return number, lambda random: start(one.periodic, r_cg, random, number)
+
+        yield Search(experiment, reference, limits, measure, one), [single(number) for number in range(1, starts)]
 
 
 def _check(goal: str, starts: int, period: float, duration: float | None) -> None:
@@ -177,48 +212,42 @@ def _lasting(spec: TrajectorySpec, duration: float | None) -> TrajectorySpec:
 
 
 class Search:
-    """The minimisation for one experiment, compiled once for all starts."""
+    """The minimisation for one experiment and one kind of motion, compiled once for all starts."""
 
     def __init__(
-        self, experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, period: float
+        self, experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, stages: Stages
     ):
         band, self.duration = limits.bandwidth, reference.duration
-        self.experiment, self.limits = experiment, limits
+        self.experiment, self.limits, self.stages = experiment, limits, stages
         self.spec = replace(reference, still="omb")
-        self.periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
         prediction = Prediction.of(experiment, self.spec)
-        each = effective(self.duration, RAMPS[0] / band) * reference.rate / len(self.periodic.t)
+        samples = effective(self.duration, RAMPS[0] / band) * reference.rate
         names = limited(limits)
         r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
         platform, body = experiment.platform, experiment.body
 
         def goal(unknowns):
-            one = moved(platform, self.periodic, unknowns, r_cg, gravity)
+            one = stages.moved(platform, unknowns, r_cg, gravity)
             used = shares(effort(platform, body, r_cg, one.platform, gravity), limits)
-            covariance = prediction.covariance(one.body, one.jerk, each)
+            covariance = prediction.covariance(one.body, one.jerk, samples * stages.weights)
             return jnp.log(measure(covariance)), jnp.concatenate([used[name].ravel() for name in names]) - 1
 
         self.lagrangian = Lagrangian(goal)
 
-    def from_start(self, seed: int, number: int, rounds: int, steps: int, tell: Progress, starts: int) -> Optimum:
-        """Minimise from one of several starts."""
-        generator = np.random.default_rng([seed, number])
-        first = start(self.periodic, self.experiment.r_cg_from_omb, generator, number)
-        found = minimise(
-            self.lagrangian, first, rounds=rounds, steps=steps,
-            progress=lambda done, *_: tell("starts", number * rounds + done, starts * rounds),
-        )  # fmt: skip
+    def from_start(self, first: np.ndarray, rounds: int, steps: int, tell: Callable[[int], None]) -> Optimum:
+        """Minimise from a start; ``tell`` is called with the rounds done."""
+        found = minimise(self.lagrangian, first, rounds=rounds, steps=steps, progress=lambda done, *_: tell(done))
         return replace(found, goal=float(np.exp(found.goal)))
 
     def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
         """Return the whole run, of the largest size and the shortest ramps that meet the limits; None: no size."""
         unknowns = found.unknowns
-        size = self._largest(unknowns, min(RAMPS[-1] / self.limits.bandwidth, self.duration / 4), fine)
+        size = self._largest(unknowns, min(RAMPS[-1] / self.limits.bandwidth, self._longest_ramp()), fine)
         ramp = self._best_ramp(size * unknowns, fine)
         size = self._largest(unknowns, ramp, fine)
         for number in range(FINAL):
             tell("limits", number, FINAL)
-            spec = self._spec(size * unknowns, self.duration, ramp)
+            spec = self._spec(size * unknowns, ramp)
             share = worst_use(self.experiment, spec, self.limits, fine)
             if share <= 1:
                 tell("limits", FINAL, FINAL)
@@ -226,28 +255,36 @@ class Search:
             size = size / (1 + WEIGHT * (share - 1))
         return None
 
+    def _longest_ramp(self) -> float:
+        """Return the longest ramp that leaves half of the shortest stage at full size [s]."""
+        return self.duration * float(self.stages.share.min()) / 4
+
     def _largest(self, unknowns: np.ndarray, ramp: float, fine: float) -> float:
-        return largest(self.experiment, lambda size: self._short(size * unknowns, ramp), self.limits, fine)
+        of_size = lambda size: self._short(size * unknowns, ramp)  # noqa: E731
+        return largest(self.experiment, of_size, self.limits, fine)
 
     def _best_ramp(self, unknowns: np.ndarray, fine: float) -> float:
         """Return the ramp [s] that costs least: by its own length, or by a motion made smaller for what it asks."""
-        ramps = [ramp / self.limits.bandwidth for ramp in RAMPS if 4 * ramp / self.limits.bandwidth <= self.duration]
+        longest = self._longest_ramp()
+        ramps = [ramp / self.limits.bandwidth for ramp in RAMPS if ramp / self.limits.bandwidth <= longest]
 
         def merit(ramp: float) -> float:
             share = worst_use(self.experiment, self._short(unknowns, ramp), self.limits, fine)
-            return effective(self.duration, ramp) ** 0.5 / (1 + WEIGHT * max(share - 1, 0.0))
+            return self._effective(ramp) ** 0.5 / (1 + WEIGHT * max(share - 1, 0.0))
 
-        return max(ramps or [self.duration / 4], key=merit)
+        return max(ramps or [longest], key=merit)
+
+    def _effective(self, ramp: float) -> float:
+        """Return how long a motion at full size tells as much as all stages with their ramps [s]."""
+        lasts = self.stages.share * (self.duration - ramp) + ramp
+        return sum(effective(float(one), ramp) for one in lasts)
 
     def _short(self, unknowns: np.ndarray, ramp: float) -> TrajectorySpec:
-        """Return a run that is shorter by whole periods: with the same ramps, and the same motion between them."""
-        spare = self.duration - 2 * RAMPS[-1] / self.limits.bandwidth - 2 * self.periodic.period
-        periods = max(0, np.floor(spare / self.periodic.period))
-        return self._spec(unknowns, self.duration - self.periodic.period * periods, ramp)
+        return self._spec(unknowns, ramp, short=True)
 
-    def _spec(self, unknowns: np.ndarray, duration: float, ramp: float) -> TrajectorySpec:
-        trajectory = self.periodic.multisine(unknowns, duration, ramp)
-        return replace(self.spec, trajectory=trajectory, duration=duration)
+    def _spec(self, unknowns: np.ndarray, ramp: float, short: bool = False) -> TrajectorySpec:
+        trajectory = self.stages.multisine(unknowns, self.duration, ramp, short=short)
+        return replace(self.spec, trajectory=trajectory, duration=float(trajectory.duration))
 
 
 def limited(limits: Limits) -> list[str]:

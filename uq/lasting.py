@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from identify.trajectory import Sphere
+from identify.trajectory import Multisine, Sphere
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.propagation import law
 from uq.statistics import GRAM_METRE
@@ -176,12 +176,23 @@ def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:
         ExperimentError: shorter than the ramps.
     """
     trajectory: Any = spec.trajectory
-    if duration < 2 * float(trajectory.ramp):
-        raise ExperimentError(f"{duration:g} s do not hold two ramps of {float(trajectory.ramp):g} s: last for longer")
+    if duration < shortest(spec):
+        where = " in each stage" if getattr(trajectory, "start", None) is not None else ""
+        raise ExperimentError(
+            f"{duration:g} s do not hold two ramps of {float(trajectory.ramp):g} s{where}: last for longer"
+        )
+    if isinstance(trajectory, Multisine):
+        return dataclasses.replace(spec, trajectory=trajectory.lasting(duration), duration=float(duration))
     changed = {"duration": np.array(float(duration))}
     if isinstance(trajectory, Sphere):
         changed["precessions"] = np.asarray(trajectory.precessions) * duration / spec.duration
     return dataclasses.replace(spec, trajectory=dataclasses.replace(trajectory, **changed), duration=float(duration))
+
+
+def shortest(spec: TrajectorySpec) -> float:
+    """Return how short a trajectory may be made, its ramps as they are [s]."""
+    trajectory: Any = spec.trajectory
+    return trajectory.shortest if isinstance(trajectory, Multisine) else 2 * float(trajectory.ramp)
 
 
 def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:
@@ -203,8 +214,7 @@ def _variances(
 
 
 def _durations(spec: TrajectorySpec) -> np.ndarray:
-    ramps = 2 * float(spec.trajectory.ramp)  # type: ignore[attr-defined]
-    return np.geomspace(max(1.001 * ramps, 1e-3 * spec.duration), LONGEST * spec.duration, 4000)
+    return np.geomspace(max(1.001 * shortest(spec), 1e-3 * spec.duration), LONGEST * spec.duration, 4000)
 
 
 def _solve(growth: Growth, target: float, goal: str, spec: TrajectorySpec) -> float | None:

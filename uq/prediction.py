@@ -68,30 +68,31 @@ class Prediction(eqx.Module):
 
     @eqx.filter_jit
     def covariance(
-        self, motion: Motion, jerk: Float[Array, "3 n"], each: Array | float | None = None
+        self, motion: Motion, jerk: Float[Array, "3 n"], each: Float[Array, " #n"] | float | None = None
     ) -> Float[Array, "6 6"]:
         """Return the covariance of the tensor [(kg·m²)²] that a motion promises.
 
         Args:
-            motion: at n uniform instants, far fewer than the run's samples.
+            motion: at n instants, far fewer than the run's samples.
             jerk: derivative of alpha in B [rad/s³].
-            each: samples that one instant stands for, where the motion is one period of a longer run; None: those
-                between two instants.
+            each: samples that an instant stands for, one number or one an instant, where the motion is one period of
+                a longer run, or of each of its stages; None: those between two instants, which are uniform.
         """
         if each is None:
             each = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1) * self.rate
+        each = jnp.broadcast_to(jnp.asarray(each), motion.t.shape)
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
-        inverse = jnp.linalg.inv(each * jnp.einsum("nij,nik->jk", rows, rows))
-        noise = each * inverse @ (self._of_cell(rows) + self._of_gyro(motion, jerk)) @ inverse
+        inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", each, rows, rows))
+        noise = inverse @ (self._of_cell(rows, each) + self._of_gyro(motion, jerk, each)) @ inverse
         by_constants = self._by_constants(motion, jerk, each)
         return noise + by_constants @ self.correlation @ by_constants.T
 
-    def _of_cell(self, rows: Float[Array, "n 3 6"]) -> Float[Array, "6 6"]:
+    def _of_cell(self, rows: Float[Array, "n 3 6"], each: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """Sum over instants of ``Ωᵀ S Ω``, S the covariance of the noise of ``M - r × F``."""
         about = jnp.hstack([-cross_matrix(self.body.r_cg_from_q), jnp.eye(3)])
-        return jnp.einsum("nij,ik,nkl->jl", rows, about @ self.wrench @ about.T, rows)
+        return jnp.einsum("n,nij,ik,nkl->jl", each, rows, about @ self.wrench @ about.T, rows)
 
-    def _of_gyro(self, motion: Motion, jerk: Array) -> Float[Array, "6 6"]:
+    def _of_gyro(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """The same of omega's noise: what it does to ``Ω i``, the part through alpha by a summation by parts."""
         inertia, tensor = self.body.inertia, unpack(self.body.inertia)
 
@@ -101,9 +102,9 @@ class Prediction(eqx.Module):
             return rows.T @ by_omega - slope.T @ tensor
 
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
-        return jnp.einsum("nji,i,nki->jk", acts, self.gyro, acts)
+        return jnp.einsum("n,nji,i,nki->jk", each, acts, self.gyro, acts)
 
-    def _by_constants(self, motion: Motion, jerk: Array, each: Array | float) -> Float[Array, "6 d"]:
+    def _by_constants(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 d"]:
         wrench, t = self.columns.sampled(self.body, motion), motion.t - motion.t[0]
 
         def sums(delay):

@@ -1,0 +1,69 @@
+"""Where the search for a motion in stages starts: the legs' optimal patterns, each driven by one wave."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.patterns import Mixture, mixture
+from identify.periodic import Periodic, accelerations
+from identify.platform import jacobian, lengths
+from identify.platform_motion import Limits
+from identify.stages import Stages
+from uq.design_bound import covariance_of, moment_noise
+from uq.design_goal import Measure
+from uq.experiment import Experiment, TrajectorySpec
+
+UNKNOWN = 3
+"""Harmonics of a stage where speed, stroke or acceleration of a leg are free."""
+DITHER = 0.03
+"""Standard deviation of what is added to a start's unknowns, so that no symmetry holds the search."""
+
+
+def patterns_for(experiment: Experiment, spec: TrajectorySpec, limits: Limits, measure: Measure) -> Mixture:
+    """Return the mixture of the legs' patterns that is best for a goal, by the load cell's white noise alone.
+
+    Args:
+        experiment: body, platform and sources.
+        spec: how long and how often is sampled.
+        limits: in figures.
+        measure: what is to be small, of the covariance.
+    """
+    noise = moment_noise(experiment, spec)
+    covariance = covariance_of(spec.rate * spec.duration, noise if np.linalg.eigvalsh(noise)[0] > 0 else np.eye(3))
+    at_home = np.asarray(jacobian(experiment.platform, experiment.platform.home_pose))
+    to_alpha = np.linalg.inv(at_home)[3:] * accelerations(limits)
+    return mixture(lambda moment: measure(covariance(moment)), to_alpha)
+
+
+def harmonics(experiment: Experiment, limits: Limits) -> int:
+    """Return how many harmonics a stage has: the lowest at which a sine of full acceleration meets all else is one."""
+    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
+    stroke = np.abs(limits.length - home[:, None]).min(axis=1)
+    lowest = np.maximum(limits.acceleration / limits.speed, np.sqrt(limits.acceleration / stroke)).max() / (2 * np.pi)
+    return max(1, int(limits.bandwidth / lowest)) if np.isfinite(lowest) and lowest > 0 else UNKNOWN
+
+
+def staged(
+    experiment: Experiment, limits: Limits, patterns: Mixture, grid: int, periods: int = 1
+) -> tuple[Stages, Callable[[np.random.Generator], Float[np.ndarray, " u"]]]:
+    """Return the stages that run through some patterns, and a function that gives the search's start.
+
+    Args:
+        experiment: with the platform.
+        limits: in figures.
+        patterns: one for each stage, and their shares.
+        grid: instants in a period of the highest frequency.
+        periods: of the wave in a stage's period.
+    """
+    band = limits.bandwidth
+    period = periods * harmonics(experiment, limits) / band
+    periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=grid * band)
+    stages = Stages(periodic, patterns.share)
+
+    def first(generator: np.random.Generator) -> Float[np.ndarray, " u"]:
+        motions = DITHER * generator.normal(size=(stages.count, 2, 6, len(periodic.frequency)))
+        motions[:, 1, :, periods - 1] += patterns.signs
+        return motions.ravel()
+
+    return stages, first
