@@ -30,7 +30,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (T1)")
     parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
-    parser.add_argument("--starts", type=whole_number, metavar="N", help="motions to start from, the first in stages (6)")
+    parser.add_argument(
+        "--starts", type=whole_number, metavar="N", help="motions to start from, the first in stages (6)"
+    )
     parser.add_argument("--seed", type=whole_number, metavar="N", help="seed of the starts (0)")
     parser.add_argument(
         "--target", action="append", metavar="'1 g*m^2'",
