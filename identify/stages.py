@@ -29,10 +29,10 @@ class Stages(eqx.Module):
         return self.count * self.periodic.unknowns
 
     @property
-    def weights(self) -> Float[np.ndarray, " n"]:
+    def weights(self) -> Float[Array, " n"]:
         """Part of the run that each instant of :meth:`moved` stands for."""
         n = len(self.periodic.t)
-        return np.repeat(self.share / n, n)
+        return jnp.asarray(np.repeat(self.share / n, n))
 
     def moved(
         self,
@@ -53,16 +53,30 @@ class Stages(eqx.Module):
         found = jax.vmap(one)(unknowns.reshape(self.count, -1))
         in_front = lambda x: x.reshape(-1, *x.shape[2:])  # noqa: E731
         behind = lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)  # noqa: E731
-        t = (found.body.t + self.periodic.period * jnp.arange(self.count)[:, None]).ravel()
+        t = (found.body.t + self.periodic.period * jnp.arange(float(self.count))[:, None]).ravel()
         body = found.body._replace(
             t=t, omega=behind(found.body.omega), alpha=behind(found.body.alpha),
             rotation=in_front(found.body.rotation), specific_force_cg=behind(found.body.specific_force_cg),
         )  # fmt: skip
         return Moved(jax.tree.map(in_front, found.platform), body, behind(found.jerk))
 
-    def borders(self, duration: float, ramp: float) -> Float[np.ndarray, " s+1"]:
-        """Return when each stage starts, and when the last one's last ramp does [s]: divided by their shares."""
-        return (duration - ramp) * np.concatenate([[0.0], np.cumsum(self.share)])
+    def turned(
+        self, unknowns: Float[np.ndarray, " u"], stage: int, part: float, backward: bool
+    ) -> Float[np.ndarray, " u"]:
+        """Return a motion one of whose stages is a part of its period ahead, or goes backward in time besides."""
+        found = np.array(unknowns).reshape(self.count, 2, 6, -1)
+        cosine, sine = found[stage] * np.array([1.0, -1.0 if backward else 1.0])[:, None, None]
+        angle = 2 * np.pi * part * np.arange(1, found.shape[-1] + 1)
+        found[stage] = cosine * np.cos(angle) + sine * np.sin(angle), sine * np.cos(angle) - cosine * np.sin(angle)
+        return found.ravel()
+
+    def borders(self, duration: float, ramp: float) -> Float[np.ndarray, " b"]:
+        """Return when each stage starts, and when the last one's last ramp does [s]: divided by their shares.
+
+        The inner ones are whole periods, so that cross-fades of any run see the same phases.
+        """
+        inner = (duration - ramp) * np.cumsum(self.share)[:-1]
+        return np.array([0.0, *(np.round(inner / self.periodic.period) * self.periodic.period), duration - ramp])
 
     def multisine(
         self, unknowns: Float[np.ndarray, " u"], duration: float, ramp: float, *, short: bool = False

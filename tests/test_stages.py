@@ -188,7 +188,8 @@ def test_a_stage_counts_for_its_share(preset, platform, stages, generator):
     from uq.prediction import Prediction
 
     prediction = Prediction.of(preset, dataclasses.replace(preset.trajectories["T1"], still="omb"))
-    one = moved(platform, stages.periodic, generator.normal(size=48) / 5, jnp.zeros(3), jnp.array(9.81))
+    motion = jnp.asarray(generator.normal(size=stages.periodic.unknowns) / 5)
+    one = moved(platform, stages.periodic, motion, jnp.zeros(3), jnp.array(9.81))
     n = len(stages.periodic.t)
     order = np.concatenate([np.arange(n), np.arange(7)])
     body = one.body._replace(
@@ -196,7 +197,7 @@ def test_a_stage_counts_for_its_share(preset, platform, stages, generator):
         rotation=one.body.rotation[order], specific_force_cg=one.body.specific_force_cg[:, order],
     )  # fmt: skip
     expected = prediction.covariance(body, one.jerk[:, order], 30.0)
-    weights = 30.0 * np.where(np.arange(n) < 7, 2.0, 1.0)
+    weights = 30.0 * jnp.where(jnp.arange(n) < 7, 2.0, 1.0)
     np.testing.assert_allclose(prediction.covariance(one.body, one.jerk, weights), expected, rtol=1e-9)
 
 

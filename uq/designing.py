@@ -17,7 +17,7 @@ from identify.starts import start
 from identify.trajectory import window
 from uq.design_bound import DesignBound, design_bound
 from uq.design_goal import GOALS, Measure, expanded, goal_of
-from uq.design_limits import resolved_limits, uses
+from uq.design_limits import efforts, instants, resolved_limits, uses
 from uq.design_reference import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
 from uq.design_stages import patterns_for, staged
 from uq.document import ExperimentError
@@ -32,8 +32,10 @@ FINER = 10
 """Times as many at which the limits are checked in the end."""
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
-RAMPS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
+RAMPS = (4.0, 6.0, 8.0, 12.0, 16.0, 20.0, 28.0, 40.0)
 """Ramps and cross-fades that are tried, in periods of the highest frequency."""
+SHIFTS = 12
+"""Times at which a stage may begin within its period, so that it takes over smoothly from the one before."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
 
@@ -241,7 +243,7 @@ class Search:
 
     def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
         """Return the whole run, of the largest size and the shortest ramps that meet the limits; None: no size."""
-        unknowns = found.unknowns
+        unknowns = self._matched(found.unknowns)
         size = self._largest(unknowns, min(RAMPS[-1] / self.limits.bandwidth, self._longest_ramp()), fine)
         ramp = self._best_ramp(size * unknowns, fine)
         size = self._largest(unknowns, ramp, fine)
@@ -254,6 +256,28 @@ class Search:
                 return promise(self.experiment, spec, 10 * self.limits.bandwidth)
             size = size / (1 + WEIGHT * (share - 1))
         return None
+
+    def _matched(self, unknowns: np.ndarray) -> np.ndarray:
+        """Return the motion whose stages are shifted in time, or go backward, so that cross-fades ask least."""
+        for stage in range(1, self.stages.count):
+            tried = [
+                self.stages.turned(unknowns, stage, shift / SHIFTS, backward)
+                for backward in (False, True)
+                for shift in range(SHIFTS)
+            ]
+            unknowns = min(tried, key=lambda one, stage=stage: self._at_border(one, stage))
+        return unknowns
+
+    def _at_border(self, unknowns: np.ndarray, stage: int) -> float:
+        """Return the largest share of a limit while a stage takes over from the one before."""
+        rate = GRID * self.limits.bandwidth
+        spec = self._short(unknowns, min(RAMPS[1] / self.limits.bandwidth, self._longest_ramp()))
+        trajectory: Any = spec.trajectory
+        first = float(np.unique(trajectory.start)[stage])
+        t = instants(spec, rate)
+        inside = (t >= first) & (t <= first + float(trajectory.ramp))
+        found = shares(jax.tree.map(lambda x: x[inside], efforts(self.experiment, spec, rate)), self.limits)
+        return max(float(found[name].max()) for name in limited(self.limits))
 
     def _longest_ramp(self) -> float:
         """Return the longest ramp that leaves half of the shortest stage at full size [s]."""

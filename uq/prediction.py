@@ -110,7 +110,7 @@ class Prediction(eqx.Module):
         def sums(delay):
             omega, alpha = motion.omega - delay * motion.alpha, motion.alpha - delay * jerk
             phi = jnp.concatenate([true_elements(omega, alpha, t), alpha])
-            return TrueSums(each * phi @ phi.T, each * phi @ wrench.T)
+            return TrueSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
 
         now, later = jax.jvp(sums, (jnp.zeros(()),), (jnp.ones(()),))
         run = Quiet(self.body, self.platform, (now, later, jax.tree.map(jnp.zeros_like, now)), self.columns)
