@@ -135,12 +135,11 @@ def element_map(errors: Errors, *, whole: bool) -> Float[Array, "13 elements"]:
     """Return the matrix that gives the features of the measured omega and alpha from the elements of the sums.
 
     The measured angular velocity is ``G omega + b + d t + noise``. Without ``whole``, G is one and d zero, and the
-    elements are the thirteen true features and what noise adds to twelve of them; else :func:`features_of_elements`.
+    elements are the thirteen features of ``omega + noise``; else those of :func:`features_of_elements`.
     """
     if whole:
         return jax.vmap(lambda elements: features_of_elements(errors, elements), out_axes=1)(jnp.eye(ELEMENTS))
-    shifted = shift_omega(errors.gyro_bias)
-    return jnp.concatenate([shifted, shifted[:, 1:]], axis=1)
+    return shift_omega(errors.gyro_bias)
 
 
 def features_of_elements(errors: Errors, elements: Float[Array, "42"]) -> Float[Array, "13"]:
