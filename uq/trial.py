@@ -272,15 +272,18 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Draw
     """Scan over the blocks; of each trial's noise the last samples are kept, so that derivatives see across seams."""
 
     def of_trial(signals, room, trial):
-        wide = []
-        for sources, streams, tails in zip((plan.gyro, plan.sampled), *trial[1:], strict=True):
-            pairs = draw_pairs(sources, setup.mixing, streams, signals.block, setup.dtype)
-            wide.append([joined([tail, one.real, one.imag]) for tail, one in zip(tails, pairs, strict=True)])
+        _, drawn, tails = trial
+        wide = jax.tree.map(lambda tail, pairs: joined([tail, pairs.real, pairs.imag]), tails, drawn)
         room, sums = _block_sums(setup, plan, signals, room, *wide)
-        return room, ([[one[:, BLOCK:] for one in some] for some in wide], sums)
+        return room, (jax.tree.map(lambda one: one[:, BLOCK:], wide), sums)
 
     def of_trials(signals, tails):
-        return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, streams, tails))
+        drawn = jax.vmap(partial(draw, signals.block))(streams)  # apart from what they are used for: computed once
+        return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, drawn, tails))
+
+    def draw(block, streams):
+        of = zip((plan.gyro, plan.sampled), streams, strict=True)
+        return [draw_pairs(sources, setup.mixing, keys, block, setup.dtype) for sources, keys in of]
 
     def visit(carry, signals):
         tails, more = of_trials(signals, carry[0])
