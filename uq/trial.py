@@ -1,13 +1,16 @@
 """One trial of the Monte Carlo: draws in, estimates of every case and estimator out. A pure function of a key.
 
-A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`): the noise-free sums are known, and what
-the gyro's noise changes in the features is summed apart from them. Every case (all sources, one group, one source) and
-every estimator is solved from the sums of the same draws, over the samples where all estimators have a derivative.
-Constant errors are linear maps of these sums (:mod:`uq.measurement`).
+A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`) over *elements*: the features, or with
+errors that map the angular velocity those of :func:`uq.measurement.features_of_elements`. The noise-free sums are
+known, and what the gyro's noise changes in them is summed apart: with the change δ of the elements φ,
+``(φ + δ)(φ + δ)ᵀ - φφᵀ = (φ + δ/2) δᵀ + δ (φ + δ/2)ᵀ``, so that one product is enough. Every case (all sources, one
+group, one source) and every estimator is solved from the sums of the same draws, over the samples where all estimators
+have a derivative. Constant errors are linear maps of these sums (:mod:`uq.measurement`).
 
 White normal noise of the load cell enters through sums that are linear in it, so that, given the gyro's draws, these
 sums are normal with a known covariance. ``sampling="conditioned"`` draws them from it; ``"samples"`` draws the noise of
-every sample. Both have the same distribution. Noise of other distributions is always drawn sample by sample.
+every sample. A case has the same distribution either way; cases with and without noise of the gyro draw from the same
+normal numbers. Noise of other distributions is always drawn sample by sample.
 
 ``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.collapsed`.
 
@@ -29,6 +32,7 @@ from identify.gram import Sums, solve
 from identify.inertia import Body
 from identify.regressor import ALPHA, features
 from identify.trajectory import Motion
+from uq.covariance_root import covariance_root
 from uq.distributions import Normal
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import OF_THE_GYRO, Columns, Platform, element_map, noisy_elements, true_elements
@@ -68,8 +72,9 @@ class Signals(NamedTuple):
     block: Int[Array, "*blocks"]
     """Number of the block."""
     known: Float[Array, "*blocks rows 1200"]
-    """The elements, each estimator's alpha among them, zero where a sample does not count; then force [N] and moment
-    [N·m] and the other functions of :class:`uq.measurement.Columns`."""
+    """The elements without noise: those that all estimators share, each one's alpha, and zeros for the noisy ones of
+    errors that map the angular velocity; all zero where a sample does not count. Then force [N] and moment [N·m] and
+    the other functions of :class:`uq.measurement.Columns`."""
     valid: Float[Array, "*blocks 1200"]
     """1 where every estimator has a derivative, else 0."""
 
@@ -81,19 +86,25 @@ class Setup(eqx.Module):
     platform: Platform
     signals: Signals
     sums: Sums
-    """Noise-free sums over all features."""
-    other: Float[Array, "features other"]
-    """Sums of the features with the columns that follow the wrench."""
+    """Noise-free sums over all elements."""
+    other: Float[Array, "elements other"]
+    """Sums of the elements with the columns that follow the wrench."""
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
     columns: Columns = eqx.field(static=True)
     whole: bool = eqx.field(static=True)
-    """Whether errors map the angular velocity, so that sums of whole products with the noise are kept."""
+    """Whether errors map the angular velocity, so that the elements are not the features but what makes them."""
     dtype: np.dtype = eqx.field(static=True)
     """Precision of draws and features; sums and solutions have the default precision."""
     sampling: Sampling = eqx.field(static=True)
+
+    @property
+    def changed(self) -> slice:
+        """Which elements the gyro's noise changes: all features but 1, or the noisy elements."""
+        count = len(self.sums.gram)
+        return slice(count - _changed(self.whole, self.estimators), count)
 
 
 class TrialEstimates(NamedTuple):
@@ -150,7 +161,7 @@ def prepare(
 
 
 def _changed(whole: bool, estimators: Sequence[Estimator]) -> int:
-    """Number of the last elements that noise changes: all features but 1, or the noisy elements."""
+    """How many elements, the last ones, the gyro's noise changes."""
     return (21 if whole else SHARED - 1) + 3 * len(estimators)
 
 
@@ -278,7 +289,8 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Draw
         return room, (jax.tree.map(lambda one: one[:, BLOCK:], wide), sums)
 
     def of_trials(signals, tails):
-        drawn = jax.vmap(partial(draw, signals.block))(streams)  # apart from what they are used for: computed once
+        # apart from what uses them: else XLA draws for each use
+        drawn = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams)
         return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, drawn, tails))
 
     def draw(block, streams):
@@ -300,32 +312,34 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Draw
 
 
 def _room(setup: Setup, signals: Signals) -> _Room:
-    changes = _changed(setup.whole, setup.estimators)
-    return _Room(signals.known, jnp.zeros((changes + -changes % 16, BLOCK), setup.dtype))
+    count = _changed(setup.whole, setup.estimators)
+    return _Room(signals.known, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
 
 
-def _block_sums(setup: Setup, plan: _Plan, signals: Signals, room: _Room, wide, cell) -> tuple[_Room, _Drawn]:
-    """Sums of one block: ``wide`` holds each gyro source's noise, ``cell`` the wrench's.
-
-    With the change ``δ`` of elements ``φ``, ``(φ + δ)(φ + δ)ᵀ - φφᵀ = (φ + δ/2) δᵀ + δ (φ + δ/2)ᵀ``: one product.
-    """
-    elements, changed = len(setup.sums.gram), _changed(setup.whole, setup.estimators)
-    first = elements - changed
+def _block_sums(setup: Setup, plan: _Plan, signals: Signals, room: _Room, gyro, cell) -> tuple[_Room, _Drawn]:
+    """Sums of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` with one behind."""
+    changed = setup.changed
     cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(one[:, :BLOCK] for one in cell)])
-    products, with_cell = [], []
+    count = changed.stop - changed.start
+    products = [jnp.zeros((0, len(signals.known), count), setup.dtype)]
+    with_cell = [jnp.zeros((0, count, len(cell)), setup.dtype)]
     for variant in plan.variants:
-        noise = sum(w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant)
-        changes, start = room.changes, 0
-        for change in _changes(setup, signals.known, noise):
-            changes = jax.lax.dynamic_update_slice_in_dim(changes, change * signals.valid[None], start, 0)
-            start += len(change)
-        half = signals.known[first:elements] + changes[:changed] / 2
-        room = _Room(jax.lax.dynamic_update_slice_in_dim(room.half, half, first, 0), changes)
-        products.append((room.half @ changes.T)[:, :changed])
-        with_cell.append(changes[:changed] @ cell.T)
-    none = jnp.zeros((0, len(signals.known), changed), setup.dtype), jnp.zeros((0, changed, len(cell)), setup.dtype)
-    products, with_cell = (jnp.stack(own) if own else no for own, no in zip((products, with_cell), none, strict=True))
-    return room, _Drawn(products, signals.known[:elements] @ cell.T, with_cell)
+        noise = sum(one for one, source in zip(gyro, plan.gyro, strict=True) if source.name in variant)
+        room = _changed_room(setup, signals, room, noise)
+        products.append((room.half @ room.changes.T)[None, :, :count])
+        with_cell.append((room.changes[:count] @ cell.T)[None])
+    of_true = signals.known[: changed.stop] @ cell.T
+    return room, _Drawn(jnp.concatenate(products), of_true, jnp.concatenate(with_cell))
+
+
+def _changed_room(setup: Setup, signals: Signals, room: _Room, noise) -> _Room:
+    """Write what noise changes; part by part in its place, of which XLA makes fast loops on a CPU."""
+    changes, start = room.changes, 0
+    for part in _changes(setup, signals.known, noise):
+        changes = jax.lax.dynamic_update_slice_in_dim(changes, part * signals.valid[None], start, 0)
+        start += len(part)
+    half = signals.known[setup.changed] + changes[:start] / 2
+    return _Room(jax.lax.dynamic_update_slice_in_dim(room.half, half, setup.changed.start, 0), changes)
 
 
 def _changes(setup: Setup, true, noise) -> list[Array]:
@@ -356,8 +370,7 @@ class _AllSums(NamedTuple):
 
 def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
     """Add to the true sums what noise changes; drawn sums are from the same normal numbers in every variant."""
-    elements = len(setup.sums.gram)
-    first = elements - _changed(setup.whole, setup.estimators)
+    first, elements = setup.changed.start, setup.changed.stop
     change = jnp.pad(drawn.products[:, :elements], ((1, 0), (0, 0), (first, 0)))
     gram = setup.sums.gram[None] + change + change.swapaxes(1, 2)
     true = jnp.concatenate([setup.sums.force, setup.sums.moment, setup.other], axis=1)
@@ -365,30 +378,8 @@ def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
     noise = [drawn.true[None] + jnp.pad(drawn.changes, ((1, 0), (first, 0), (0, 0)))]
     if plan.conditioned:
         draws = draw_sums(plan.conditioned, setup.mixing, key, index, elements)
-        noise.append(jax.vmap(_root)(gram) @ jnp.concatenate(draws, axis=1))
+        noise.append(jax.vmap(covariance_root)(gram) @ jnp.concatenate(draws, axis=1))
     return _AllSums(gram, wrench, jnp.concatenate(noise, axis=2).reshape(*gram.shape[:2], -1, 3))
-
-
-def _root(gram: Array) -> Array:
-    """A square root of the covariance that sums with white noise of unit variance have."""
-    scale = jnp.sqrt(jnp.diag(gram))
-    inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
-    nearly_singular = max(1e-12, 64 * len(gram) * float(jnp.finfo(gram.dtype).eps))  # alphas of alike differentiators
-    correlation = gram * jnp.outer(inverse, inverse) + nearly_singular * jnp.eye(len(gram))
-    return scale[:, None] * _triangular_root(correlation)
-
-
-def _triangular_root(matrix: Array) -> Array:
-    """Cholesky's root in plain arithmetic: LAPACK in small batches can block XLA's threads if each core is a device."""
-    index = jnp.arange(len(matrix))
-
-    def step(k, state):
-        rest, root = state
-        pivot = jnp.where(rest[k, k] > 0, rest[k, k], jnp.inf)  # rounding of float32 sums may leave less than nothing
-        column = jnp.where(index >= k, rest[:, k], 0) * jax.lax.rsqrt(pivot)
-        return rest - jnp.outer(column, column), root.at[:, k].set(column)
-
-    return jax.lax.fori_loop(0, len(matrix), step, (matrix, jnp.zeros_like(matrix)))[1]
 
 
 def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
@@ -405,8 +396,8 @@ def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tupl
         problems = [Sums(m @ sums.gram[np.ix_(k, k)] @ m.T, m @ measured[k, :3], m @ measured[k, 3:]) for k in own]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
 
-    on = np.reshape(on, (len(setup.cases), len(cell), 2))
-    problems = jax.vmap(of_case, out_axes=1)(errors, on, jax.tree.map(lambda leaf: leaf[variant], sums))
+    active = np.reshape(on, (len(setup.cases), len(cell), 2))
+    problems = jax.vmap(of_case, out_axes=1)(errors, active, jax.tree.map(lambda leaf: leaf[variant], sums))
     return problems, setup.body.r_cg_from_q[None] + errors.r_cg
 
 
