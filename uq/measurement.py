@@ -125,6 +125,8 @@ def gyro_map(errors: Errors) -> Float[Array, "3 3"]:
     return (1 + errors.gyro_scale)[:, None] * exponential(errors.gyro_misalignment).T
 
 
+PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Axes of the features that are products of two."""
 ELEMENT_ENDS = np.cumsum([1, 3, 6, 1, 3, 1, 3, 3, 9, 3, 6])
 """Where the elements of :func:`features_of_elements` part."""
 ELEMENTS = 42
@@ -171,3 +173,23 @@ def noisy_elements(
     """Return the noisy elements that all estimators share: all but the noise's derivative."""
     crossed = (omega[:, None] * noise[None]).reshape(9, -1)
     return jnp.concatenate([noise, crossed, t[None] * noise, features(noise, noise)[4 : ALPHA.start]])
+
+
+def changes_of_elements(
+    true: Float[Array, "k n"], noise: Float[Array, "3 n"], *, whole: bool
+) -> list[Float[Array, "j n"]]:
+    """Return what noise in omega adds to the elements that all estimators share, part by part.
+
+    Without ``whole``, to omega, to its squares, and to its products 12, 13 and 23; else the noisy elements.
+
+    Args:
+        true: elements without noise, first those that all estimators share.
+        noise: of omega [rad/s].
+        whole: as for :func:`element_map`.
+    """
+    omega = true[1:4]
+    if whole:
+        return [noisy_elements(omega, true[ALPHA.start], noise)]
+    noisy = omega + noise
+    crossed = [omega[i : i + 1] * noise[j : j + 1] + noise[i : i + 1] * noisy[j : j + 1] for i, j in PAIRS]
+    return [noise, (2 * omega + noise) * noise, *crossed]

@@ -35,14 +35,12 @@ from identify.trajectory import Motion
 from uq.covariance_root import covariance_root
 from uq.distributions import Normal
 from uq.errors import Errors, errors_of_cases, perturbed
-from uq.measurement import OF_THE_GYRO, Columns, Platform, element_map, noisy_elements, true_elements
+from uq.measurement import OF_THE_GYRO, Columns, Platform, changes_of_elements, element_map, true_elements
 from uq.normals import joined
 from uq.sources import BLOCK, Mixing, Source, draw_constants, draw_pairs, draw_sums, noise_streams
 
 Sampling = Literal["conditioned", "samples", "collapsed"]
 
-PAIRS = ((0, 1), (0, 2), (1, 2))
-"""Axes of the features that are products of two."""
 SHARED = ALPHA.start
 """Features that all estimators share: all but alpha."""
 
@@ -299,15 +297,14 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Draw
 
     def visit(carry, signals):
         tails, more = of_trials(signals, carry[0])
-        return (tails, _add(carry[1], more)), None
+        return (tails, jax.tree.map(lambda total, part: total + part.astype(total.dtype), carry[1], more)), None
 
     streams = jax.vmap(lambda index: [noise_streams(s, key, index) for s in (plan.gyro, plan.sampled)])(indices)
     halo = _halo(setup.estimators)
     none = lambda sources, samples: [jnp.zeros((len(indices), 3, samples), setup.dtype) for _ in sources]  # noqa: E731
     tails = [none(plan.gyro, 2 * halo), none(plan.sampled, halo)]
     one = jax.tree.map(lambda leaf: leaf[0], setup.signals)
-    shapes = jax.eval_shape(of_trials, one, tails)[1]
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), shapes)
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, one, tails)[1])
     return jax.lax.scan(visit, (tails, zero), setup.signals)[0][1]
 
 
@@ -343,20 +340,11 @@ def _changed_room(setup: Setup, signals: Signals, room: _Room, noise) -> _Room:
 
 
 def _changes(setup: Setup, true, noise) -> list[Array]:
-    """What noise in omega (3, halo + block + halo) adds to each feature but 1; or the noisy elements."""
-    halo, omega = _halo(setup.estimators), true[1:4]
-    inner = noise[:, halo : halo + BLOCK]
+    """What noise in omega (3, halo + block + halo) adds to the elements that it changes, part by part."""
+    halo = _halo(setup.estimators)
     taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
     alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
-    if setup.whole:
-        return [noisy_elements(omega, true[SHARED], inner), *alphas]
-    squares = (2 * omega + inner) * inner
-    crossed = [omega[i : i + 1] * inner[j : j + 1] + inner[i : i + 1] * (omega + inner)[j : j + 1] for i, j in PAIRS]
-    return [inner, squares, *crossed, *alphas]
-
-
-def _add(sums, more):
-    return jax.tree.map(lambda total, part: total + part.astype(total.dtype), sums, more)
+    return [*changes_of_elements(true, noise[:, halo : halo + BLOCK], whole=setup.whole), *alphas]
 
 
 class _AllSums(NamedTuple):
