@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact, Int, Key
 
 from uq.distributions import Distribution, Empirical, Normal
-from uq.normals import in_order, normal_pairs
+from uq.normals import in_order, normal_pairs, normals
 
 Target = Literal[
     "F", "M", "wrench", "omega", "r_cg", "gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"
@@ -237,5 +237,5 @@ def draw_sums(
 ) -> list[Float[Array, "{size} 3"]]:
     """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
     keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
-    drawn = mixed({name: jax.random.normal(one, (size, 3)).T for name, one in keys.items()}, mixing)
+    drawn = mixed({name: normals(one, (size, 3), jnp.result_type(float)).T for name, one in keys.items()}, mixing)
     return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]
