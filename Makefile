@@ -32,11 +32,13 @@ check: env
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Most of a test's time is compilation, so the compiler does not optimise here; plain `pytest` and `make study` do.
-unit notebooks: export XLA_FLAGS = --xla_backend_optimization_level=0
+# Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
+# `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do.
+unit notebooks: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false
 
 unit: env
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not study and not optimised"
+	XLA_FLAGS= $(BIN)/python -m pytest -m optimised
 
 notebooks: env
 	$(BIN)/python -m pytest notebooks

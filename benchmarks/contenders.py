@@ -12,6 +12,7 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from benchmarks import reference, vectorised
 from identify.regressor import OMEGA_R_OF_FEATURES
+from uq.batches import stretch_of
 from uq.campaign import default_batch, prepare_setup, run_trials
 from uq.experiment import Experiment
 from uq.normals import normal_pairs
@@ -81,6 +82,13 @@ def setups(experiment: Experiment, dtype: str) -> list[AnySetup]:
 
 def _engine(prepared: list[AnySetup], trials: int):
     return [run_trials(one, trials, 0, jax.devices(), default_batch(jax.devices()[0])) for one in prepared]
+
+
+def in_stretches(trials: int) -> int:
+    """Return how many trials the engine really runs for so many: whole stretches."""
+    devices = jax.devices()
+    stretch = stretch_of(None, devices, default_batch(devices[0]), trials)
+    return -(-trials // stretch) * stretch
 
 
 def _pairs(key, block, dtype):

@@ -24,7 +24,7 @@ from identify.tables import text_table  # noqa: E402
 from uq.campaign import prepare_setup, run_trials  # noqa: E402
 from uq.experiment import Experiment  # noqa: E402
 
-TRIALS, SAMPLES = (20, 200, 2000, 20_000), (720, 7200, 72_000, 720_000)
+TRIALS, SAMPLES = (16, 192, 1920, 19_200), (720, 7200, 72_000, 720_000)  # trials: whole stretches of two devices
 
 
 def setup_of(samples: int = 72_000, sources: int = 7):
@@ -69,15 +69,15 @@ def main() -> None:
     whole = setup_of()
     found = {
         "trials": {n: (t := seconds_of(whole, n), 1e3 * t / n, memory_of(n)) for n in TRIALS},
-        "samples": {n: (t := seconds_of(setup_of(n), 200), 1e6 * t / 200 / n) for n in SAMPLES},
-        "sources": {n: (t := seconds_of(setup_of(sources=n), 400), 1e3 * t / 400) for n in (1, 2, 3, 7)},
+        "samples": {n: (t := seconds_of(setup_of(n), 192), 1e6 * t / 192 / n) for n in SAMPLES},
+        "sources": {n: (t := seconds_of(setup_of(sources=n), 384), 1e3 * t / 384) for n in (1, 2, 3, 7)},
         "devices": {
-            n: (t := seconds_of(whole, 400, jax.devices()[:n]), 1e3 * t / 400) for n in range(1, len(jax.devices()) + 1)
+            n: (t := seconds_of(whole, 384, jax.devices()[:n]), 1e3 * t / 384) for n in range(1, len(jax.devices()) + 1)
         },
     }
     heads = {
-        "trials": ["s", "ms a trial", "peak GiB"], "samples": ["s, 200 trials", "µs a trial and sample"],
-        "sources": ["s, 400 trials", "ms a trial"], "devices": ["s, 400 trials", "ms a trial"],
+        "trials": ["s", "ms a trial", "peak GiB"], "samples": ["s, 192 trials", "µs a trial and sample"],
+        "sources": ["s, 384 trials", "ms a trial"], "devices": ["s, 384 trials", "ms a trial"],
     }  # fmt: skip
     for name, rows in found.items():
         print(text_table([name, *heads[name]], [[f"{n}", *(f"{v:.3g}" for v in values)] for n, values in rows.items()]))

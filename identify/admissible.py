@@ -8,7 +8,8 @@ Where the plain estimate lies well inside, nothing is done: bounds would bias wh
 outside or within three standard uncertainties of the edge, or the motion says nothing of a component, the interval of a
 component is its range over all bodies whose distance ``Q`` from the data exceeds the least one by no more than k², k
 the coverage factor (Batlle, Patil, Stanley, Kuusela and Owhadi 2023, doi:10.48550/arXiv.2310.02461): the plain interval
-far from the edge; never empty, and never short for the reason that the estimate fell outside.
+far from the edge; never empty, and never short for the reason that the estimate fell outside. Where a moment itself may
+vanish, as a needle's does, two bounds meet and that range is too short: it reaches down to the plain interval's end.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,7 +22,7 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
-from identify.inertia import COMPONENTS, pack
+from identify.inertia import COMPONENTS, MOMENTS, pack
 from identify.reach import SECOND_MOMENT, Data, ends, nearest, of_second_moment, second_moment, size
 
 NEAR = 3.0
@@ -195,9 +196,9 @@ def admissible(
     plain = np.stack([inertia - half, inertia + half], axis=1)
     kept = len(seen) == 6 and inside > 0
     value = inertia if kept else fit(log_cholesky, inertia, data.information, free_of(_inner(data)))
-    return Admissible(
-        value, ends(data, least + coverage_factor**2), determined, inertia, plain, _reason(determined, inside)
-    )
+    interval = ends(data, least + coverage_factor**2)
+    interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
+    return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside))
 
 
 def _inner(data: Data) -> np.ndarray:

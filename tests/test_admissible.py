@@ -121,10 +121,11 @@ EDGES = {
     "on the edge": PLATE,
     "one sigma inside": PLATE + [SIGMA, 0, 0, SIGMA, 0, 0],
     "a small thing": SIGMA * np.array([1, 0, 0, 1, 0, 1.0]),
+    "a needle": np.array([0.371, 0, 0, 0, 0, 0.371]),
 }
 
 
-@pytest.mark.parametrize("name", ["on the edge", "one sigma inside"])
+@pytest.mark.parametrize("name", ["on the edge", "one sigma inside", "a needle"])
 def test_intervals_hold_at_the_edge(name):
     """40 trials: 0.95 less three binomial standard errors is 0.847; chance of a false alarm 0.4 % a component."""
     held, width = coverage(EDGES[name], 40, 3)

@@ -7,7 +7,7 @@ import pytest
 from jax.extend.random import threefry_2x32
 from scipy import stats
 
-from uq.normals import box_muller, normal_pairs, threefry
+from uq.normals import box_muller, normal_pairs, normals, threefry
 
 
 def test_the_generator_is_threefry_of_jax_and_of_its_authors(generator):
@@ -73,3 +73,10 @@ def test_numbers_depend_on_key_block_and_place_alone():
     np.testing.assert_array_equal(many[2][1], fewer)
     everything = np.concatenate([many.ravel(), draw(keys[2], 6).ravel()])
     assert len(np.unique(everything)) == len(everything)
+
+
+def test_an_array_of_an_odd_number_of_normals_has_no_two_alike():
+    drawn = normals(jax.random.key(1), (7, 9))
+    pairs = normal_pairs(jax.random.key(1), 0, jnp.arange(32, dtype=jnp.uint32), "float64")
+    assert len(np.unique(drawn)) == 63
+    assert np.isin(drawn, [pairs.real, pairs.imag]).all()

@@ -274,6 +274,20 @@ def test_conditioned_correlated_noise_has_the_distribution_of_its_samples():
     assert (np.abs(one - two) < 5 * error).all()
 
 
+@pytest.mark.parametrize("mapped", [False, True])
+def test_drawn_sums_beside_two_sources_of_the_gyro_are_the_same_in_either_precision(mapped):
+    """The two make three variants of the features, whose noise is linearly dependent."""
+    more = [known("omega", "scale", THREE["%"], {})] if mapped else []
+    second = source("w_second", "omega", "precision", sigma=["1 mrad/s"] * 3)
+    e = experiment(NOISY[0], NOISY[2], second, *more, duration="41 s")
+    one, two = (
+        one_trial(prepare_setup(e, e.trajectories["T"], e.estimators, dtype=d), jax.random.key(3), jnp.asarray(1))
+        for d in ("float64", "float32")
+    )
+    assert one.ok.all()
+    np.testing.assert_allclose(one.inertia, two.inertia, atol=1e-5)
+
+
 def test_what_needs_samples_gets_them_and_the_result_says_so():
     e = experiment(NOISY[0], source("q", "F", "quantisation", step=["1 N"] * 3))
     assert isinstance(prepare_setup(e, e.trajectories["T"], e.estimators), SampledSetup)

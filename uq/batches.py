@@ -60,9 +60,8 @@ class Trials:
         self, trials: int, progress: Callable[[int, int], None] | None = None, *, asked: int | None = None
     ) -> None:
         """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
-        count = len(self.devices)
         asked = trials if asked is None else asked
-        stretch = min(_stretch(self.setup, self.batch), -(-asked // count)) * count
+        stretch = stretch_of(self.setup, self.devices, self.batch, asked)
         while self.count < trials:
             part = self._run(np.arange(self.count, self.count + stretch))
             if self.keep:
@@ -94,9 +93,10 @@ class Trials:
         )
 
 
-def _stretch(setup: AnySetup, batch: int) -> int:
-    """Trials a device does between two reports of progress: whole batches, some hundred trials, or some thousand."""
-    return batch * max(1, (5000 if isinstance(setup, CollapsedSetup) else 100) // batch)
+def stretch_of(setup: AnySetup | None, devices: Sequence[jax.Device], batch: int, asked: int) -> int:
+    """Return how many trials are done between two reports of progress: whole batches, some hundred a device or more."""
+    whole = batch * max(1, (5000 if isinstance(setup, CollapsedSetup) else 100) // batch)
+    return min(whole, -(-asked // len(devices))) * len(devices)
 
 
 def _everywhere(tree: T, mesh: Mesh) -> T:

@@ -27,6 +27,7 @@ from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
 from uq.measurement import OF_THE_GYRO, Columns, cell_map
+from uq.normals import normals
 from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
 from uq.trial import Case, Estimator, TrialEstimates, cases_of, valid_samples
 
@@ -178,7 +179,7 @@ def _draw(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> 
     for targets, shape in ((("omega",), setup.mean.shape[1:]), (("F", "M"), (setup.estimators, 6))):
         first = [source for source in white if source.target in targets][:1]
         keys = [block_key(stream_number(source.name), key, index, 0) for source in first]
-        normal.append(jax.random.normal(keys[0], shape) if keys else jnp.zeros(shape))
+        normal.append(normals(keys[0], shape) if keys else jnp.zeros(shape))
     return _Draws(errors, *normal)
 
 

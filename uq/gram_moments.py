@@ -112,9 +112,8 @@ def gram_moments(setup: Setup, *, chunk: int = 4000) -> GramMoments:
         setup: the run as the Monte Carlo has it (:func:`uq.trial.prepare`), in float64.
         chunk: samples that are visited at a time.
     """
-    true, wrench = (part.swapaxes(0, 1) for part in (setup.signals.features, setup.signals.wrench))
-    alphas = true[-3 * len(setup.estimators) :]
-    signals = jnp.concatenate([true[1:4], alphas, wrench[:6]]).astype(float)
+    known, elements = setup.signals.known.swapaxes(0, 1), len(setup.sums.gram)
+    signals = jnp.concatenate([known[1:4], known[elements - 3 * len(setup.estimators) : elements + 6]]).astype(float)
     taps = [estimator.taps for estimator in setup.estimators]
     valid = setup.signals.valid.ravel().astype(float)
     return moments_of_signals(signals.reshape(len(signals), -1), valid, taps, chunk=chunk)

@@ -125,6 +125,8 @@ def gyro_map(errors: Errors) -> Float[Array, "3 3"]:
     return (1 + errors.gyro_scale)[:, None] * exponential(errors.gyro_misalignment).T
 
 
+PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Axes of the features that are products of two."""
 ELEMENT_ENDS = np.cumsum([1, 3, 6, 1, 3, 1, 3, 3, 9, 3, 6])
 """Where the elements of :func:`features_of_elements` part."""
 ELEMENTS = 42
@@ -135,12 +137,11 @@ def element_map(errors: Errors, *, whole: bool) -> Float[Array, "13 elements"]:
     """Return the matrix that gives the features of the measured omega and alpha from the elements of the sums.
 
     The measured angular velocity is ``G omega + b + d t + noise``. Without ``whole``, G is one and d zero, and the
-    elements are the thirteen true features and what noise adds to twelve of them; else :func:`features_of_elements`.
+    elements are the thirteen features of ``omega + noise``; else those of :func:`features_of_elements`.
     """
     if whole:
         return jax.vmap(lambda elements: features_of_elements(errors, elements), out_axes=1)(jnp.eye(ELEMENTS))
-    shifted = shift_omega(errors.gyro_bias)
-    return jnp.concatenate([shifted, shifted[:, 1:]], axis=1)
+    return shift_omega(errors.gyro_bias)
 
 
 def features_of_elements(errors: Errors, elements: Float[Array, "42"]) -> Float[Array, "13"]:
@@ -172,3 +173,23 @@ def noisy_elements(
     """Return the noisy elements that all estimators share: all but the noise's derivative."""
     crossed = (omega[:, None] * noise[None]).reshape(9, -1)
     return jnp.concatenate([noise, crossed, t[None] * noise, features(noise, noise)[4 : ALPHA.start]])
+
+
+def changes_of_elements(
+    true: Float[Array, "k n"], noise: Float[Array, "3 n"], *, whole: bool
+) -> list[Float[Array, "j n"]]:
+    """Return what noise in omega adds to the elements that all estimators share, part by part.
+
+    Without ``whole``, to omega, to its squares, and to its products 12, 13 and 23; else the noisy elements.
+
+    Args:
+        true: elements without noise, first those that all estimators share.
+        noise: of omega [rad/s].
+        whole: as for :func:`element_map`.
+    """
+    omega = true[1:4]
+    if whole:
+        return [noisy_elements(omega, true[ALPHA.start], noise)]
+    noisy = omega + noise
+    crossed = [omega[i : i + 1] * noise[j : j + 1] + noise[i : i + 1] * noisy[j : j + 1] for i, j in PAIRS]
+    return [noise, (2 * omega + noise) * noise, *crossed]

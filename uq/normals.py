@@ -52,6 +52,13 @@ def normal_pairs(
     return box_muller(*words, dtype)
 
 
+def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64") -> Float[Array, "*shape"]:
+    """Return independent standard normal numbers of this shape, from one key; see :func:`normal_pairs`."""
+    count = math.prod(shape)
+    pairs = normal_pairs(key, 0, jax.lax.iota(jnp.uint32, -(-count // 2)), dtype)
+    return jnp.concatenate([pairs.real, pairs.imag])[:count].reshape(shape)
+
+
 def box_muller(radius: Word, angle: Word, dtype: Any) -> Complex[Array, "..."]:
     """Return two standard normal numbers, in a complex one, from two words of 32 random bits."""
     dtype = jnp.dtype(dtype)

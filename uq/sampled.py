@@ -25,7 +25,7 @@ from uq.coloured import draw_coloured
 from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import Columns, Platform, gyro_map
-from uq.sources import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants
+from uq.sources import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants, noise_streams
 from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates, cases_of, prepare, trial
 
 
@@ -159,7 +159,8 @@ def draw_noise(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) 
     """Return the noise of every noise source of a trial, by name."""
     n = len(setup.t)
     white = [source for source in setup.sources if source.kind == "precision"]
-    draw = lambda block: draw_blocks(white, setup.mixing, key, index, block, setup.dtype)  # noqa: E731
+    streams = noise_streams(white, key, index)
+    draw = lambda block: draw_blocks(white, setup.mixing, streams, block, setup.dtype)  # noqa: E731
     blocks = jax.lax.map(draw, jnp.arange(-(-n // BLOCK)))
     noise = {s.name: b.swapaxes(0, 1).reshape(3, -1)[:, :n] for s, b in zip(white, blocks, strict=True)}
     coloured = [source for source in setup.sources if source.kind == "coloured"]

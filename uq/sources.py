@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact, Int, Key
 
 from uq.distributions import Distribution, Empirical, Normal
-from uq.normals import in_order, normal_pairs
+from uq.normals import in_order, normal_pairs, normals
 
 Target = Literal[
     "F", "M", "wrench", "omega", "r_cg", "gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"
@@ -182,45 +182,40 @@ def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> 
     return draw_constants([source], (), key, trial, dtype)[source.name]
 
 
+def noise_streams(sources: Sequence[Source], key: Key[Array, ""], trial: Index) -> list[Key[Array, ""]]:
+    """Return the key of each source's noise in a trial: to be derived once, not for every block."""
+    return [jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial) for source in sources]
+
+
 def draw_pairs(
-    sources: Sequence[Source],
-    mixing: Sequence[Mixing],
-    key: Key[Array, ""],
-    trial: Index,
-    block: Index,
-    dtype: Any,
-    *,
-    first: int = BLOCK // 2,
-) -> list[Complex[Array, "3 first"]]:
+    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
+) -> list[Complex[Array, "3 600"]]:
     """Return the draws of precision sources for one block of samples of a trial, component first, as complex numbers.
 
-    Real parts are the first half of the block, imaginary parts the second: what the generator makes, not yet in order;
-    only the ``first`` of either half, if asked for.
+    Real parts are the first half of the block, imaginary parts the second: what the generator makes, not yet in order.
     """
-    drawn = mixed({s.name: _standard_pairs(s, key, trial, block, dtype, first) for s in sources}, mixing)
+    pairs = {s.name: _standard_pairs(s, one, block, dtype) for s, one in zip(sources, streams, strict=True)}
+    drawn = mixed(pairs, mixing)
     return [_scaled(drawn[s.name], s.sigma) for s in sources]
 
 
 def draw_blocks(
-    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, block: Index, dtype: Any
+    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
 ) -> list[Float[Array, "3 1200"]]:
     """Return the draws of precision sources for one block of samples of a trial, component first."""
-    return [in_order(pairs) for pairs in draw_pairs(sources, mixing, key, trial, block, dtype)]
+    return [in_order(pairs) for pairs in draw_pairs(sources, mixing, streams, block, dtype)]
 
 
 def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 1200"]:
     """Return one block of a precision source that is correlated with no other."""
-    return draw_blocks([source], (), key, trial, block, dtype)[0]
+    return draw_blocks([source], (), noise_streams([source], key, trial), block, dtype)[0]
 
 
-def _standard_pairs(
-    source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any, first: int
-) -> Complex[Array, "3 first"]:
-    stream = jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial)
+def _standard_pairs(source: Source, stream: Key[Array, ""], block: Index, dtype: Any) -> Complex[Array, "3 600"]:
     if not isinstance(source.shape, Normal):
         drawn = _standard_block(source, jax.random.fold_in(stream, block), dtype)
-        return jax.lax.complex(drawn[:, :first], drawn[:, BLOCK // 2 : BLOCK // 2 + first])
-    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, first), axis) for axis in (0, 1))
+        return jax.lax.complex(drawn[:, : BLOCK // 2], drawn[:, BLOCK // 2 :])
+    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, BLOCK // 2), axis) for axis in (0, 1))
     pairs = normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + column, dtype)
     mean = jnp.broadcast_to(jnp.asarray(source.shape.mean, dtype), (3,))[:, None]
     return _scaled(pairs, source.shape.standard_deviation) + jax.lax.complex(mean, mean)
@@ -242,5 +237,5 @@ def draw_sums(
 ) -> list[Float[Array, "{size} 3"]]:
     """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
     keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
-    drawn = mixed({name: jax.random.normal(one, (size, 3)).T for name, one in keys.items()}, mixing)
+    drawn = mixed({name: normals(one, (size, 3), jnp.result_type(float)).T for name, one in keys.items()}, mixing)
     return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

@@ -1,13 +1,16 @@
 """One trial of the Monte Carlo: draws in, estimates of every case and estimator out. A pure function of a key.
 
-A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`): the noise-free sums are known, and what
-the gyro's noise changes in the features is summed apart from them. Every case (all sources, one group, one source) and
-every estimator is solved from the sums of the same draws, over the samples where all estimators have a derivative.
-Constant errors are linear maps of these sums (:mod:`uq.measurement`).
+A trial visits its samples in blocks and keeps only sums (:mod:`identify.gram`) over *elements*: the features, or with
+errors that map the angular velocity those of :func:`uq.measurement.features_of_elements`. The noise-free sums are
+known, and what the gyro's noise changes in them is summed apart: with the change δ of the elements φ,
+``(φ + δ)(φ + δ)ᵀ - φφᵀ = (φ + δ/2) δᵀ + δ (φ + δ/2)ᵀ``, so that one product is enough. Every case (all sources, one
+group, one source) and every estimator is solved from the sums of the same draws, over the samples where all estimators
+have a derivative. Constant errors are linear maps of these sums (:mod:`uq.measurement`).
 
 White normal noise of the load cell enters through sums that are linear in it, so that, given the gyro's draws, these
 sums are normal with a known covariance. ``sampling="conditioned"`` draws them from it; ``"samples"`` draws the noise of
-every sample. Both have the same distribution. Noise of other distributions is always drawn sample by sample.
+every sample. A case has the same distribution either way; cases with and without noise of the gyro draw from the same
+normal numbers. Noise of other distributions is always drawn sample by sample.
 
 ``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.collapsed`.
 
@@ -29,16 +32,15 @@ from identify.gram import Sums, solve
 from identify.inertia import Body
 from identify.regressor import ALPHA, features
 from identify.trajectory import Motion
+from uq.covariance_root import covariance_root
 from uq.distributions import Normal
 from uq.errors import Errors, errors_of_cases, perturbed
-from uq.measurement import OF_THE_GYRO, Columns, Platform, element_map, noisy_elements, true_elements
-from uq.normals import in_order, joined
-from uq.sources import BLOCK, Mixing, Source, draw_blocks, draw_constants, draw_pairs, draw_sums
+from uq.measurement import OF_THE_GYRO, Columns, Platform, changes_of_elements, element_map, true_elements
+from uq.normals import joined
+from uq.sources import BLOCK, Mixing, Source, draw_constants, draw_pairs, draw_sums, noise_streams
 
 Sampling = Literal["conditioned", "samples", "collapsed"]
 
-PAIRS = ((0, 1), (0, 2), (1, 2))
-"""Axes of the features that are products of two."""
 SHARED = ALPHA.start
 """Features that all estimators share: all but alpha."""
 
@@ -59,17 +61,18 @@ class Case(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """The noise-free run in blocks, block first (without that axis inside the scan)."""
+    """The noise-free run in blocks, block first (without that axis inside the scan).
+
+    A block starts as many samples before that of the draws as the longest differentiator reaches: its noise is then
+    known with that of the block before.
+    """
 
     block: Int[Array, "*blocks"]
     """Number of the block."""
-    features: Float[Array, "*blocks features 1200"]
-    """What the estimators share, then each one's alpha; zero where a sample does not count. Shared are the features, or
-    with errors that map the angular velocity the elements of :func:`uq.measurement.true_elements`."""
-    wrench: Float[Array, "*blocks columns 1200"]
-    """Force [N] and moment [N·m], then the other functions of :class:`uq.measurement.Columns`."""
-    known: Float[Array, "*blocks 1200 padded"]
-    """Both again, sample by sample, filled up to the width of a processor's matrix product."""
+    known: Float[Array, "*blocks rows 1200"]
+    """The elements without noise: those that all estimators share, each one's alpha, and zeros for the noisy ones of
+    errors that map the angular velocity; all zero where a sample does not count. Then force [N] and moment [N·m] and
+    the other functions of :class:`uq.measurement.Columns`."""
     valid: Float[Array, "*blocks 1200"]
     """1 where every estimator has a derivative, else 0."""
 
@@ -81,19 +84,25 @@ class Setup(eqx.Module):
     platform: Platform
     signals: Signals
     sums: Sums
-    """Noise-free sums over all features."""
-    other: Float[Array, "features other"]
-    """Sums of the features with the columns that follow the wrench."""
+    """Noise-free sums over all elements."""
+    other: Float[Array, "elements other"]
+    """Sums of the elements with the columns that follow the wrench."""
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
     columns: Columns = eqx.field(static=True)
     whole: bool = eqx.field(static=True)
-    """Whether errors map the angular velocity, so that sums of whole products with the noise are kept."""
+    """Whether errors map the angular velocity, so that the elements are not the features but what makes them."""
     dtype: np.dtype = eqx.field(static=True)
     """Precision of draws and features; sums and solutions have the default precision."""
     sampling: Sampling = eqx.field(static=True)
+
+    @property
+    def changed(self) -> slice:
+        """Which elements the gyro's noise changes: all features but 1, or the noisy elements."""
+        count = len(self.sums.gram)
+        return slice(count - _changed(self.whole, self.estimators), count)
 
 
 class TrialEstimates(NamedTuple):
@@ -133,20 +142,25 @@ def prepare(
     shared = true_elements(motion.omega, motion.alpha, t) if whole else features(motion.omega, motion.alpha)[:SHARED]
     valid = valid_samples(len(t), estimators)
     alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
-    phi = jnp.concatenate([shared, *alphas]) * valid[None]
+    of_noise = [jnp.zeros((_changed(whole, estimators), len(t)))] if whole else []
+    phi = jnp.concatenate([shared, *alphas, *of_noise]) * valid[None]
     wrench = columns.sampled(body, motion)
     force, moment, other = jnp.split(phi @ wrench.T, (3, 6), axis=1)
+    halo = _halo(estimators)
     signals = Signals(
         jnp.arange(-(-len(t) // BLOCK)),
-        _blocks(phi.astype(dtype)),
-        _blocks(wrench.astype(dtype)),
-        _blocks(_padded(jnp.concatenate([phi, wrench]).astype(dtype))).swapaxes(1, 2),
-        _blocks(valid[None].astype(dtype))[:, 0],
+        _blocks(jnp.concatenate([phi, wrench]).astype(dtype), halo),
+        _blocks(valid[None].astype(dtype), halo)[:, 0],
     )
     return Setup(
         body, platform, signals, Sums(phi @ phi.T, force, moment), other, tuple(sources), tuple(mixing),
         tuple(estimators), cases_of(sources), columns, whole, np.dtype(dtype), sampling,
     )  # fmt: skip
+
+
+def _changed(whole: bool, estimators: Sequence[Estimator]) -> int:
+    """How many elements, the last ones, the gyro's noise changes."""
+    return (21 if whole else SHARED - 1) + 3 * len(estimators)
 
 
 def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[Array, " n"]:
@@ -160,16 +174,11 @@ def _halo(estimators: Sequence[Estimator]) -> int:
     return max(estimator.taps.shape[0] for estimator in estimators)
 
 
-def _blocks(signal: Array) -> Array:
-    """Cut component-first samples into zero-padded blocks, block first."""
+def _blocks(signal: Array, halo: int) -> Array:
+    """Cut component-first samples into zero-padded blocks, block first, the first of them preceded by a halo."""
     count = -(-signal.shape[1] // BLOCK)
-    padded = jnp.pad(signal, ((0, 0), (0, count * BLOCK - signal.shape[1])))
+    padded = jnp.pad(signal, ((0, 0), (halo, count * BLOCK - signal.shape[1])))[:, : count * BLOCK]
     return padded.reshape(signal.shape[0], count, BLOCK).swapaxes(0, 1)
-
-
-def _padded(rows: Array) -> Array:
-    """Fill up with zeros to a multiple of 16 rows."""
-    return jnp.pad(rows, ((0, -len(rows) % 16), (0, 0)))
 
 
 def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
@@ -202,7 +211,7 @@ def trials(
         The estimates, with the trials on the leading axis.
     """
     plan = _plan(setup)
-    drawn = _visit_blocks(setup, plan, key, indices, jax.vmap if at_once else _mapped)
+    drawn = _visit_blocks(setup, plan, key, indices, _all_at_once if at_once else _one_by_one)
 
     def solved(index, drawn):
         draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
@@ -214,8 +223,12 @@ def trials(
     return jax.vmap(solved)(indices, drawn)
 
 
-def _mapped(function):
-    return lambda *of_trials: jax.lax.map(lambda one: function(*one), of_trials)
+def _one_by_one(of_trial, room, trials):
+    return jax.lax.scan(of_trial, room, trials)[1]
+
+
+def _all_at_once(of_trial, room, trials):
+    return jax.vmap(lambda one: of_trial(room, one)[1])(trials)
 
 
 class _Plan(NamedTuple):
@@ -245,148 +258,141 @@ def _plan(setup: Setup) -> _Plan:
 
 
 class _Drawn(NamedTuple):
-    """Sums over one trial. A change is what a variant's gyro noise adds to a feature; variant by variant."""
+    """Sums over one trial. A change is what a variant's gyro noise adds to an element; variant by variant."""
 
-    with_true: Float[Array, "changes features"]
-    """Of the changes with the true features."""
-    with_changes: Float[Array, "changes changes"]
-    """Of the changes with each other."""
-    with_wrench: Float[Array, "changes columns"]
-    """Of the changes with the true wrench and the columns that follow it."""
-    cell: Float[Array, "all noise"]
-    """Of true features and changes with the load cell's noise that is drawn by sample, three columns a source."""
+    products: Float[Array, "variants rows changes"]
+    """Of the elements, half changed, and of the wrench and the columns that follow it, with the changes."""
+    true: Float[Array, "elements noise"]
+    """Of the true elements with the load cell's noise that is drawn by sample, three columns a source."""
+    changes: Float[Array, "variants changes noise"]
+    """Of the changes with it."""
+
+
+class _Room(NamedTuple):
+    """What a trial works in: one trial after the other writes what its noise changes, and nothing else."""
+
+    half: Float[Array, "rows 1200"]
+    """The known signals, with half the changes added."""
+    changes: Float[Array, "padded 1200"]
+    """The changes, filled up to the width of a processor's matrix product."""
 
 
 def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Drawn:
-    """Scan over the blocks, drawing gyro noise one block ahead so that the differentiators see across the seams."""
-    halo = _halo(setup.estimators)
+    """Scan over the blocks; of each trial's noise the last samples are kept, so that derivatives see across seams."""
 
-    def draw(index, block, first=BLOCK // 2):
-        return draw_pairs(plan.gyro, setup.mixing, key, index, block, setup.dtype, first=first)
+    def of_trial(signals, room, trial):
+        _, drawn, tails = trial
+        wide = jax.tree.map(lambda tail, pairs: joined([tail, pairs.real, pairs.imag]), tails, drawn)
+        room, sums = _block_sums(setup, plan, signals, room, *wide)
+        return room, (jax.tree.map(lambda one: one[:, BLOCK:], wide), sums)
 
-    def of_trial(signals, index, before, now):
-        after = draw(index, signals.block + 1)
-        # drawn again: what is carried to the next block, and nothing else, lets the compiler draw in one loop
-        heads = draw(index, signals.block + 1, halo) if halo <= BLOCK // 2 else after
-        wide = [joined([a, b.real, b.imag, in_order(c)[:, :halo]]) for a, b, c in zip(before, now, heads, strict=True)]
-        cell = draw_blocks(plan.sampled, setup.mixing, key, index, signals.block, setup.dtype)
-        sums = _block_sums(setup, plan, signals, wide, jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *cell]))
-        return [in_order(pairs)[:, -halo:] for pairs in now], after, sums
+    def of_trials(signals, tails):
+        # apart from what uses them: else XLA draws for each use
+        drawn = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams)
+        return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, drawn, tails))
+
+    def draw(block, streams):
+        of = zip((plan.gyro, plan.sampled), streams, strict=True)
+        return [draw_pairs(sources, setup.mixing, keys, block, setup.dtype) for sources, keys in of]
 
     def visit(carry, signals):
-        before, now, sums = carry
-        before, now, more = over_trials(partial(of_trial, signals))(indices, before, now)
-        return (before, now, _add(sums, more)), None
+        tails, more = of_trials(signals, carry[0])
+        return (tails, jax.tree.map(lambda total, part: total + part.astype(total.dtype), carry[1], more)), None
 
-    edge = [jnp.zeros((len(indices), 3, halo), setup.dtype) for _ in plan.gyro]
-    first = over_trials(lambda index: draw(index, 0))(indices)
+    streams = jax.vmap(lambda index: [noise_streams(s, key, index) for s in (plan.gyro, plan.sampled)])(indices)
+    halo = _halo(setup.estimators)
+    none = lambda sources, samples: [jnp.zeros((len(indices), 3, samples), setup.dtype) for _ in sources]  # noqa: E731
+    tails = [none(plan.gyro, 2 * halo), none(plan.sampled, halo)]
     one = jax.tree.map(lambda leaf: leaf[0], setup.signals)
-    sums = jax.eval_shape(over_trials(partial(of_trial, one)), indices, edge, first)[2]
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), sums)
-    return jax.lax.scan(visit, (edge, first, zero), setup.signals)[0][2]
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, one, tails)[1])
+    return jax.lax.scan(visit, (tails, zero), setup.signals)[0][1]
 
 
-def _block_sums(setup: Setup, plan: _Plan, signals: Signals, wide, cell) -> _Drawn:
-    """Sums of one block: ``wide`` holds each gyro source's noise with a halo on either side, ``cell`` the wrench's."""
-    features = signals.features
-    changes = [jnp.zeros((0, BLOCK), features.dtype)]
+def _room(setup: Setup, signals: Signals) -> _Room:
+    count = _changed(setup.whole, setup.estimators)
+    return _Room(signals.known, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
+
+
+def _block_sums(setup: Setup, plan: _Plan, signals: Signals, room: _Room, gyro, cell) -> tuple[_Room, _Drawn]:
+    """Sums of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` with one behind."""
+    changed = setup.changed
+    cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(one[:, :BLOCK] for one in cell)])
+    count = changed.stop - changed.start
+    products = [jnp.zeros((0, len(signals.known), count), setup.dtype)]
+    with_cell = [jnp.zeros((0, count, len(cell)), setup.dtype)]
     for variant in plan.variants:
-        noise = sum(w for w, source in zip(wide, plan.gyro, strict=True) if source.name in variant)
-        changes += _changes(setup, features, noise)
-    change = joined([one * signals.valid[None] for one in changes], axis=0)
-    with_true, with_wrench, _ = jnp.split(
-        change @ signals.known, np.cumsum([len(features), len(signals.wrench)]), axis=1
-    )
-    with_cell = jnp.concatenate([features @ cell.T, change @ cell.T])
-    return _Drawn(with_true, change @ change.T, with_wrench, with_cell)
+        noise = sum(one for one, source in zip(gyro, plan.gyro, strict=True) if source.name in variant)
+        room = _changed_room(setup, signals, room, noise)
+        products.append((room.half @ room.changes.T)[None, :, :count])
+        with_cell.append((room.changes[:count] @ cell.T)[None])
+    of_true = signals.known[: changed.stop] @ cell.T
+    return room, _Drawn(jnp.concatenate(products), of_true, jnp.concatenate(with_cell))
+
+
+def _changed_room(setup: Setup, signals: Signals, room: _Room, noise) -> _Room:
+    """Write what noise changes; part by part in its place, of which XLA makes fast loops on a CPU."""
+    changes, start = room.changes, 0
+    for part in _changes(setup, signals.known, noise):
+        changes = jax.lax.dynamic_update_slice_in_dim(changes, part * signals.valid[None], start, 0)
+        start += len(part)
+    half = signals.known[setup.changed] + changes[:start] / 2
+    return _Room(jax.lax.dynamic_update_slice_in_dim(room.half, half, setup.changed.start, 0), changes)
 
 
 def _changes(setup: Setup, true, noise) -> list[Array]:
-    """What noise in omega (3, halo + block + halo) adds to each feature but 1; or the noisy elements."""
-    halo, omega = _halo(setup.estimators), true[1:4]
-    inner = noise[:, halo : halo + BLOCK]
+    """What noise in omega (3, halo + block + halo) adds to the elements that it changes, part by part."""
+    halo = _halo(setup.estimators)
     taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
     alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
-    if setup.whole:
-        return [noisy_elements(omega, true[SHARED], inner), *alphas]
-    squares = (2 * omega + inner) * inner
-    crossed = [omega[i : i + 1] * inner[j : j + 1] + inner[i : i + 1] * (omega + inner)[j : j + 1] for i, j in PAIRS]
-    return [inner, squares, *crossed, *alphas]
-
-
-def _add(sums, more):
-    return jax.tree.map(lambda total, part: total + part.astype(total.dtype), sums, more)
+    return [*changes_of_elements(true, noise[:, halo : halo + BLOCK], whole=setup.whole), *alphas]
 
 
 class _AllSums(NamedTuple):
-    """Sums over true features and changes alike."""
+    """Sums over the elements of each variant; the first is without noise of the gyro."""
 
-    gram: Float[Array, "all all"]
-    wrench: Float[Array, "all columns"]
-    noise: Float[Array, "all sources 3"]
+    gram: Float[Array, "variants elements elements"]
+    wrench: Float[Array, "variants elements columns"]
+    noise: Float[Array, "variants elements sources 3"]
     """With the load cell's noise, first of the sources drawn by sample, then of those whose sums are drawn."""
 
 
 def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
-    gram = jnp.block([[setup.sums.gram, drawn.with_true.T], [drawn.with_true, drawn.with_changes]])
+    """Add to the true sums what noise changes; drawn sums are from the same normal numbers in every variant."""
+    first, elements = setup.changed.start, setup.changed.stop
+    change = jnp.pad(drawn.products[:, :elements], ((1, 0), (0, 0), (first, 0)))
+    gram = setup.sums.gram[None] + change + change.swapaxes(1, 2)
     true = jnp.concatenate([setup.sums.force, setup.sums.moment, setup.other], axis=1)
-    conditioned = jnp.zeros((len(gram), 0))
+    wrench = true[None] + jnp.pad(drawn.products[:, elements:].swapaxes(1, 2), ((1, 0), (first, 0), (0, 0)))
+    noise = [drawn.true[None] + jnp.pad(drawn.changes, ((1, 0), (first, 0), (0, 0)))]
     if plan.conditioned:
-        root = _root(gram)
-        draws = draw_sums(plan.conditioned, setup.mixing, key, index, len(gram))
-        conditioned = jnp.concatenate([root @ one for one in draws], axis=1)
-    noise = jnp.concatenate([drawn.cell, conditioned], axis=1).reshape(len(gram), -1, 3)
-    return _AllSums(gram, jnp.concatenate([true, drawn.with_wrench]), noise)
-
-
-def _root(gram: Array) -> Array:
-    """A square root of the covariance that sums with white noise of unit variance have."""
-    scale = jnp.sqrt(jnp.diag(gram))
-    inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
-    nearly_singular = max(1e-12, 64 * len(gram) * float(jnp.finfo(gram.dtype).eps))  # alphas of alike differentiators
-    correlation = gram * jnp.outer(inverse, inverse) + nearly_singular * jnp.eye(len(gram))
-    return scale[:, None] * _triangular_root(correlation)
-
-
-def _triangular_root(matrix: Array) -> Array:
-    """Cholesky's root in plain arithmetic: LAPACK in small batches can block XLA's threads if each core is a device."""
-    index = jnp.arange(len(matrix))
-
-    def step(k, state):
-        rest, root = state
-        column = jnp.where(index >= k, rest[:, k], 0) * jax.lax.rsqrt(rest[k, k])
-        return rest - jnp.outer(column, column), root.at[:, k].set(column)
-
-    return jax.lax.fori_loop(0, len(matrix), step, (matrix, jnp.zeros_like(matrix)))[1]
+        draws = draw_sums(plan.conditioned, setup.mixing, key, index, elements)
+        noise.append(jax.vmap(covariance_root)(gram) @ jnp.concatenate(draws, axis=1))
+    return _AllSums(gram, wrench, jnp.concatenate(noise, axis=2).reshape(*gram.shape[:2], -1, 3))
 
 
 def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
     """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
     cell, gyro = (*plan.sampled, *plan.conditioned), frozenset(source.name for source in plan.gyro)
     on = [[[float(s.name in case.sources and s.target == t) for t in "FM"] for s in cell] for case in setup.cases]
-    acting = [[float(variant == case.sources & gyro) for variant in plan.variants] for case in setup.cases]
+    variant = np.array([(frozenset(), *plan.variants).index(case.sources & gyro) for case in setup.cases])
 
-    def of_case(errors, on, acting):
+    def of_case(errors, on, sums):
         noise = jnp.einsum("akj,kt->atj", sums.noise, on).reshape(-1, 6)
         measured = sums.wrench @ setup.columns.map(setup.body, setup.platform, errors).T + noise
         measured = measured + jnp.outer(sums.gram[:, 0], errors.cell_bias)
-        elements = element_map(errors, whole=setup.whole)
-        maps = [_placed(setup, elements, acting, k) for k in range(len(setup.estimators))]
-        own = [Sums(m @ sums.gram @ m.T, m @ measured[:, :3], m @ measured[:, 3:]) for m in maps]
-        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *own)
+        m, own = element_map(errors, whole=setup.whole), [_own(setup, k) for k in range(len(setup.estimators))]
+        problems = [Sums(m @ sums.gram[np.ix_(k, k)] @ m.T, m @ measured[k, :3], m @ measured[k, 3:]) for k in own]
+        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
 
-    count = len(setup.cases)
-    problems = jax.vmap(of_case, out_axes=1)(
-        errors, np.reshape(on, (count, len(cell), 2)), np.reshape(acting, (count, len(plan.variants)))
-    )
+    active = np.reshape(on, (len(setup.cases), len(cell), 2))
+    problems = jax.vmap(of_case, out_axes=1)(errors, active, jax.tree.map(lambda leaf: leaf[variant], sums))
     return problems, setup.body.r_cg_from_q[None] + errors.r_cg
 
 
-def _placed(setup: Setup, elements: Array, acting: Array, estimator: int) -> Float[Array, "13 all"]:
-    """Place an estimator's map of its elements where these stand among all true features and changes."""
-    shared = len(setup.sums.gram) - 3 * len(setup.estimators)
-    changed = 21 if setup.whole else SHARED - 1
-    own = lambda first: np.r_[0:first, first + 3 * estimator : first + 3 * estimator + 3]  # noqa: E731
-    true = jnp.zeros((13, len(setup.sums.gram))).at[:, own(shared)].set(elements[:, : shared + 3])
-    change = jnp.zeros((13, changed + 3 * len(setup.estimators))).at[:, own(changed)].set(elements[:, shared + 3 :])
-    return jnp.concatenate([true, jnp.kron(acting[None], change)], axis=1)
+def _own(setup: Setup, estimator: int) -> np.ndarray:
+    """Where an estimator's elements stand among all: those that all share, and its own alphas, true and of noise."""
+    alphas = 3 * estimator + np.arange(3)
+    if not setup.whole:
+        return np.r_[:SHARED, SHARED + alphas]
+    true, noisy = 15, 15 + 3 * len(setup.estimators)
+    return np.r_[:true, true + alphas, noisy : noisy + 21, noisy + 21 + alphas]
