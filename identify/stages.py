@@ -60,23 +60,13 @@ class Stages(eqx.Module):
         )  # fmt: skip
         return Moved(jax.tree.map(in_front, found.platform), body, behind(found.jerk))
 
-    def turned(
-        self, unknowns: Float[np.ndarray, " u"], stage: int, part: float, backward: bool
-    ) -> Float[np.ndarray, " u"]:
-        """Return a motion one of whose stages is a part of its period ahead, or goes backward in time besides."""
-        found = np.array(unknowns).reshape(self.count, 2, 6, -1)
-        cosine, sine = found[stage] * np.array([1.0, -1.0 if backward else 1.0])[:, None, None]
-        angle = 2 * np.pi * part * np.arange(1, found.shape[-1] + 1)
-        found[stage] = cosine * np.cos(angle) + sine * np.sin(angle), sine * np.cos(angle) - cosine * np.sin(angle)
-        return found.ravel()
+    def borders(self, duration: float) -> Float[np.ndarray, " b"]:
+        """Return when each stage starts, and when the last one ends [s]: the run divided by their shares.
 
-    def borders(self, duration: float, ramp: float) -> Float[np.ndarray, " b"]:
-        """Return when each stage starts, and when the last one's last ramp does [s]: divided by their shares.
-
-        The inner ones are whole periods, so that cross-fades of any run see the same phases.
+        The inner ones are whole periods, so that stages of any length see the same phases.
         """
-        inner = (duration - ramp) * np.cumsum(self.share)[:-1]
-        return np.array([0.0, *(np.round(inner / self.periodic.period) * self.periodic.period), duration - ramp])
+        inner = duration * np.cumsum(self.share)[:-1]
+        return np.array([0.0, *(np.round(inner / self.periodic.period) * self.periodic.period), duration])
 
     def multisine(
         self, unknowns: Float[np.ndarray, " u"], duration: float, ramp: float, *, short: bool = False
@@ -86,16 +76,17 @@ class Stages(eqx.Module):
         Args:
             unknowns: of the motion.
             duration: of the run [s].
-            ramp: time to start, to stop, and to pass from stage to stage [s].
+            ramp: time to start and to stop each stage [s].
             short: leave out whole periods of each stage: the same ramps, two periods at full size between them, and
                 so the same peaks, in a shorter run.
         """
-        borders, period = self.borders(duration, ramp), self.periodic.period
+        borders, period = self.borders(duration), self.periodic.period
         if short:
-            spare = np.maximum(0.0, np.floor((np.diff(borders) - ramp) / period - 2))
+            spare = np.maximum(0.0, np.floor((np.diff(borders) - 2 * ramp) / period - 2))
             borders = borders - period * np.concatenate([[0.0], np.cumsum(spare)])
         motions = jnp.asarray(unknowns).reshape(self.count, -1)
         cosine, sine = np.concatenate([np.asarray(self.periodic.amplitudes(one)) for one in motions], axis=2)
         start = None if self.count == 1 else np.repeat(borders[:-1], len(self.periodic.frequency))
-        lasts = np.array(borders[-1] + ramp)
-        return Multisine(np.tile(self.periodic.frequency, self.count), cosine, sine, lasts, np.array(ramp), start)
+        return Multisine(
+            np.tile(self.periodic.frequency, self.count), cosine, sine, np.array(borders[-1]), np.array(ramp), start
+        )

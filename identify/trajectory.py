@@ -113,8 +113,8 @@ class Multisine(Trajectory):
     """A multi-frequency motion, rotation and translation: sums of sines and cosines, each times its stage's window.
 
     Its rotation vector is ``φ(t) = Σ_k w_k(t) (c_k cos 2πf_k t + s_k sin 2πf_k t)``, the attitude ``R_AB = exp(φ)``;
-    the displacement of the platform's centre has the same form. Sines that start together are a stage. The window of
-    a stage falls within one ramp while that of the next one rises, and the two add up to one: no rest between them.
+    the displacement of the platform's centre has the same form. Sines that start together are a stage, which ends at
+    rest, at home, when the next one starts.
     """
 
     frequency: Float[Array | np.ndarray, " k"]
@@ -126,7 +126,7 @@ class Multisine(Trajectory):
     duration: Scalar
     """Duration [s]."""
     ramp: Scalar
-    """Time to start, to stop, and to pass from stage to stage [s]."""
+    """Time to start and to stop each stage [s]."""
     start: Float[Array | np.ndarray, " k"] | None = None
     """When the stage of each sine starts [s]; None: all at 0, one stage."""
 
@@ -141,23 +141,21 @@ class Multisine(Trajectory):
 
     @property
     def end(self) -> Float[Array, " k"]:
-        """When the stage of each sine ends [s]: one ramp after the next one's start, or with the motion."""
+        """When the stage of each sine ends [s]: with the next one's start, or with the motion."""
         start = jnp.zeros(len(self.frequency)) if self.start is None else jnp.asarray(self.start)
         next_start = jnp.where(start[None] > start[:, None], start[None], jnp.inf).min(axis=1)
-        return jnp.minimum(next_start + self.ramp, self.duration)
+        return jnp.minimum(next_start, self.duration)
 
     def lasting(self, duration: float) -> "Multisine":
         """Return the motion of another duration [s], its ramps as they are, each stage longer or shorter alike."""
-        part = (duration - np.asarray(self.ramp)) / (np.asarray(self.duration) - self.ramp)
-        start = None if self.start is None else part * np.asarray(self.start)
+        start = None if self.start is None else duration / np.asarray(self.duration) * np.asarray(self.start)
         return Multisine(self.frequency, self.cosine, self.sine, np.array(float(duration)), self.ramp, start)
 
     @property
     def shortest(self) -> float:
         """How short the motion may be made before one of its stages is nothing but two ramps [s]."""
-        ramp, whole = float(self.ramp), float(self.duration - self.ramp)
         starts = np.unique(np.zeros(1) if self.start is None else np.asarray(self.start))
-        return ramp + ramp * whole / float(np.diff([*starts, whole]).min())
+        return 2 * float(self.ramp * self.duration / np.diff([*starts, float(self.duration)]).min())
 
     def displacement(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """Return the displacement of the platform's centre at ``t``, in A."""

@@ -17,7 +17,7 @@ from identify.starts import start
 from identify.trajectory import window
 from uq.design_bound import DesignBound, design_bound
 from uq.design_goal import GOALS, Measure, expanded, goal_of
-from uq.design_limits import efforts, instants, resolved_limits, uses
+from uq.design_limits import resolved_limits, uses
 from uq.design_reference import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
 from uq.design_stages import patterns_for, staged
 from uq.document import ExperimentError
@@ -32,10 +32,8 @@ FINER = 10
 """Times as many at which the limits are checked in the end."""
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
-RAMPS = (4.0, 6.0, 8.0, 12.0, 16.0, 20.0, 28.0, 40.0)
-"""Ramps and cross-fades that are tried, in periods of the highest frequency."""
-SHIFTS = 12
-"""Times at which a stage may begin within its period, so that it takes over smoothly from the one before."""
+RAMPS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
+"""Ramps that are tried, in periods of the highest frequency."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
 
@@ -122,7 +120,7 @@ def design(
     repeating a short period of its own, or one period for the whole run. Its predicted uncertainty, by the law of
     propagation with every declared source, is minimised over the amplitudes under all limits at every instant, from
     several starts. The best motion of either kind is then made smaller until all limits are met over the whole run,
-    cross-fades between stages included, on a grid ten times finer; the better one is returned.
+    ramps included, on a grid ten times finer; the better one is returned.
 
     Args:
         experiment: body, sources, ``[platform] geometry`` and ``[platform.limits]``.
@@ -243,10 +241,10 @@ class Search:
 
     def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
         """Return the whole run, of the largest size and the shortest ramps that meet the limits; None: no size."""
-        unknowns = self._matched(found.unknowns)
-        size = self._largest(unknowns, min(RAMPS[-1] / self.limits.bandwidth, self._longest_ramp()), fine)
-        ramp = self._best_ramp(size * unknowns, fine)
-        size = self._largest(unknowns, ramp, fine)
+        unknowns = found.unknowns
+        sizes = {ramp: self._largest(unknowns, ramp, fine) for ramp in self._ramps()}
+        ramp = max(sizes, key=lambda one: sizes[one] * self._effective(one) ** 0.5)  # what 3σ is inverse to
+        size = sizes[ramp]
         for number in range(FINAL):
             tell("limits", number, FINAL)
             spec = self._spec(size * unknowns, ramp)
@@ -257,54 +255,18 @@ class Search:
             size = size / (1 + WEIGHT * (share - 1))
         return None
 
-    def _matched(self, unknowns: np.ndarray) -> np.ndarray:
-        """Return the motion whose stages are shifted in time, or go backward, so that cross-fades ask least."""
-        for stage in range(1, self.stages.count):
-            tried = [
-                self.stages.turned(unknowns, stage, shift / SHIFTS, backward)
-                for backward in (False, True)
-                for shift in range(SHIFTS)
-            ]
-            unknowns = min(tried, key=lambda one, stage=stage: self._at_border(one, stage))
-        return unknowns
-
-    def _at_border(self, unknowns: np.ndarray, stage: int) -> float:
-        """Return the largest share of a limit while a stage takes over from the one before."""
-        rate = GRID * self.limits.bandwidth
-        spec = self._short(unknowns, min(RAMPS[1] / self.limits.bandwidth, self._longest_ramp()))
-        trajectory: Any = spec.trajectory
-        first = float(np.unique(trajectory.start)[stage])
-        t = instants(spec, rate)
-        inside = (t >= first) & (t <= first + float(trajectory.ramp))
-        found = shares(jax.tree.map(lambda x: x[inside], efforts(self.experiment, spec, rate)), self.limits)
-        return max(float(found[name].max()) for name in limited(self.limits))
-
-    def _longest_ramp(self) -> float:
-        """Return the longest ramp that leaves half of the shortest stage at full size [s]."""
-        return self.duration * float(self.stages.share.min()) / 4
+    def _ramps(self) -> list[float]:
+        """Return the ramps that are tried [s]: those that leave half of the shortest stage at full size."""
+        longest = self.duration * float(self.stages.share.min()) / 4
+        return [ramp / self.limits.bandwidth for ramp in RAMPS if ramp / self.limits.bandwidth <= longest] or [longest]
 
     def _largest(self, unknowns: np.ndarray, ramp: float, fine: float) -> float:
-        of_size = lambda size: self._short(size * unknowns, ramp)  # noqa: E731
+        of_size = lambda size: self._spec(size * unknowns, ramp, short=True)  # noqa: E731
         return largest(self.experiment, of_size, self.limits, fine)
-
-    def _best_ramp(self, unknowns: np.ndarray, fine: float) -> float:
-        """Return the ramp [s] that costs least: by its own length, or by a motion made smaller for what it asks."""
-        longest = self._longest_ramp()
-        ramps = [ramp / self.limits.bandwidth for ramp in RAMPS if ramp / self.limits.bandwidth <= longest]
-
-        def merit(ramp: float) -> float:
-            share = worst_use(self.experiment, self._short(unknowns, ramp), self.limits, fine)
-            return self._effective(ramp) ** 0.5 / (1 + WEIGHT * max(share - 1, 0.0))
-
-        return max(ramps or [longest], key=merit)
 
     def _effective(self, ramp: float) -> float:
         """Return how long a motion at full size tells as much as all stages with their ramps [s]."""
-        lasts = self.stages.share * (self.duration - ramp) + ramp
-        return sum(effective(float(one), ramp) for one in lasts)
-
-    def _short(self, unknowns: np.ndarray, ramp: float) -> TrajectorySpec:
-        return self._spec(unknowns, ramp, short=True)
+        return sum(effective(float(one), ramp) for one in self.stages.share * self.duration)
 
     def _spec(self, unknowns: np.ndarray, ramp: float, short: bool = False) -> TrajectorySpec:
         trajectory = self.stages.multisine(unknowns, self.duration, ramp, short=short)

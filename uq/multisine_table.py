@@ -11,7 +11,7 @@ COORDINATES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 """Displacement of the platform's centre in A, and rotation vector."""
 COLUMNS = ("frequency_hz", *(f"{part}_{name}" for part in ("cos", "sin") for name in COORDINATES))
 START = "start_s"
-"""The column before these in a table of stages: rows of one start are a stage, which ends one ramp after the next."""
+"""The column before these in a table of stages: rows of one start are a stage, which ends when the next one starts."""
 
 
 def read_multisine(where: str, path: Path, *, duration: np.ndarray, ramp: np.ndarray) -> Multisine:
@@ -21,7 +21,7 @@ def read_multisine(where: str, path: Path, *, duration: np.ndarray, ramp: np.nda
         where: the key that names the file, for messages.
         path: the table, with the columns ``COLUMNS``; for a motion in stages ``START`` before them.
         duration: of the motion [s].
-        ramp: time to start, to stop, and to pass from stage to stage [s].
+        ramp: time to start and to stop each stage [s].
 
     Raises:
         ExperimentError: the file is missing, is no such table, or its stages do not follow one another.
@@ -54,7 +54,7 @@ def _check_stages(place: str, start: np.ndarray, duration: float, ramp: float) -
     if (np.diff(start) < 0).any():
         raise ExperimentError(f"{place}: {START} decreases: write the stages in their order")
     starts = np.unique(start)
-    lasts = np.diff([*starts, duration - ramp]) + ramp
+    lasts = np.diff([*starts, duration])
     if lasts.min() < 2 * ramp * (1 - 1e-12):
         first = starts[lasts.argmin()]
         raise ExperimentError(
