@@ -93,6 +93,7 @@ def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, ki
         assert all(process.poll() is None for process in two), finished(*two)
         time.sleep(0.05)
     two[killed].send_signal(signal.SIGKILL)
+    finished(two[killed])
     began = time.monotonic()
     status, said, errors = finished(two[1 - killed])[0]
     print(f"process {killed} of 2 killed: the other ends after {time.monotonic() - began:.1f} s with: {errors.strip()}")
