@@ -14,7 +14,7 @@ from identify.identification import identify
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r
 from uq import batches as module
-from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion
+from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion, true_motions
 from uq.experiment import ExperimentError
 from uq.simulation import simulate
 from uq.sources import draw_bias, draw_block
@@ -60,6 +60,17 @@ def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, na
         if estimator == "central":
             np.testing.assert_allclose(relative, (4 / 0.425 / 400) ** 2 / 6, rtol=0.05)  # 9.2e-5
         assert np.abs(error[k, [1, 2, 4]]).max() < 2e-6 * preset.inertia.max()
+
+
+def test_motions_computed_together_are_those_computed_alone(short):
+    """T2 and T4 are T1 and T3 about another point; the order in which they come does not matter."""
+    for order in (("T1", "T2", "T3", "T4"), ("T4", "T2", "T3", "T1")):
+        found = true_motions(short, {name: short.trajectories[name] for name in order})
+        for name in order:
+            for together, alone in zip(found[name], true_motion(short, short.trajectories[name]), strict=True):
+                np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-13)
+        assert found["T1"].rotation is found["T2"].rotation
+        assert np.abs(found["T3"].specific_force_cg - found["T4"].specific_force_cg).max() > 1e-2
 
 
 # --- closed forms ---

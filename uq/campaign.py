@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,7 @@ from jax import process_count, process_index
 
 from identify.estimator import EstimatorSpec
 from identify.precision import check_precision
-from identify.trajectory import Motion, sample
+from identify.trajectory import Motion, further_from_still, sample
 from uq.adaptive import Blocks, Goal, Stability, not_stable
 from uq.batches import Trials, run_trials
 from uq.checkpoint import Checkpoint, code_digest
@@ -129,10 +130,11 @@ def montecarlo(
     specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit, truth = trials, np.asarray(experiment.body.inertia)
+    motions = true_motions(experiment, specs)
     kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> Trials:
-        setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling)
+        setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motions[name])
         if kept is None:
             return Trials(setup, seed, devices, batch)
         done = in_turn(lambda: kept.load(name, limit))
@@ -268,19 +270,18 @@ def prepare_setup(
     *,
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
+    motion: Motion | None = None,
 ) -> AnySetup:
-    """Return what :func:`uq.sampled.any_trial` needs for one trajectory of an experiment.
+    """Return what :func:`uq.sampled.any_trial` needs for one trajectory of an experiment, its motion where it is known.
 
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
     """
-    motion = true_motion(experiment, spec)
-    t = motion.t
-    body = experiment.body
-    fitted = fitted_estimators(estimators, spec, len(t))
+    motion = motion or true_motion(experiment, spec)
+    fitted = fitted_estimators(estimators, spec, len(motion.t))
     return prepare_any(
         motion,
-        body,
+        experiment.body,
         platform_of(experiment, spec),
         experiment.sources,
         fitted,
@@ -317,6 +318,25 @@ def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
         jnp.asarray(samples(spec)),
         r_cg_from_still=platform.r_cg_from_still,
         gravity=platform.gravity,
+    )
+
+
+def true_motions(experiment: Experiment, specs: Mapping[str, TrajectorySpec]) -> dict[str, Motion]:
+    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once."""
+    found: dict[str, Motion] = {}
+    for name, spec in specs.items():
+        alike = next((other for other in found if _turn_alike(specs[other], spec)), None)
+        if alike is None:
+            found[name] = true_motion(experiment, spec)
+            continue
+        still, of_alike = (platform_of(experiment, one).r_cg_from_still for one in (spec, specs[alike]))
+        found[name] = further_from_still(found[alike], np.asarray(still) - np.asarray(of_alike))
+    return found
+
+
+def _turn_alike(one: TrajectorySpec, other: TrajectorySpec) -> bool:
+    return bool(
+        eqx.tree_equal((one.trajectory, one.duration, one.rate), (other.trajectory, other.duration, other.rate))
     )
 
 
