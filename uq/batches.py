@@ -15,6 +15,9 @@ from uq.sampled import AnySetup, SampledSetup, sampled_trial
 from uq.trial import Setup, TrialEstimates, trials
 
 T = TypeVar("T")
+STRETCH, COLLAPSED_STRETCH = 100, 5000
+"""About how many trials a device does between two reports of progress, on samples and on drawn sums."""
+
 Keep = Callable[[int, TrialEstimates], None]
 """Called with the number of a stretch's first trial and its estimates: those that this process computed."""
 
@@ -61,7 +64,8 @@ class Trials:
     ) -> None:
         """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
         asked = trials if asked is None else asked
-        stretch = stretch_of(self.setup, self.devices, self.batch, asked)
+        least = COLLAPSED_STRETCH if isinstance(self.setup, CollapsedSetup) else STRETCH
+        stretch = stretch_of(self.devices, self.batch, asked, least)
         while self.count < trials:
             part = self._run(np.arange(self.count, self.count + stretch))
             if self.keep:
@@ -93,9 +97,9 @@ class Trials:
         )
 
 
-def stretch_of(setup: AnySetup | None, devices: Sequence[jax.Device], batch: int, asked: int) -> int:
-    """Return how many trials are done between two reports of progress: whole batches, some hundred a device or more."""
-    whole = batch * max(1, (5000 if isinstance(setup, CollapsedSetup) else 100) // batch)
+def stretch_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = STRETCH) -> int:
+    """Return how many trials are done between two reports of progress: whole batches, about ``least`` a device."""
+    whole = batch * max(1, least // batch)
     return min(whole, -(-asked // len(devices))) * len(devices)
 
 
