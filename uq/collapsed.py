@@ -42,10 +42,10 @@ class CollapsedSetup(eqx.Module):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
-    mean: Float[Array, "variants products"]
-    """Expected sums of the distinct products; the first variant is without noise of the gyro."""
-    root: Float[Array, "noisy products products"]
-    """A square root of their covariance, for each variant but the first."""
+    mean: Float[Array, "variants estimators kept"]
+    """Each estimator's expected :data:`uq.sum_equations.KEPT`; the first variant is without noise of the gyro."""
+    root: Float[Array, "noisy estimators kept products"]
+    """A square root of their joint covariance, for each variant but the first."""
     variant: Int[Array, " cases"]
     """Which variant acts in each case."""
     cell: Float[Array, "cases 6 6"]
@@ -75,8 +75,9 @@ def collapse(
     white = [source for source in sources if source.kind == "precision"]
     means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
                                     [e.taps for e in estimators], variances)  # fmt: skip
+    own = _own(len(estimators))
     return CollapsedSetup(
-        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means, roots,
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means[:, own], roots[:, own],
         jnp.asarray([variants.index(names) for names in acting]),
         jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
     )  # fmt: skip
@@ -149,8 +150,8 @@ def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array
 def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
     """Run many trials at a time; the result has them on the leading axis."""
     draws = jax.vmap(lambda index: _draw(setup, key, index), out_axes=-1)(indices)
-    quiet = jnp.broadcast_to(setup.mean[:1, :, None], (1, setup.mean.shape[1], len(indices)))
-    sums = jnp.concatenate([quiet, setup.mean[1:, :, None] + setup.root @ draws.gyro])
+    quiet = jnp.broadcast_to(setup.mean[:1, ..., None], (1, *setup.mean.shape[1:], len(indices)))
+    sums = jnp.concatenate([quiet, setup.mean[1:, ..., None] + setup.root @ draws.gyro])
     inertia = jnp.zeros((setup.estimators, len(setup.cases), 6, len(indices)))
     ok = jnp.zeros((setup.estimators, len(setup.cases), len(indices)), bool)
     for kind, members in _kinds(setup).items():
@@ -176,7 +177,7 @@ def _draw(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> 
     errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
     white = [source for source in setup.sources if source.kind == "precision"]
     normal = []
-    for targets, shape in ((("omega",), setup.mean.shape[1:]), (("F", "M"), (setup.estimators, 6))):
+    for targets, shape in ((("omega",), setup.root.shape[-1:]), (("F", "M"), (setup.estimators, 6))):
         first = [source for source in white if source.target in targets][:1]
         keys = [block_key(stream_number(source.name), key, index, 0) for source in first]
         normal.append(normals(keys[0], shape) if keys else jnp.zeros(shape))
@@ -188,8 +189,10 @@ class _Kind(NamedTuple):
 
     moving: bool
     """The normal matrix differs from trial to trial, by errors of the gyro."""
+    cell: bool
+    """The load cell's white noise may act; where nothing moves it costs little, and is not told apart."""
     noisy: bool
-    """The covariance of the load cell's noise differs, by errors of the centre of gravity."""
+    """The covariance of that noise differs, by errors of the centre of gravity."""
 
 
 def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
@@ -198,15 +201,15 @@ def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
         acting = [source for source in setup.sources if source.name in case.sources]
         moving = any(source.target == "omega" for source in acting)
         noisy = any(s.kind == "precision" for s in acting) and "r_cg" in perturbed(acting)
-        found.setdefault(_Kind(moving, moving or noisy), []).append(number)
+        cell = any(s.kind == "precision" and s.target != "omega" for s in (acting if moving else setup.sources))
+        found.setdefault(_Kind(moving, cell, moving or noisy), []).append(number)
     return found
 
 
 def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array):
     """One estimator's estimates of one case, (6, trials), and which could be solved."""
     errors = jax.tree.map(lambda leaf: leaf[case], draws.errors)
-    own = jnp.asarray(_own(setup.estimators))[number]
-    rows = sums[setup.variant[case], own] if kind.moving else setup.mean[0, own][:, None]
+    rows = sums[setup.variant[case], number] if kind.moving else setup.mean[0, number][:, None]
     known: dict = dict(zip(sum_equations.KEPT, rows, strict=True))
     if perturbed(setup.sources) & {"cell_scale", "cell_misalignment", "cell_cross_talk"}:
         known |= _sensed(known, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
@@ -217,7 +220,7 @@ def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, n
         wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
         known = {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
     right = sum_equations.right_side(known)
-    if any(source.kind == "precision" and source.target != "omega" for source in setup.sources):
+    if kind.cell:
         at = r_cg if kind.noisy else setup.r_cg[:, None]
         weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
         noise = plain_solve.times_root(sum_equations.weighted_matrix(known, weight), draws.cell[number])
