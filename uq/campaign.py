@@ -1,5 +1,6 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
+from itertools import cycle
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -130,11 +131,12 @@ def montecarlo(
     specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit, truth = trials, np.asarray(experiment.body.inertia)
-    motions = true_motions(experiment, specs)
+    motions = true_motions(experiment, specs, devices)
     kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> Trials:
-        setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motions[name])
+        with jax.default_device(next(iter(motions[name].t.devices()))):
+            setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motions[name])
         if kept is None:
             return Trials(setup, seed, devices, batch)
         done = in_turn(lambda: kept.load(name, limit))
@@ -321,13 +323,20 @@ def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     )
 
 
-def true_motions(experiment: Experiment, specs: Mapping[str, TrajectorySpec]) -> dict[str, Motion]:
-    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once."""
+def true_motions(
+    experiment: Experiment, specs: Mapping[str, TrajectorySpec], devices: Sequence[jax.Device]
+) -> dict[str, Motion]:
+    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once.
+
+    Different rotations are computed side by side on this process's own of the devices, where they are left.
+    """
+    own = cycle(device for device in devices if device.process_index == jax.process_index())
     found: dict[str, Motion] = {}
     for name, spec in specs.items():
         alike = next((other for other in found if _turn_alike(specs[other], spec)), None)
         if alike is None:
-            found[name] = true_motion(experiment, spec)
+            with jax.default_device(next(own)):
+                found[name] = true_motion(experiment, spec)
             continue
         still, of_alike = (platform_of(experiment, one).r_cg_from_still for one in (spec, specs[alike]))
         found[name] = further_from_still(found[alike], np.asarray(still) - np.asarray(of_alike))
