@@ -56,6 +56,7 @@ class Trials:
         if several():
             self.setup, data = _everywhere((setup, jax.random.key_data(self.key)), self.mesh)
             self.key = jax.random.wrap_key_data(data)
+        self.pending: TrialEstimates | None = None
         self.parts = list(done)
         self.count = sum(len(part.ok) for part in self.parts)
 
@@ -64,10 +65,12 @@ class Trials:
     ) -> None:
         """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
         asked = trials if asked is None else asked
-        least = COLLAPSED_STRETCH if isinstance(self.setup, CollapsedSetup) else STRETCH
-        stretch = stretch_of(self.devices, self.batch, asked, least)
+        stretch = self._stretch(asked)
         while self.count < trials:
-            part = self._run(np.arange(self.count, self.count + stretch))
+            begun = self._begin(stretch) if self.pending is None else self.pending
+            with guarded():
+                part = jax.tree.map(np.asarray, begun)
+            self.pending = None
             if self.keep:
                 self.keep(*own_share(self.devices, self.count, part))
             self.parts.append(part)
@@ -75,13 +78,23 @@ class Trials:
             if progress:
                 progress(min(self.count, asked), asked)
 
-    def _run(self, numbers: np.ndarray) -> TrialEstimates:
+    def begin(self, asked: int) -> None:
+        """Set the devices to work on the next stretch, which :meth:`reach` waits for; others may be set up meanwhile."""
+        if self.count < asked and not several():
+            self.pending = self._begin(self._stretch(asked))
+
+    def _stretch(self, asked: int) -> int:
+        least = COLLAPSED_STRETCH if isinstance(self.setup, CollapsedSetup) else STRETCH
+        return stretch_of(self.devices, self.batch, asked, least)
+
+    def _begin(self, stretch: int) -> TrialEstimates:
+        numbers = np.arange(self.count, self.count + stretch)
         split = jnp.asarray(numbers)
         if several():
             placed = NamedSharding(self.mesh, PartitionSpec("trials"))
             split = jax.make_array_from_callback(numbers.shape, placed, lambda own: numbers[own])
         with guarded():
-            return jax.tree.map(np.asarray, _batch(self.setup, self.key, split, self.mesh, self.batch, several()))
+            return _batch(self.setup, self.key, split, self.mesh, self.batch, several())
 
     def estimates(self, trials: int) -> TrialEstimates:
         """Return the first so many trials."""

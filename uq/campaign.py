@@ -149,23 +149,27 @@ def montecarlo(
             agree("campaigns", [identity, limit, wanted])
         if kept is not None:
             in_turn(lambda: kept.open(identity))
-        runs, stability = {}, None
+        runs: dict[str, Trials] = {}
+        breakdowns, stability = {}, None
         if goal is None:
             ahead = {name: start(name) for name in specs} if sampling == "collapsed" else {}  # side by side
+            for run in ahead.values():
+                run.begin(trials)
             for name in specs:
                 runs[name] = ahead.get(name) or start(name)
                 for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
                     runs[name].reach(so_far, _named(progress, name), asked=trials)
+                    breakdowns[name] = _breakdowns(runs[name], chosen, so_far, truth)
                     if shown:
-                        shown(name, so_far, _breakdowns(runs[name], chosen, so_far, truth))
+                        shown(name, so_far, breakdowns[name])
         else:
             runs = {name: start(name) for name in specs}
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
+            breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
     finally:
         if kept is not None:
             kept.close()
     meet()
-    breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
     errors = {name: np.asarray(run.estimates(trials).inertia) - truth for name, run in runs.items()}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]

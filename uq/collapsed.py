@@ -156,7 +156,7 @@ def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Ar
     ok = jnp.zeros((setup.estimators, len(setup.cases), len(indices)), bool)
     for kind, members in _kinds(setup).items():
         numbers, cases = (grid.ravel() for grid in np.meshgrid(range(setup.estimators), members, indexing="ij"))
-        found = jax.lax.map(lambda pair, k=kind: _estimates(setup, draws, sums, k, *pair), (numbers, cases))
+        found = _estimates(setup, draws, sums, kind, (numbers, cases))
         inertia, ok = inertia.at[numbers, cases].set(found[0]), ok.at[numbers, cases].set(found[1])
     return TrialEstimates(jnp.moveaxis(inertia, -1, 0), jnp.moveaxis(ok, -1, 0))
 
@@ -206,26 +206,46 @@ def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
     return found
 
 
-def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array):
-    """One estimator's estimates of one case, (6, trials), and which could be solved."""
+def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[Array, Array]):
+    """Some estimators' estimates of some cases of a kind, (pairs, 6, trials), and which could be solved.
+
+    In three loops over the pairs, since the compiler would compute anew in each what it can fuse into one.
+    """
+    known = jax.lax.map(lambda pair: _known(setup, draws, sums, kind, *pair), pairs)
+    equations = jax.lax.map(lambda one: _equations(setup, draws, kind, *one), (known, *pairs))
+    return jax.lax.map(lambda one: _solved(draws, kind, *one), (*equations, pairs[0]))
+
+
+def _known(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array) -> dict:
+    """The sums that the equations need."""
     errors = jax.tree.map(lambda leaf: leaf[case], draws.errors)
     rows = sums[setup.variant[case], number] if kind.moving else setup.mean[0, number][:, None]
     known: dict = dict(zip(sum_equations.KEPT, rows, strict=True))
     if perturbed(setup.sources) & {"cell_scale", "cell_misalignment", "cell_cross_talk"}:
         known |= _sensed(known, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
-    r_cg = setup.r_cg[:, None] + errors.r_cg
-    known |= sum_equations.residual_sums(known, r_cg, errors.cell_bias)
-    if kind.moving:
-        powers = sum_equations.powers_of(errors.gyro_bias)
-        wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
-        known = {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
-    right = sum_equations.right_side(known)
+    known |= sum_equations.residual_sums(known, setup.r_cg[:, None] + errors.r_cg, errors.cell_bias)
+    wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
+    if not kind.moving:
+        return {w: known[w] for w in (*sum_equations.NEEDED, *wanted)}
+    powers = sum_equations.powers_of(errors.gyro_bias)
+    return {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
+
+
+def _equations(setup: CollapsedSetup, draws: _Draws, kind: _Kind, known: dict, number: Array, case: Array):
+    """Normal matrix, its noise's covariance where the load cell's acts, and right side."""
+    noise = {}
     if kind.cell:
-        at = r_cg if kind.noisy else setup.r_cg[:, None]
+        at = setup.r_cg[:, None] + (draws.errors.r_cg[case] if kind.noisy else 0.0)
         weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
-        noise = plain_solve.times_root(sum_equations.weighted_matrix(known, weight), draws.cell[number])
+        noise = sum_equations.weighted_matrix(known, weight)
+    return sum_equations.normal_matrix(known), noise, sum_equations.right_side(known)
+
+
+def _solved(draws: _Draws, kind: _Kind, normal: dict, covariance: dict, right: list, number: Array):
+    if kind.cell:
+        noise = plain_solve.times_root(covariance, draws.cell[number])
         right = [one + other for one, other in zip(right, noise, strict=True)]
-    found, ok = plain_solve.solve(sum_equations.normal_matrix(known), right)
+    found, ok = plain_solve.solve(normal, right)
     inertia = jnp.stack(found)
     ok = ok & jnp.all(jnp.isfinite(inertia), axis=0)
     return jnp.where(ok[None], inertia, jnp.nan), ok
