@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.stats import t as student
 
 from identify.alignment import Aligned, alignment_warnings
 from identify.centre_result import Centre
@@ -63,7 +63,7 @@ def joint(
     setting = Setting(blocks, alignment, band, specific_force, gravity, _tensor_scale(runs, band))
     found = [joint_run(run, setting) for run in runs]
     pooled = pool(found, ALIGNED + (CALIBRATED if STATIC in blocks else ()))
-    factor = float(student.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(found)))
+    factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(found)))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
     inertia = value[tensor]

@@ -17,9 +17,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.interpolate import CubicSpline
-from scipy.signal import correlate, oaconvolve
 
 from identify.filters import lowpass
 from identify.frames import specific_force_at
@@ -287,7 +286,7 @@ def _coarse_lag(run: Run, spec: TrajectorySpec) -> float:
     measured = run.omega - run.omega.mean(axis=0)
     at = np.arange(int(np.ceil(spec.duration * run.rate))) / run.rate
     plan, _ = _plan(spec, at)
-    together = sum(correlate(measured[:, k], plan[:, k], mode="full", method="fft") for k in range(3))
+    together = sum(scipy.signal.correlate(measured[:, k], plan[:, k], mode="full", method="fft") for k in range(3))
     k = int(np.argmax(together))
     likeness = together[k] / max(np.linalg.norm(measured) * np.linalg.norm(plan), 1e-300)
     if likeness < ALIKE:
@@ -326,13 +325,13 @@ def _motion_of(run: Run, spec: TrajectorySpec, followed: Followed, band: float) 
     if nyquist < run.rate / 2:
         taps = lowpass(run.rate, nyquist)
         half = len(taps) // 2
-        omega = oaconvolve(np.pad(omega, ((half, half), (0, 0))), taps[:, None], mode="valid", axes=0)
+        omega = scipy.signal.oaconvolve(np.pad(omega, ((half, half), (0, 0))), taps[:, None], mode="valid", axes=0)
     stride = max(1, int(run.rate / (CLOSE * band)))
     interval = stride / run.rate
     at = np.arange(int(np.ceil(spec.duration / interval)) + 1) * interval
     inside = (at >= t[0]) & (at <= t[-1])
-    values = np.where(inside[:, None], CubicSpline(t, omega)(np.clip(at, t[0], t[-1])), 0.0)
-    pieces = CubicSpline(at, values).c
+    values = np.where(inside[:, None], scipy.interpolate.CubicSpline(t, omega)(np.clip(at, t[0], t[-1])), 0.0)
+    pieces = scipy.interpolate.CubicSpline(at, values).c
     ramp = spec.trajectory.ramp  # type: ignore[attr-defined]
     found = Sampled(pieces, np.array(interval), np.array(spec.duration), np.asarray(ramp), spec.trajectory)
     return dataclasses.replace(spec, trajectory=found)
@@ -350,12 +349,12 @@ def _stillness(
     at = np.asarray(motion.t)
     t = run.t - run.t[0] - lag
     if run.specific_force is not None:
-        reading = CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
+        reading = scipy.interpolate.CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
         offset = np.asarray(experiment.r_cg_from_q) - (0.0 if run.imu_position is None else run.imu_position)
         turning = np.asarray(motion.omega.T), np.asarray(motion.alpha.T)
         force, by = specific_force_at(reading, *turning, offset), "accelerometer"
     else:
-        reading = CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
+        reading = scipy.interpolate.CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
         force, by = reading / experiment.mass, "load cell"
     inside = (at >= t[0]) & (at <= t[-1])
     in_a = np.einsum("nij,nj->ni", np.asarray(motion.rotation), np.asarray(force) - upward)
