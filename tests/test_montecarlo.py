@@ -154,16 +154,16 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [("float64", 1e-12), ("float32", 1e-5)])
 @pytest.mark.parametrize("sampling", ["conditioned", "samples"])
-def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, sampling):
+def test_numbers_do_not_depend_on_batch_or_devices(short, dtype, tolerance, sampling):
     options = {"dtype": dtype, "sampling": sampling}
-    _, reference = estimates(brief, 6, devices=jax.devices()[:1], **options)
+    _, reference = estimates(short, 6, devices=jax.devices()[:1], **options)
     for devices, batch in ((jax.devices()[:1], 4), (jax.devices()[:2], 1), (jax.devices()[:2], 3)):
-        _, other = estimates(brief, 6, devices=devices, batch=batch, **options)
+        _, other = estimates(short, 6, devices=devices, batch=batch, **options)
         assert other.ok.all()
         difference = np.abs(other.inertia - reference.inertia).max()
-        assert difference <= tolerance * brief.inertia.max(), (len(devices), batch)
-    _, fewer = estimates(brief, 1, **options)  # a batch of one, on two devices
-    np.testing.assert_allclose(fewer.inertia, reference.inertia[:1], atol=tolerance * brief.inertia.max())
+        assert difference <= tolerance * short.inertia.max(), (len(devices), batch)
+    _, fewer = estimates(short, 1, **options)  # a batch of one, on two devices
+    np.testing.assert_allclose(fewer.inertia, reference.inertia[:1], atol=tolerance * short.inertia.max())
 
 
 def test_float32_draws_agree_with_float64_in_distribution(brief):

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.tables import decimals, fixed, rounded
 

@@ -17,7 +17,7 @@ import scipy
 from jaxtyping import Array, Float, Key
 
 from identify.gram import normal_equations, solve_normal
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import Body
 from identify.offsets import OffsetChoice
 from identify.pooling import Pooling

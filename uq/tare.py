@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from identify.centre_result import Centre
 from identify.errors import RunError
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertial import InertialParameters
 from identify.offsets import OffsetChoice
 from identify.tare import Tare, left_over, subtract

@@ -3,7 +3,7 @@
 import argparse
 from typing import get_args
 
-from identify.identification import Method
+from identify.identification_result import Method
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.document import ExperimentError
 from uq.expected import compare
