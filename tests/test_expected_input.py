@@ -6,6 +6,11 @@ from identify.inertial import InertialParameters
 from uq import ExperimentError, load_reference
 from uq.reference import reference
 
+
+def within(value, half, **more):
+    return {"value": value, "tolerance": half, **more}
+
+
 CAD = {"about": "CG", "products": "tensor", "inertia": {"I11": "1 kg*m^2", "I22": "1 kg*m^2", "I33": "1 kg*m^2"}}
 BALL = {"name": "ball", "shape": "sphere", "diameter": "10 mm", "density": "1000 kg/m^3"}
 
