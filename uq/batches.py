@@ -79,7 +79,7 @@ class Trials:
                 progress(min(self.count, asked), asked)
 
     def begin(self, asked: int) -> None:
-        """Set the devices to work on the next stretch, which :meth:`reach` waits for; others may be set up meanwhile."""
+        """Set the devices to work on the next stretch, that :meth:`reach` waits for, while others are prepared."""
         if self.count < asked and not several():
             self.pending = self._begin(self._stretch(asked))
 

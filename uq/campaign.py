@@ -1,7 +1,7 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
-from itertools import cycle
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any, get_args
 

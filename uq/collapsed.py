@@ -9,6 +9,7 @@ Unlike other trials these are computed many at a time, the trials on the last ax
 vectors of them keep a processor busy (:mod:`uq.sum_equations`).
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
 from uq.measurement import OF_THE_GYRO, Columns, cell_map
-from uq.normals import normals
+from uq.normals import normals_of_keys
 from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
 from uq.trial import Case, Estimator, TrialEstimates, cases_of, valid_samples
 
@@ -149,7 +150,7 @@ def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array
 
 def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
     """Run many trials at a time; the result has them on the leading axis."""
-    draws = jax.vmap(lambda index: _draw(setup, key, index), out_axes=-1)(indices)
+    draws = _draw(setup, key, indices)
     quiet = jnp.broadcast_to(setup.mean[:1, ..., None], (1, *setup.mean.shape[1:], len(indices)))
     sums = jnp.concatenate([quiet, setup.mean[1:, ..., None] + setup.root @ draws.gyro])
     inertia = jnp.zeros((setup.estimators, len(setup.cases), 6, len(indices)))
@@ -172,16 +173,19 @@ class _Draws(NamedTuple):
     """The same for the right sides."""
 
 
-def _draw(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> _Draws:
-    draws = draw_constants(setup.sources, setup.mixing, key, index, float)
-    errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> _Draws:
+    def errors(index):
+        draws = draw_constants(setup.sources, setup.mixing, key, index, float)
+        return errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+
     white = [source for source in setup.sources if source.kind == "precision"]
     normal = []
     for targets, shape in ((("omega",), setup.root.shape[-1:]), (("F", "M"), (setup.estimators, 6))):
         first = [source for source in white if source.target in targets][:1]
-        keys = [block_key(stream_number(source.name), key, index, 0) for source in first]
-        normal.append(normals(keys[0], shape) if keys else jnp.zeros(shape))
-    return _Draws(errors, *normal)
+        keys = [jax.vmap(lambda i, s=s: block_key(stream_number(s.name), key, i, 0))(indices) for s in first]
+        drawn = normals_of_keys(keys[0], math.prod(shape)) if keys else jnp.zeros((math.prod(shape), len(indices)))
+        normal.append(drawn.reshape(*shape, -1))
+    return _Draws(jax.vmap(errors, out_axes=-1)(indices), *normal)
 
 
 class _Kind(NamedTuple):
