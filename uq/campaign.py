@@ -131,12 +131,13 @@ def montecarlo(
     specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit, truth = trials, np.asarray(experiment.body.inertia)
-    motions = true_motions(experiment, specs, devices)
+    motions = true_motions(experiment, specs, devices) if sampling == "collapsed" else {}
     kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> Trials:
-        with jax.default_device(next(iter(motions[name].t.devices()))):
-            setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motions[name])
+        motion = motions.pop(name, None)
+        with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
+            setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
         if kept is None:
             return Trials(setup, seed, devices, batch)
         done = in_turn(lambda: kept.load(name, limit))

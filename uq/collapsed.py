@@ -210,7 +210,7 @@ def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
     return found
 
 
-def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[Array, Array]):
+def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[np.ndarray, np.ndarray]):
     """Some estimators' estimates of some cases of a kind, (pairs, 6, trials), and which could be solved.
 
     In three loops over the pairs, since the compiler would compute anew in each what it can fuse into one.
