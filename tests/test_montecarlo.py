@@ -65,7 +65,7 @@ def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, na
 def test_motions_computed_together_are_those_computed_alone(short):
     """T2 and T4 are T1 and T3 about another point; the order in which they come does not matter."""
     for order in (("T1", "T2", "T3", "T4"), ("T4", "T2", "T3", "T1")):
-        found = true_motions(short, {name: short.trajectories[name] for name in order})
+        found = true_motions(short, {name: short.trajectories[name] for name in order}, jax.devices())
         for name in order:
             for together, alone in zip(found[name], true_motion(short, short.trajectories[name]), strict=True):
                 np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-13)
