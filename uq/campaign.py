@@ -42,7 +42,7 @@ __all__ = [
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
 
-COLLAPSED_BATCH = 500
+COLLAPSED_BATCH = 1000
 """Trials that a device computes at a time when they hold no samples."""
 
 EARLY = 200
