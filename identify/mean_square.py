@@ -3,7 +3,7 @@
 Take a signal x of band B with ``|x| ≤ 1`` whose integral keeps within ±``ratio``, time counted in 1/Ω, Ω = 2πB. Write
 ``z₀`` for the integral over ``ratio`` and ``z₁ … z_N`` for x and its derivatives. Each is of band B and at most one;
 by Bernstein's inequality in Szegő's form ``z_k² + z_{k+1}² ≤ 1`` for k ≥ 1. Let V be a polynomial of ``z₀ … z_{N-1}``:
-it is bounded, so its derivative LV has mean zero. If
+its derivative LV has mean zero from rest to rest, and in the long run, since V is bounded. If
 
     ρ - z₁² - LV(z) = σ(z) + Σ_k σ_k(z) g_k(z),    σ, σ_k sums of squares, g_k ≥ 0 the inequalities above,
 
@@ -21,9 +21,11 @@ from jaxtyping import Float
 from scipy import sparse
 
 WEIGHTS = (1, 1, 1, 1, 1, 1, 1.5, 1.5, 2, 2, 2)
-"""What a factor of each z counts for: the products of all squares' roots count at most :data:`HALF`."""
+"""What a factor z_k adds to the degree of a monomial: high derivatives help, but not in high powers."""
 HALF = 3.0
+"""Degree, so weighted, of the polynomials whose squares are summed: half of the identity's."""
 TOLERANCE = 1e-7
+"""Of the solver; what it leaves is counted in any case."""
 
 Exponents = tuple[int, ...]
 Polynomial = Mapping[Exponents, float]
@@ -38,7 +40,8 @@ def mean_square_bound(ratio: float) -> float:
             for ``|x| ≤ a`` and ``|∫x| ≤ v``; at least one.
     """
     programme = _Programme(ratio)
-    return min(1.0, programme.certified(programme.solved()))
+    found = programme.solved()
+    return min(1.0, programme.certified(found)) if np.isfinite(found).all() else 1.0
 
 
 class _Programme:
