@@ -87,7 +87,7 @@ def _engine(prepared: list[AnySetup], trials: int):
 def in_stretches(trials: int) -> int:
     """Return how many trials the engine really runs for so many: whole stretches."""
     devices = jax.devices()
-    stretch = stretch_of(None, devices, default_batch(devices[0]), trials)
+    stretch = stretch_of(devices, default_batch(devices[0]), trials)
     return -(-trials // stretch) * stretch
 
 

@@ -10,7 +10,8 @@ from identify.bounds import Bound, bound
 from identify.centre import Attitudes, Centre
 from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
-from identify.identification import Identification, identify
+from identify.identification import identify
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
 from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
 from identify.pooling import Pooling

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.optimize import least_squares
 
 from identify.run import RunError
 
@@ -63,7 +63,9 @@ def calibrate(
         return Accelerometer(np.zeros(3), float(lengths.mean() / gravity), fitted=False)
     linear, *_ = np.linalg.lstsq(np.column_stack([2 * readings, np.ones(len(readings))]), lengths**2, rcond=None)
     start = [*linear[:3], np.sqrt(max(linear[3] + linear[:3] @ linear[:3], 0.0))]
-    solution = least_squares(lambda x: np.linalg.norm(readings - x[:3], axis=1) - x[3], start, method="lm")
+    solution = scipy.optimize.least_squares(
+        lambda x: np.linalg.norm(readings - x[:3], axis=1) - x[3], start, method="lm"
+    )
     variance = 2 * solution.cost / max(len(readings) - 4, 1)
     covariance = variance * np.linalg.inv(solution.jac.T @ solution.jac)[:3, :3]
     return Accelerometer(solution.x[:3], float(solution.x[3] / gravity), fitted=True, covariance=covariance)

@@ -4,9 +4,14 @@ A signal of band B and modulus at most a obeys ``x'² + (2πB x)² ≤ (2πB a)�
 ``|θ'| ≤ 2πB``: it takes at least 1/(2B) from one bound to the other. If its integral keeps within ±v, no excursion
 between two zeros has an area above 2v. Among excursions of peak ``a s`` the mean square is largest for the fastest
 rise, a hold at the peak that fills the area, and the fastest fall (docs/design.md has the proof).
+
+That bound lets an excursion end its rise at once, which no signal of the band does; :mod:`identify.mean_square` goes
+further, and the smaller of the two is taken.
 """
 
 import numpy as np
+
+from identify.mean_square import mean_square_bound
 
 PEAKS = 4001
 """Peaks between which the largest mean square is sought."""
@@ -23,10 +28,22 @@ def largest_mean_square(amplitude: float, integral: float, band: float) -> float
     Returns:
         The largest mean square, of at most ``amplitude²``.
     """
-    fast = 2 * np.pi * band
     if not np.isfinite(integral):
         return amplitude**2
-    amplitude = min(amplitude, fast * integral)
+    amplitude = min(amplitude, 2 * np.pi * band * integral)
+    by_squares = amplitude**2 * mean_square_bound(2 * np.pi * band * integral / amplitude)
+    return min(best_excursion(amplitude, integral, band), by_squares)
+
+
+def best_excursion(amplitude: float, integral: float, band: float) -> float:
+    """Return the same by single excursions: the largest mean square of rise, hold and fall between two zeros.
+
+    Args:
+        amplitude: bound of the modulus, at most ``2π band integral``.
+        integral: bound of the integral's modulus.
+        band: highest frequency [Hz].
+    """
+    fast = 2 * np.pi * band
     turn = np.linspace(np.pi / 2 / PEAKS, np.pi / 2, PEAKS)
     peak = np.sin(turn)
     hold = np.maximum(2 * integral / amplitude - 2 / fast * (1 - np.cos(turn)), 0.0) / peak

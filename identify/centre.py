@@ -7,8 +7,8 @@ perfect accelerometer reads, opposite to gravity): linear in ``(m, F0)`` and in 
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.stats import t as student
 
 from identify.centre_result import PARAMETERS, UNITS, Centre
 from identify.errors import RunError
@@ -108,7 +108,7 @@ def foreseen_covariance(
 
 
 def _checked(found: Fit, mass: tuple[float, float]) -> GainCheck:
-    factor = float(student.ppf(0.975, found.degrees_of_freedom[0]))
+    factor = float(scipy.stats.t.ppf(0.975, found.degrees_of_freedom[0]))
     return gain_check(*mass, float(found.values[0]), float(np.sqrt(found.covariance[0, 0])), factor)
 
 

@@ -6,7 +6,7 @@ from html import escape
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 from identify.errors import RunError
 from identify.gain_check import GainCheck
@@ -70,7 +70,7 @@ class Centre:
     @property
     def coverage_factor(self) -> np.ndarray:
         """Of 95 %, from Student's t, of each of the ten parameters."""
-        return student.ppf(0.975, np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS)))
+        return scipy.stats.t.ppf(0.975, np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS)))
 
     @property
     def interval95(self) -> np.ndarray:

@@ -9,8 +9,8 @@ for residuals that are correlated in time (Newey and West, doi:10.2307/1913610).
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.stats import f as fisher
 
 from identify.estimator import EstimatorSpec
 from identify.lines import Line, line
@@ -81,7 +81,7 @@ class Fit(NamedTuple):
     def chance(self) -> float:
         """Of as much without a cause."""
         count = len(self.coefficients)
-        return float(fisher.sf(self.wald / count, count, max(self.freedom, 1.0)))
+        return float(scipy.stats.f.sf(self.wald / count, count, max(self.freedom, 1.0)))
 
     @property
     def criterion(self) -> float:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.stats import t as student
 
 BLOCKS_OF = 0.2
 """Seconds whose mean counts as one independent reading."""
@@ -34,7 +34,7 @@ def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.nda
     bend = time**2 - (time**2).mean()
     left = means - means.mean(axis=0) - np.outer(time, slope) - np.outer(bend, bend @ means / (bend @ bend))
     sigma = np.sqrt((left**2).sum(axis=0) / (count - 3) / (time @ time))
-    limit = student.ppf(1 - CHANCE / (2 * signal.shape[1]), count - 3)
+    limit = scipy.stats.t.ppf(1 - CHANCE / (2 * signal.shape[1]), count - 3)
     return slope, np.abs(slope) > limit * sigma
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.signal import welch
+import scipy
 
 from identify.differentiate import gain
 from identify.estimator import EstimatorSpec
@@ -169,7 +169,9 @@ def longest(run: Run) -> np.ndarray:
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
     omega = longest(run)
-    frequency, power = welch(omega, fs=run.rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris")
+    frequency, power = scipy.signal.welch(
+        omega, fs=run.rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris"
+    )
     inside = frequency <= motion_band(omega, run.rate)
     passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
     weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2

@@ -2,9 +2,9 @@
 
 import jax
 import numpy as np
+import scipy
 from jax.scipy.signal import fftconvolve
 from jaxtyping import Array, Float
-from scipy.signal import firwin, kaiser_beta, welch
 
 ATTENUATION = 100.0
 """Of the low-pass that brings unequal rates together [dB]."""
@@ -29,7 +29,7 @@ def lowpass(rate: float, nyquist: float) -> np.ndarray:
     """
     width = 0.6 * nyquist / (rate / 2)  # of the transition, as a part of half the rate
     count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
-    return firwin(count, 0.7 * nyquist, window=("kaiser", kaiser_beta(ATTENUATION)), fs=rate)
+    return scipy.signal.firwin(count, 0.7 * nyquist, window=("kaiser", scipy.signal.kaiser_beta(ATTENUATION)), fs=rate)
 
 
 def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
@@ -52,7 +52,9 @@ def motion_band(omega: np.ndarray, rate: float) -> float:
     Welch's spectrum of the angular velocity, shape (n, 3), in eight stretches or more, against its own median above an
     eighth of the rate; a Blackman–Harris window, whose leakage is below the noise of any gyro.
     """
-    frequency, power = welch(omega, fs=rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris")
+    frequency, power = scipy.signal.welch(
+        omega, fs=rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris"
+    )
     floor = np.median(power[frequency > rate / 8], axis=0)
     stands_out = (power > np.maximum(100 * floor, 1e-9 * power.max())).any(axis=1)
     return float(frequency[stands_out].max(initial=frequency[1]))
@@ -60,7 +62,7 @@ def motion_band(omega: np.ndarray, rate: float) -> float:
 
 def occupied_band(signal: np.ndarray, rate: float) -> float:
     """Return the frequency [Hz] below which four fifths of a signal's power above its noise lie, shape (n, 3)."""
-    frequency, power = welch(signal, fs=rate, nperseg=min(len(signal), max(round(8 * rate), 8)), axis=0)
+    frequency, power = scipy.signal.welch(signal, fs=rate, nperseg=min(len(signal), max(round(8 * rate), 8)), axis=0)
     above = np.maximum(power - np.median(power[frequency > rate / 8], axis=0), 0).sum(axis=1)
     share = np.cumsum(above) / max(above.sum(), 1e-300)
     return float(frequency[min(np.searchsorted(share, 0.8), len(frequency) - 1)])

@@ -10,9 +10,8 @@ from math import factorial
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, Int
-from scipy.interpolate import make_interp_spline
-from scipy.signal import firwin, kaiser_beta, upfirdn
 
 from identify.run import Run, RunError
 
@@ -120,7 +119,9 @@ def low_pass(rate: float, band: float, factor: int) -> np.ndarray:
     passed, closed = PASSED * band, rate / factor - PASSED * band
     width = 2 * (closed - passed) / rate
     count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
-    return firwin(count, (passed + closed) / 2, window=("kaiser", kaiser_beta(ATTENUATION)), fs=rate)
+    return scipy.signal.firwin(
+        count, (passed + closed) / 2, window=("kaiser", scipy.signal.kaiser_beta(ATTENUATION)), fs=rate
+    )
 
 
 def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
@@ -128,7 +129,7 @@ def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray
     count = (len(samples) - len(taps)) // factor + 1
     padded = samples[: (count - 1) * factor + len(taps)]
     skipped = -(len(taps) - 1) % factor  # so that the first complete sum is one of those kept
-    kept = upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
+    kept = scipy.signal.upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
     start = (len(taps) - 1 + skipped) // factor
     return np.ascontiguousarray(kept[start : start + count])
 
@@ -143,7 +144,7 @@ def _usable(run: Run, taps: int) -> np.ndarray:
 def spline_of(nodes: np.ndarray, step: float) -> np.ndarray:
     """Return the coefficients (degree + 1, cells, channels) of the interpolating spline, highest power of [s] first."""
     t = step * np.arange(len(nodes))
-    spline = make_interp_spline(t, nodes, k=DEGREE)
+    spline = scipy.interpolate.make_interp_spline(t, nodes, k=DEGREE)
     return np.stack([spline.derivative(k)(t[:-1]) / factorial(k) for k in range(DEGREE, -1, -1)])
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.optimize import minimize
 
 SHARPNESS = 60
 """Power of the mean that stands for the largest eigenvalue in the search."""
@@ -65,7 +65,7 @@ def least(
 
     negative: Any = jax.jit(jax.value_and_grad(lambda x: -jnp.log(bounds(x)[0])))
     first = np.concatenate([np.zeros(len(rows)), np.eye(3)[TRIANGLE]])
-    found: Any = minimize(
+    found: Any = scipy.optimize.minimize(
         lambda x: tuple(np.asarray(part, float) for part in negative(x)),
         first, jac=True, method="L-BFGS-B", options={"maxiter": 2000, "maxfun": 4000},
     )  # fmt: skip

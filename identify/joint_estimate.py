@@ -1,17 +1,17 @@
 """The joint estimate of tensor, mass, centre of gravity, offsets, delay and rotation from one or more runs."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.stats import t as student
 
 from identify.alignment import Aligned, alignment_warnings
 from identify.centre_result import Centre
 from identify.estimator import EstimatorSpec
+from identify.identification_result import CgMotion, Identification
 from identify.inertia import COMPONENTS, unpack
 from identify.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint_pool import ALIGNED, CALIBRATED, Pooled, pool
@@ -21,9 +21,6 @@ from identify.priors import STATIC, Alignment, Known
 from identify.run import Run
 from identify.run_estimate import RunEstimate
 from identify.trace import Trace, trace
-
-if TYPE_CHECKING:
-    from identify.identification import CgMotion, Identification
 
 OF_FORCE = {
     "still": "the centre of gravity stays where it is: the specific force is gravity's, through the gyro's attitude",
@@ -43,7 +40,7 @@ def joint(
     specific_force: SpecificForce,
     gravity: float,
     offsets: OffsetChoice,
-) -> "Identification":
+) -> Identification:
     """Estimate everything that is unknown from all runs together.
 
     Args:
@@ -58,12 +55,10 @@ def joint(
     Raises:
         RunError: a run is too short or has no solution, or the motion does not identify the tensor.
     """
-    from identify.identification import Identification
-
     setting = Setting(blocks, alignment, band, specific_force, gravity, _tensor_scale(runs, band))
     found = [joint_run(run, setting) for run in runs]
     pooled = pool(found, ALIGNED + (CALIBRATED if STATIC in blocks else ()))
-    factor = float(student.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(found)))
+    factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(found)))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
     inertia = value[tensor]
@@ -127,7 +122,7 @@ def static_knowledge(
     }
 
 
-def specific_force_of(runs: Sequence[Run], cg_motion: "CgMotion | None") -> SpecificForce:
+def specific_force_of(runs: Sequence[Run], cg_motion: CgMotion | None) -> SpecificForce:
     """Return where the specific force at the centre of gravity comes from."""
     if cg_motion == "still":
         return "still"

@@ -1,17 +1,14 @@
 """A tensor that was identified with the centre of gravity of static poses: their covariance in full."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identify.centre_result import Centre
-
-if TYPE_CHECKING:
-    from identify.identification import Identification
+from identify.identification_result import Identification
 
 
-def with_centre(result: "Identification", centre: Centre) -> "Identification":
+def with_centre(result: Identification, centre: Centre) -> Identification:
     """Return a result whose centre of gravity and mass are those of static poses, with their joint covariance.
 
     With B = dI/dr of the least squares the tensor's covariance holds ``B V Bᵀ``, V the centre's (3, 3); it had only V's

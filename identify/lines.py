@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.ndimage import median_filter
 
 CHANCE = 1e-5
 """Of a line in noise, over all frequencies and axes."""
@@ -59,7 +59,10 @@ SAFETY = 1.5
 def _level(spectrum: np.ndarray, width: int) -> np.ndarray:
     """What the spectrum is around: its median on the side where that is higher, so that a slope is no line."""
     half = width // 2
-    sides = [median_filter(spectrum, size=(width, 1), origin=(shift, 0), mode="reflect") for shift in (half, -half)]
+    sides = [
+        scipy.ndimage.median_filter(spectrum, size=(width, 1), origin=(shift, 0), mode="reflect")
+        for shift in (half, -half)
+    ]
     return np.maximum(*sides) / np.log(2)
 
 

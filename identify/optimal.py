@@ -11,8 +11,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.optimize import minimize as scipy_minimize
 
 Goal = Callable[[Float[Array, " u"]], tuple[Float[Array, ""], Float[Array, " m"]]]
 """Returns what is to be small, and the limits, met where they are at most zero."""
@@ -80,7 +80,7 @@ def minimise(
     unknowns = np.asarray(start, float)
     multipliers, evaluations = np.zeros(jax.eval_shape(lagrangian.goal, unknowns)[1].shape), 0
     for number in range(rounds):
-        found: Any = scipy_minimize(
+        found: Any = scipy.optimize.minimize(
             lagrangian.at, unknowns, (multipliers, penalty), jac=True, method="L-BFGS-B",
             options={"maxiter": steps, "maxcor": 30},
         )  # fmt: skip

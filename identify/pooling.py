@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.stats import t as student
 
 from identify.inertia import COMPONENTS
 
@@ -57,8 +57,8 @@ class Pooling:
         """By component: whether the interval is that of the scatter, the wider of two that are both valid."""
         if self.from_scatter is None:
             return np.zeros(6, bool)
-        own = student.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.foreseen
-        return student.ppf(PROBABILITY, self.scatter_degrees_of_freedom) * self.from_scatter > own
+        own = scipy.stats.t.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.foreseen
+        return scipy.stats.t.ppf(PROBABILITY, self.scatter_degrees_of_freedom) * self.from_scatter > own
 
     @property
     def scale(self) -> np.ndarray:
@@ -73,7 +73,7 @@ class Pooling:
     @property
     def half_width(self) -> np.ndarray:
         """Half the interval of 95 % from type A alone [kg·m²]."""
-        return student.ppf(PROBABILITY, self.degrees_of_freedom) * self.scale
+        return scipy.stats.t.ppf(PROBABILITY, self.degrees_of_freedom) * self.scale
 
     @property
     def excess(self) -> np.ndarray:

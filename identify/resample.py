@@ -1,8 +1,7 @@
 """Samples of two sensors at common, uniform instants: gaps, jitter, unequal rates, interpolation."""
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.signal import oaconvolve
+import scipy
 
 from identify.errors import RunError
 from identify.filters import lowpass
@@ -58,7 +57,7 @@ def below(
             raise RunError(
                 f"{name} lasts {t[-1] - t[0]:.3g} s, too short to bring its two rates together: record for longer"
             )
-        filtered.append(oaconvolve(interpolate(t, values, at), taps[:, None], mode="valid", axes=0))
+        filtered.append(scipy.signal.oaconvolve(interpolate(t, values, at), taps[:, None], mode="valid", axes=0))
         uniform.append(at[half : len(at) - half])
         reach = max(reach, half * interval)
     return uniform, filtered, reach
@@ -88,4 +87,4 @@ def gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
 
 def interpolate(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return the cubic spline through samples (n, k) at other instants."""
-    return make_interp_spline(t, values, k=min(3, len(t) - 1))(at)
+    return scipy.interpolate.make_interp_spline(t, values, k=min(3, len(t) - 1))(at)

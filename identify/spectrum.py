@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.fft import dct
 
 LEAST_LINES = 8
 """Lines on either side of one over which a spectrum is averaged, at least."""
@@ -51,7 +51,7 @@ class Lines(NamedTuple):
 
     def transform(self, signal: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
         """Return the cosine transform of samples, each stretch by itself."""
-        parts = [dct(signal[one], axis=0, norm="ortho") for one in self.stretches]
+        parts = [scipy.fft.dct(signal[one], axis=0, norm="ortho") for one in self.stretches]
         return np.concatenate(parts)[self.order]
 
 

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import resample_poly, welch
 
 from identify.regressor import OMEGA_R_OF_FEATURES, features, pi
 
@@ -111,7 +110,7 @@ def decisive(
     if len(stretches) < 2:
         return tuple(stretches)
     step = _thinning(rate, omega, stretches)
-    coarse = [resample_poly(signal, 1, step, axis=0, padtype="line") for signal in (omega, force, moment)]
+    coarse = [scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line") for signal in (omega, force, moment)]
     columns = _columns(rate / step, *coarse[:2])
     parts = [(_cut(columns, rate / step, one), _cut(coarse[2], rate / step, one)) for one in stretches]
     largest = max(float(values.var(axis=0).sum()) for _, values in parts)
@@ -145,7 +144,7 @@ def _mean_and_spread(rate: float, signal: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _average(signal: np.ndarray, width: int) -> np.ndarray:
-    return uniform_filter1d(signal, max(width, 1), axis=0, mode="reflect")
+    return scipy.ndimage.uniform_filter1d(signal, max(width, 1), axis=0, mode="reflect")
 
 
 def _bias(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -180,7 +179,7 @@ def _cut(signal: np.ndarray, rate: float, stretch: Stretch) -> np.ndarray:
 def _thinning(rate: float, omega: np.ndarray, stretches: Sequence[Stretch]) -> int:
     """By how much to thin out the samples: to sixteen times the band of the longest stretch's motion."""
     longest = _cut(omega, rate, max(stretches, key=lambda one: one.seconds))
-    frequency, power = welch(longest, fs=rate, nperseg=min(len(longest), max(round(4 * rate), 8)), axis=0)
+    frequency, power = scipy.signal.welch(longest, fs=rate, nperseg=min(len(longest), max(round(4 * rate), 8)), axis=0)
     share = np.cumsum(power.sum(axis=1)) / max(power.sum(), 1e-300)
     band = max(float(frequency[np.searchsorted(share, 0.99)]), 1.0)
     return max(int(rate / (16 * band)), 1)

@@ -103,10 +103,11 @@ class Harmonic(Trajectory):
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """Return the angular velocity in B at ``t``."""
         segment = self.duration / 3
-        local = t - segment * jnp.arange(3.0)
+        number = jnp.clip(jnp.floor(t / segment), 0, 2)
+        local = t - number * segment
         swing = jnp.sin(self.angular_acceleration / self.angular_velocity * local)
-        shape = jax.vmap(window, in_axes=(0, None, None))(local, segment, self.ramp)
-        return jnp.asarray(self.angular_velocity * swing * shape)
+        turning = self.angular_velocity * swing * window(local, segment, self.ramp)
+        return jnp.where(jnp.arange(3.0) == number, turning, 0.0)
 
 
 class Multisine(Trajectory):
@@ -266,6 +267,15 @@ def sample(
     moving = jnp.einsum("nji,nj->ni", rotation, jax.vmap(lambda at: acceleration_of(trajectory, at))(t))
     specific_force = acceleration + moving + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB
     return Motion(t, omega.T, alpha.T, rotation, specific_force.T)
+
+
+_accelerations_at = jax.jit(jax.vmap(acceleration_at, in_axes=(None, 1, 1), out_axes=1))
+
+
+def further_from_still(motion: Motion, offset: Float[Array | np.ndarray, "3"]) -> Motion:
+    """Return the same rotation with the centre of gravity further from the point that keeps still, by this in B [m]."""
+    more = _accelerations_at(jnp.asarray(offset), motion.omega, motion.alpha)
+    return motion._replace(specific_force_cg=motion.specific_force_cg + more)
 
 
 def acceleration_of(trajectory: Trajectory, t: Float[Array, ""]) -> Float[Array, "3"]:

@@ -2,18 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.admissible import Admissible, admissible, margin
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.reach import PAIRS, UNITS
 from identify.run import Run, RunError
-
-if TYPE_CHECKING:
-    from identify.identification import Identification
 
 ONE_AXIS = 1e-3
 """Part of the angular velocity's power below which an axis counts as not turned about."""
@@ -34,7 +31,7 @@ def covariance_of(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> 
     return found
 
 
-def within_bodies(result: "Identification", runs: Run | Sequence[Run]) -> "Identification":
+def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identification:
     """Return a result with the tensor and the intervals that bodies allow, where data are weak; else unchanged.
 
     Args:
@@ -64,7 +61,7 @@ def within_bodies(result: "Identification", runs: Run | Sequence[Run]) -> "Ident
     return replace(bounded, warnings=(*result.warnings, said, *_hardly_known(bounded)))
 
 
-def _impossible(result: "Identification") -> list[str]:
+def _impossible(result: Identification) -> list[str]:
     if margin(result.inertia, result.covariance) >= 0:
         return []
     return ["no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"]
@@ -76,7 +73,7 @@ def _changed(found: Admissible) -> str:
     return f"{found.reason}: {what}, intervals hold bodies only"
 
 
-def _hardly_known(result: "Identification") -> list[str]:
+def _hardly_known(result: Identification) -> list[str]:
     determined = np.ones(6, bool) if result.admissible is None else result.admissible.determined
     moments = np.abs(result.inertia[[0, 3, 5]])
     scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])

@@ -4,6 +4,7 @@ import dataclasses
 import os
 import shutil
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -55,13 +56,32 @@ def preset():
 @pytest.fixture(scope="session")
 def short(preset):
     """The preset with trajectories of 7,900 samples: some blocks, the last not full."""
+    return lasting(preset, 19.75)
+
+
+@pytest.fixture(scope="session")
+def brief(preset):
+    """The preset with trajectories of 3,100 samples: three blocks, the last not full. For many trials."""
+    return lasting(preset, 7.75)
+
+
+def lasting(experiment, seconds):
+    """The experiment with trajectories of so many seconds."""
 
     def shorter(spec):
-        scale = 19.75 / spec.duration
-        trajectory = dataclasses.replace(
-            spec.trajectory, duration=np.array(19.75), ramp=np.array(scale * spec.trajectory.ramp)
-        )
-        return dataclasses.replace(spec, duration=19.75, trajectory=trajectory)
+        ramp = np.array(seconds / spec.duration * spec.trajectory.ramp)
+        trajectory = dataclasses.replace(spec.trajectory, duration=np.array(seconds), ramp=ramp)
+        return dataclasses.replace(spec, duration=seconds, trajectory=trajectory)
 
-    trajectories = {name: shorter(spec) for name, spec in preset.trajectories.items()}
-    return dataclasses.replace(preset, trajectories=trajectories)
+    trajectories = {name: shorter(spec) for name, spec in experiment.trajectories.items()}
+    return dataclasses.replace(experiment, trajectories=trajectories)
+
+
+@pytest.fixture(scope="module")
+def few_draws():
+    """Recorded runs' declared sources by 500 draws, not 10,000: where their statistics are not what is tested."""
+    from uq.systematic import with_declared_sources
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uq.recorded.with_declared_sources", partial(with_declared_sources, trials=500))
+        yield

@@ -11,9 +11,10 @@ from jaxtyping import Array
 
 from identify.run import RunError
 from identify.trajectory import Trajectory
-from uq.achieved_motion import SLOWEST, Sampled, achieved, follow
+from uq.achieved_motion import SLOWEST, Sampled, achieved
 from uq.cli import main
 from uq.experiment import Experiment, ExperimentError
+from uq.following import follow
 from uq.motion_export import scaled
 from uq.recorded import load_run
 from uq.simulation import simulate

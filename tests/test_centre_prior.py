@@ -18,6 +18,8 @@ from uq.recorded import identify_files
 from uq.simulation import simulate
 from uq.tare import lasting_errors
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 POSES = SHORT + "\n[poses]\n"
 
 

@@ -14,7 +14,7 @@ from identify.identification import identify
 from identify.precision import PrecisionWarning
 from identify.regressor import omega_r
 from uq import batches as module
-from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion
+from uq.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion, true_motions
 from uq.experiment import ExperimentError
 from uq.simulation import simulate
 from uq.sources import draw_bias, draw_block
@@ -62,22 +62,33 @@ def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, na
         assert np.abs(error[k, [1, 2, 4]]).max() < 2e-6 * preset.inertia.max()
 
 
+def test_motions_computed_together_are_those_computed_alone(short):
+    """T2 and T4 are T1 and T3 about another point; the order in which they come does not matter."""
+    for order in (("T1", "T2", "T3", "T4"), ("T4", "T2", "T3", "T1")):
+        found = true_motions(short, {name: short.trajectories[name] for name in order}, jax.devices())
+        for name in order:
+            for together, alone in zip(found[name], true_motion(short, short.trajectories[name]), strict=True):
+                np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-13)
+        assert found["T1"].rotation is found["T2"].rotation
+        assert np.abs(found["T3"].specific_force_cg - found["T4"].specific_force_cg).max() > 1e-2
+
+
 # --- closed forms ---
 
 
 @pytest.mark.parametrize("sampling", ["conditioned", "samples"])
-def test_load_cell_and_cg_variances_are_the_closed_form(short, sampling):
+def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
     """With the true omega the estimate is linear in F, M and r: variance (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹."""
     trials = 1000
-    setup, result = estimates(short, trials, estimators=("central",), sampling=sampling)
-    without = estimates(only(short), 1, estimators=("central",))[1].inertia[0, 0, 0]
-    motion = true_motion(short, short.trajectories["T1"])
+    setup, result = estimates(brief, trials, estimators=("central",), sampling=sampling)
+    without = estimates(only(brief), 1, estimators=("central",))[1].inertia[0, 0, 0]
+    motion = true_motion(brief, brief.trajectories["T1"])
     alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
     rows = np.asarray(jax.vmap(omega_r, in_axes=1)(motion.omega[:, 1:-1], alpha))
     inverse = np.linalg.inv(np.einsum("nji,nje->ie", rows, rows))
-    r, force = short.r_cg_from_q, np.asarray(simulate(only(short)).run.force)[1:-1]
+    r, force = brief.r_cg_from_q, np.asarray(simulate(only(brief)).run.force)[1:-1]
     moment_of_force = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # d(-r×F)/dF
-    sigma = {source.name: source.sigma for source in short.sources}
+    sigma = {source.name: source.sigma for source in brief.sources}
     closed = {
         "M_precision": np.einsum("nji,j,nje->ie", rows, sigma["M_precision"] ** 2, rows),
         "F_precision": np.einsum(
@@ -100,9 +111,9 @@ def test_load_cell_and_cg_variances_are_the_closed_form(short, sampling):
             np.testing.assert_array_less(np.abs(mean - without), 4 * np.sqrt(variance / trials) + 1e-12)
 
 
-def test_conditioned_and_sampled_noise_have_the_same_distribution(short):
+def test_conditioned_and_sampled_noise_have_the_same_distribution(brief):
     trials = 1500
-    one, two = (errors(short, trials, name="T3", sampling=s) for s in ("conditioned", "samples"))
+    one, two = (errors(brief, trials, name="T3", sampling=s) for s in ("conditioned", "samples"))
     first, second = one.std(0, ddof=1), two.std(0, ddof=1)
     # 2 estimators x 11 cases x 6: relative standard error of the ratio 1/√N; 5 of them: 1e-4 false alarms
     np.testing.assert_allclose(first, second, rtol=5 / np.sqrt(trials), atol=1e-12)
@@ -166,9 +177,9 @@ def test_numbers_do_not_depend_on_batch_or_devices(short, dtype, tolerance, samp
     np.testing.assert_allclose(fewer.inertia, reference.inertia[:1], atol=tolerance * short.inertia.max())
 
 
-def test_float32_draws_agree_with_float64_in_distribution(short):
+def test_float32_draws_agree_with_float64_in_distribution(brief):
     trials = 600
-    one, two = (errors(short, trials, dtype=d) for d in ("float64", "float32"))
+    one, two = (errors(brief, trials, dtype=d) for d in ("float64", "float32"))
     np.testing.assert_allclose(one.std(0), two.std(0), rtol=5 / np.sqrt(trials), atol=1e-9)
 
 

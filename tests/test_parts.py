@@ -20,6 +20,8 @@ from uq.parts import Part, pair, resolve
 from uq.recorded import identify_files
 from uq.simulation import simulate
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 MARKS = [(1.0, "start"), (5.0, "end"), (7.0, "twice"), (8.0, "twice")]
 
 

@@ -11,7 +11,7 @@ import pytest
 from identify.trajectory import sample
 from uq import law
 from uq.experiment import Experiment
-from uq.prediction import Prediction, signals
+from uq.prediction import Prediction, jerk_of
 
 
 def promised(experiment, name, rate):
@@ -19,7 +19,7 @@ def promised(experiment, name, rate):
     still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
     t = jnp.arange(0.0, spec.duration, 1 / rate)
     motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
-    covariance = Prediction.of(experiment, spec).covariance(motion, signals(spec, motion))
+    covariance = Prediction.of(experiment, spec).covariance(motion, jerk_of(spec, motion))
     return 3 * np.sqrt(np.diag(covariance))
 
 
@@ -64,7 +64,7 @@ def test_its_gradient_is_that_of_differences(short):
     def width(scale):
         faster = eqx.tree_at(lambda x: x.angular_acceleration, spec.trajectory, 4.0 * scale)
         motion = sample(faster, t, r_cg_from_still=short.r_cg_from_omb, gravity=np.array(9.81))
-        jerk = signals(dataclasses.replace(spec, trajectory=faster), motion)
+        jerk = jerk_of(dataclasses.replace(spec, trajectory=faster), motion)
         return jnp.log(jnp.trace(prediction.covariance(motion, jerk)))
 
     one, h = jnp.array(1.0), 1e-4

@@ -13,6 +13,8 @@ from uq.parts import Part
 from uq.recorded import identify_files, load_run
 from uq.simulation import simulate
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 MOMENTS = [0, 3, 5]
 POINT = np.array([0.010, -0.020, 0.030])
 

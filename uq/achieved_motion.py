@@ -1,10 +1,8 @@
 """What a platform really did: a recorded run beside its plan, and the uncertainty of what was run.
 
-The run's angular velocity is fitted by the planned one on each axis, ``gain * plan(t - lag) + offset``: the lag is
-found by cross-correlation first and then, with gain and offset, by least squares on the plan's own derivative, to a
-small part of a sample. The centre of gravity's acceleration is the specific force there less gravity, turned along by
-the gyro.
-The prediction is the law of propagation with the measured motion in place of the plan.
+How the angular velocity follows the plan is in :mod:`uq.following`. The centre of gravity's acceleration is the
+specific force there less gravity, turned along by the gyro. The prediction is the law of propagation with the measured
+motion in place of the plan.
 """
 
 import dataclasses
@@ -13,36 +11,30 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.interpolate import CubicSpline
-from scipy.signal import correlate, oaconvolve
 
 from identify.filters import lowpass
 from identify.frames import specific_force_at
 from identify.inertia import COMPONENTS
-from identify.run import Run, RunError
+from identify.run import Run
 from identify.tables import fixed, html_table, text_table, with_error
 from identify.trajectory import Scalar, Trajectory
 from uq.campaign import true_motion
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.following import Followed, follow, plan_at, verdicts
 from uq.lasting import average
 from uq.propagation import law
 from uq.provenance import provenance
 from uq.recorded import load
 from uq.statistics import GRAM_METRE
 
-ROUNDS = 6
-"""Linear steps to lag, gain and offset."""
 SLOWEST = 0.2
 """Frequency below which no displacement is told from an acceleration [Hz]."""
 CLOSE = 20.0
 """Samples of the measured motion to a period of its highest frequency."""
-ALIKE = 0.5
-"""Correlation with the plan below which a run is no run of it."""
 
 
 class Sampled(Trajectory):
@@ -70,29 +62,6 @@ class Sampled(Trajectory):
     def displacement(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """Return the plan's displacement."""
         return self.plan.displacement(t)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """How a measured signal follows its plan, one figure an axis."""
-
-    gain: Float[np.ndarray, "3"]
-    """Amplitude over the planned one; not-a-number for an axis without a plan."""
-    gain_standard_error: Float[np.ndarray, "3"]
-    lag: Float[np.ndarray, "3"]
-    """Behind the plan, counted from the run's first sample [s]."""
-    lag_standard_error: Float[np.ndarray, "3"]
-    offset: Float[np.ndarray, "3"]
-    """[rad/s]."""
-    residual: Float[np.ndarray, "3"]
-    """Root mean square of what is left [rad/s]."""
-
-    @property
-    def common_lag(self) -> float:
-        """The axes' lag, weighted by its standard errors [s]."""
-        known = np.isfinite(self.lag)
-        weight = 1 / np.maximum(self.lag_standard_error[known], 1e-12) ** 2
-        return float((weight * self.lag[known]).sum() / weight.sum())
 
 
 @dataclass(frozen=True)
@@ -243,79 +212,9 @@ def achieved(
         {source: statistics.three_sigma for source, statistics in breakdown.sources.items()},
         own.name,
         _trace(run, spec, lag),
-        (*warnings, *_verdicts(followed)),
+        (*warnings, *verdicts(followed)),
         provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": run.sha256}]),
     )
-
-
-def follow(run: Run, spec: TrajectorySpec) -> Followed:
-    """Return gain, lag and offset of a run's angular velocity against a trajectory's, on each axis.
-
-    Raises:
-        RunError: the two are not alike.
-    """
-    t, measured = run.t - run.t[0], np.asarray(run.omega)
-    usable = np.ones(len(t), bool) if run.missing is None else ~run.missing
-    lag = np.full(3, _coarse_lag(run, spec))
-    gain, offset = np.ones(3), np.zeros(3)
-    scale = np.abs(_plan(spec, t - lag[0])[0]).max()
-    active = np.abs(_plan(spec, t - lag[0])[0]).max(axis=0) > 1e-6 * scale
-    error = np.full((3, 2), np.nan)
-    residual = np.zeros(3)
-    for _ in range(ROUNDS):
-        for k in range(3):
-            plan, slope = _plan(spec, t - lag[k])
-            inside = usable & (t >= lag[k]) & (t <= lag[k] + spec.duration)
-            columns = np.stack([plan[:, k], -slope[:, k], np.ones(len(t))], axis=1)[inside]
-            if not active[k]:
-                offset[k], residual[k] = measured[inside, k].mean(), measured[inside, k].std()
-                continue
-            found = np.linalg.lstsq(columns, measured[inside, k], rcond=None)[0]
-            left = measured[inside, k] - columns @ found
-            gain[k], offset[k], residual[k] = found[0], found[2], np.sqrt(np.mean(left**2))
-            if not gain[k] > 0:
-                raise _unlike(run)
-            spread = residual[k] * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
-            error[k] = spread[0], spread[1] / gain[k]
-            lag[k] += np.clip(found[1] / gain[k], -0.05, 0.05)
-    gain[~active], lag[~active] = np.nan, np.nan
-    return Followed(gain, error[:, 0], lag, error[:, 1], offset, residual)
-
-
-def _coarse_lag(run: Run, spec: TrajectorySpec) -> float:
-    """Lag by cross-correlation of all axes, with a parabola through its peak [s]."""
-    measured = run.omega - run.omega.mean(axis=0)
-    at = np.arange(int(np.ceil(spec.duration * run.rate))) / run.rate
-    plan, _ = _plan(spec, at)
-    together = sum(correlate(measured[:, k], plan[:, k], mode="full", method="fft") for k in range(3))
-    k = int(np.argmax(together))
-    likeness = together[k] / max(np.linalg.norm(measured) * np.linalg.norm(plan), 1e-300)
-    if likeness < ALIKE:
-        raise _unlike(run)
-    shift = 0.0
-    if 0 < k < len(together) - 1:
-        before, here, after = together[k - 1 : k + 2]
-        shift = 0.5 * (before - after) / min(before - 2 * here + after, -1e-300)
-    return float((k + shift - (len(plan) - 1)) / run.rate)
-
-
-def _unlike(run: Run) -> RunError:
-    return RunError(
-        f"the angular velocity of {run.name} is not like the plan's: name the trajectory that was run (--trajectory), "
-        "or correct the sensor's axes in [recording]"
-    )
-
-
-def _plan(spec: TrajectorySpec, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Planned angular velocity and acceleration at any instants, at rest outside the motion, (n, 3) each."""
-    inside = (t > 0) & (t < spec.duration)
-    omega, alpha = _sampled(spec.trajectory, jnp.asarray(np.clip(t, 0.0, spec.duration)))
-    return np.where(inside[:, None], omega, 0.0), np.where(inside[:, None], alpha, 0.0)
-
-
-@eqx.filter_jit
-def _sampled(trajectory: Trajectory, t: Float[Array, " n"]) -> tuple[Array, Array]:
-    return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 
 
 def _motion_of(run: Run, spec: TrajectorySpec, followed: Followed, band: float) -> TrajectorySpec:
@@ -326,13 +225,13 @@ def _motion_of(run: Run, spec: TrajectorySpec, followed: Followed, band: float) 
     if nyquist < run.rate / 2:
         taps = lowpass(run.rate, nyquist)
         half = len(taps) // 2
-        omega = oaconvolve(np.pad(omega, ((half, half), (0, 0))), taps[:, None], mode="valid", axes=0)
+        omega = scipy.signal.oaconvolve(np.pad(omega, ((half, half), (0, 0))), taps[:, None], mode="valid", axes=0)
     stride = max(1, int(run.rate / (CLOSE * band)))
     interval = stride / run.rate
     at = np.arange(int(np.ceil(spec.duration / interval)) + 1) * interval
     inside = (at >= t[0]) & (at <= t[-1])
-    values = np.where(inside[:, None], CubicSpline(t, omega)(np.clip(at, t[0], t[-1])), 0.0)
-    pieces = CubicSpline(at, values).c
+    values = np.where(inside[:, None], scipy.interpolate.CubicSpline(t, omega)(np.clip(at, t[0], t[-1])), 0.0)
+    pieces = scipy.interpolate.CubicSpline(at, values).c
     ramp = spec.trajectory.ramp  # type: ignore[attr-defined]
     found = Sampled(pieces, np.array(interval), np.array(spec.duration), np.asarray(ramp), spec.trajectory)
     return dataclasses.replace(spec, trajectory=found)
@@ -350,12 +249,12 @@ def _stillness(
     at = np.asarray(motion.t)
     t = run.t - run.t[0] - lag
     if run.specific_force is not None:
-        reading = CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
+        reading = scipy.interpolate.CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
         offset = np.asarray(experiment.r_cg_from_q) - (0.0 if run.imu_position is None else run.imu_position)
         turning = np.asarray(motion.omega.T), np.asarray(motion.alpha.T)
         force, by = specific_force_at(reading, *turning, offset), "accelerometer"
     else:
-        reading = CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
+        reading = scipy.interpolate.CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
         force, by = reading / experiment.mass, "load cell"
     inside = (at >= t[0]) & (at <= t[-1])
     in_a = np.einsum("nij,nj->ni", np.asarray(motion.rotation), np.asarray(force) - upward)
@@ -384,19 +283,4 @@ def _trace(run: Run, spec: TrajectorySpec, lag: float) -> tuple[np.ndarray, np.n
     t = run.t - run.t[0]
     middle = lag + spec.duration / 2
     inside = np.abs(t - middle) <= min(3.0, spec.duration / 2)
-    return t[inside] - lag, _plan(spec, t[inside] - lag)[0], np.asarray(run.omega)[inside]
-
-
-def _verdicts(followed: Followed) -> list[str]:
-    """What is to be said of a platform that did not follow."""
-    off = np.abs(followed.gain - 1)
-    worst = int(np.nanargmax(off))
-    said = []
-    if off[worst] > 0.05:
-        said.append(
-            f"the platform ran {100 * followed.gain[worst]:.3g} % of the planned amplitude about axis {worst + 1}"
-        )
-    spread = np.nanmax(followed.lag) - np.nanmin(followed.lag)
-    if spread > 5e-3:
-        said.append(f"the axes lag by unequal times, {1e3 * spread:.3g} ms apart")
-    return said
+    return t[inside] - lag, plan_at(spec, t[inside] - lag)[0], np.asarray(run.omega)[inside]

@@ -15,8 +15,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.stats import t as student
 
 from identify.precision import check_precision
 from identify.tables import html_table, text_table
@@ -133,7 +133,7 @@ def _expanded(figures: Float[np.ndarray, "blocks figures"], comparisons: int) ->
     h, watched = figures.shape
     if h < 2:
         return np.full(watched, np.inf)
-    factor = student.ppf(1 - (1 - CONFIDENCE) / (2 * watched * comparisons), h - 1)
+    factor = scipy.stats.t.ppf(1 - (1 - CONFIDENCE) / (2 * watched * comparisons), h - 1)
     return factor * figures.std(axis=0, ddof=1) / np.sqrt(h)
 
 

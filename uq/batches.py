@@ -15,6 +15,9 @@ from uq.sampled import AnySetup, SampledSetup, sampled_trial
 from uq.trial import Setup, TrialEstimates, trials
 
 T = TypeVar("T")
+STRETCH, COLLAPSED_STRETCH = 100, 5000
+"""About how many trials a device does between two reports of progress, on samples and on drawn sums."""
+
 Keep = Callable[[int, TrialEstimates], None]
 """Called with the number of a stretch's first trial and its estimates: those that this process computed."""
 
@@ -53,6 +56,7 @@ class Trials:
         if several():
             self.setup, data = _everywhere((setup, jax.random.key_data(self.key)), self.mesh)
             self.key = jax.random.wrap_key_data(data)
+        self.pending: TrialEstimates | None = None
         self.parts = list(done)
         self.count = sum(len(part.ok) for part in self.parts)
 
@@ -61,9 +65,12 @@ class Trials:
     ) -> None:
         """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
         asked = trials if asked is None else asked
-        stretch = stretch_of(self.setup, self.devices, self.batch, asked)
+        stretch = self._stretch(asked)
         while self.count < trials:
-            part = self._run(np.arange(self.count, self.count + stretch))
+            begun = self._begin(stretch) if self.pending is None else self.pending
+            with guarded():
+                part = jax.tree.map(np.asarray, begun)
+            self.pending = None
             if self.keep:
                 self.keep(*own_share(self.devices, self.count, part))
             self.parts.append(part)
@@ -71,13 +78,23 @@ class Trials:
             if progress:
                 progress(min(self.count, asked), asked)
 
-    def _run(self, numbers: np.ndarray) -> TrialEstimates:
+    def begin(self, asked: int) -> None:
+        """Set the devices to work on the next stretch, that :meth:`reach` waits for, while others are prepared."""
+        if self.count < asked and not several():
+            self.pending = self._begin(self._stretch(asked))
+
+    def _stretch(self, asked: int) -> int:
+        least = COLLAPSED_STRETCH if isinstance(self.setup, CollapsedSetup) else STRETCH
+        return stretch_of(self.devices, self.batch, asked, least)
+
+    def _begin(self, stretch: int) -> TrialEstimates:
+        numbers = np.arange(self.count, self.count + stretch)
         split = jnp.asarray(numbers)
         if several():
             placed = NamedSharding(self.mesh, PartitionSpec("trials"))
             split = jax.make_array_from_callback(numbers.shape, placed, lambda own: numbers[own])
         with guarded():
-            return jax.tree.map(np.asarray, _batch(self.setup, self.key, split, self.mesh, self.batch, several()))
+            return _batch(self.setup, self.key, split, self.mesh, self.batch, several())
 
     def estimates(self, trials: int) -> TrialEstimates:
         """Return the first so many trials."""
@@ -93,9 +110,9 @@ class Trials:
         )
 
 
-def stretch_of(setup: AnySetup | None, devices: Sequence[jax.Device], batch: int, asked: int) -> int:
-    """Return how many trials are done between two reports of progress: whole batches, some hundred a device or more."""
-    whole = batch * max(1, (5000 if isinstance(setup, CollapsedSetup) else 100) // batch)
+def stretch_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = STRETCH) -> int:
+    """Return how many trials are done between two reports of progress: whole batches, about ``least`` a device."""
+    whole = batch * max(1, least // batch)
     return min(whole, -(-asked // len(devices))) * len(devices)
 
 

@@ -1,9 +1,11 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any, get_args
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from jax import process_count, process_index
 
 from identify.estimator import EstimatorSpec
 from identify.precision import check_precision
-from identify.trajectory import Motion, sample
+from identify.trajectory import Motion, further_from_still, sample
 from uq.adaptive import Blocks, Goal, Stability, not_stable
 from uq.batches import Trials, run_trials
 from uq.checkpoint import Checkpoint, code_digest
@@ -40,7 +42,7 @@ __all__ = [
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
 
-COLLAPSED_BATCH = 500
+COLLAPSED_BATCH = 1000
 """Trials that a device computes at a time when they hold no samples."""
 
 EARLY = 200
@@ -129,10 +131,13 @@ def montecarlo(
     specs = dict(map(experiment.select, wanted))
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit, truth = trials, np.asarray(experiment.body.inertia)
+    motions = true_motions(experiment, specs, devices) if sampling == "collapsed" else {}
     kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> Trials:
-        setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling)
+        motion = motions.pop(name, None)
+        with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
+            setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
         if kept is None:
             return Trials(setup, seed, devices, batch)
         done = in_turn(lambda: kept.load(name, limit))
@@ -145,23 +150,27 @@ def montecarlo(
             agree("campaigns", [identity, limit, wanted])
         if kept is not None:
             in_turn(lambda: kept.open(identity))
-        runs, stability = {}, None
+        runs: dict[str, Trials] = {}
+        breakdowns, stability = {}, None
         if goal is None:
             ahead = {name: start(name) for name in specs} if sampling == "collapsed" else {}  # side by side
+            for run in ahead.values():
+                run.begin(trials)
             for name in specs:
                 runs[name] = ahead.get(name) or start(name)
                 for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
                     runs[name].reach(so_far, _named(progress, name), asked=trials)
+                    breakdowns[name] = _breakdowns(runs[name], chosen, so_far, truth)
                     if shown:
-                        shown(name, so_far, _breakdowns(runs[name], chosen, so_far, truth))
+                        shown(name, so_far, breakdowns[name])
         else:
             runs = {name: start(name) for name in specs}
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
+            breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
     finally:
         if kept is not None:
             kept.close()
     meet()
-    breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
     errors = {name: np.asarray(run.estimates(trials).inertia) - truth for name, run in runs.items()}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]
@@ -268,19 +277,18 @@ def prepare_setup(
     *,
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
+    motion: Motion | None = None,
 ) -> AnySetup:
-    """Return what :func:`uq.sampled.any_trial` needs for one trajectory of an experiment.
+    """Return what :func:`uq.sampled.any_trial` needs for one trajectory of an experiment, its motion where it is known.
 
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
     """
-    motion = true_motion(experiment, spec)
-    t = motion.t
-    body = experiment.body
-    fitted = fitted_estimators(estimators, spec, len(t))
+    motion = motion or true_motion(experiment, spec)
+    fitted = fitted_estimators(estimators, spec, len(motion.t))
     return prepare_any(
         motion,
-        body,
+        experiment.body,
         platform_of(experiment, spec),
         experiment.sources,
         fitted,
@@ -317,6 +325,32 @@ def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
         jnp.asarray(samples(spec)),
         r_cg_from_still=platform.r_cg_from_still,
         gravity=platform.gravity,
+    )
+
+
+def true_motions(
+    experiment: Experiment, specs: Mapping[str, TrajectorySpec], devices: Sequence[jax.Device]
+) -> dict[str, Motion]:
+    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once.
+
+    Different rotations are computed side by side on this process's own of the devices, where they are left.
+    """
+    own = cycle(device for device in devices if device.process_index == jax.process_index())
+    found: dict[str, Motion] = {}
+    for name, spec in specs.items():
+        alike = next((other for other in found if _turn_alike(specs[other], spec)), None)
+        if alike is None:
+            with jax.default_device(next(own)):
+                found[name] = true_motion(experiment, spec)
+            continue
+        still, of_alike = (platform_of(experiment, one).r_cg_from_still for one in (spec, specs[alike]))
+        found[name] = further_from_still(found[alike], np.asarray(still) - np.asarray(of_alike))
+    return found
+
+
+def _turn_alike(one: TrajectorySpec, other: TrajectorySpec) -> bool:
+    return bool(
+        eqx.tree_equal((one.trajectory, one.duration, one.rate), (other.trajectory, other.duration, other.rate))
     )
 
 

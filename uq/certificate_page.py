@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.tables import fixed
 from uq import certificate_tables as tables
 from uq import fit_plot, plots, sphere, sphere_plot

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from identify.alignment import Aligned
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.inertial import LARGEST_ANGLE, principal_axes
 from identify.tables import decimals, fixed, rounded

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import principal
 from identify.tables import fixed
 

@@ -9,6 +9,7 @@ Unlike other trials these are computed many at a time, the trials on the last ax
 vectors of them keep a processor busy (:mod:`uq.sum_equations`).
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
 from uq.measurement import OF_THE_GYRO, Columns, cell_map
-from uq.normals import normals
+from uq.normals import normals_of_keys
 from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
 from uq.trial import Case, Estimator, TrialEstimates, cases_of, valid_samples
 
@@ -42,10 +43,10 @@ class CollapsedSetup(eqx.Module):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
-    mean: Float[Array, "variants products"]
-    """Expected sums of the distinct products; the first variant is without noise of the gyro."""
-    root: Float[Array, "noisy products products"]
-    """A square root of their covariance, for each variant but the first."""
+    mean: Float[Array, "variants estimators kept"]
+    """Each estimator's expected :data:`uq.sum_equations.KEPT`; the first variant is without noise of the gyro."""
+    root: Float[Array, "noisy estimators kept products"]
+    """A square root of their joint covariance, for each variant but the first."""
     variant: Int[Array, " cases"]
     """Which variant acts in each case."""
     cell: Float[Array, "cases 6 6"]
@@ -75,8 +76,9 @@ def collapse(
     white = [source for source in sources if source.kind == "precision"]
     means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
                                     [e.taps for e in estimators], variances)  # fmt: skip
+    own = _own(len(estimators))
     return CollapsedSetup(
-        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means, roots,
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means[:, own], roots[:, own],
         jnp.asarray([variants.index(names) for names in acting]),
         jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
     )  # fmt: skip
@@ -148,14 +150,14 @@ def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array
 
 def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
     """Run many trials at a time; the result has them on the leading axis."""
-    draws = jax.vmap(lambda index: _draw(setup, key, index), out_axes=-1)(indices)
-    quiet = jnp.broadcast_to(setup.mean[:1, :, None], (1, setup.mean.shape[1], len(indices)))
-    sums = jnp.concatenate([quiet, setup.mean[1:, :, None] + setup.root @ draws.gyro])
+    draws = _draw(setup, key, indices)
+    quiet = jnp.broadcast_to(setup.mean[:1, ..., None], (1, *setup.mean.shape[1:], len(indices)))
+    sums = jnp.concatenate([quiet, setup.mean[1:, ..., None] + setup.root @ draws.gyro])
     inertia = jnp.zeros((setup.estimators, len(setup.cases), 6, len(indices)))
     ok = jnp.zeros((setup.estimators, len(setup.cases), len(indices)), bool)
     for kind, members in _kinds(setup).items():
         numbers, cases = (grid.ravel() for grid in np.meshgrid(range(setup.estimators), members, indexing="ij"))
-        found = jax.lax.map(lambda pair, k=kind: _estimates(setup, draws, sums, k, *pair), (numbers, cases))
+        found = _estimates(setup, draws, sums, kind, (numbers, cases))
         inertia, ok = inertia.at[numbers, cases].set(found[0]), ok.at[numbers, cases].set(found[1])
     return TrialEstimates(jnp.moveaxis(inertia, -1, 0), jnp.moveaxis(ok, -1, 0))
 
@@ -171,16 +173,19 @@ class _Draws(NamedTuple):
     """The same for the right sides."""
 
 
-def _draw(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> _Draws:
-    draws = draw_constants(setup.sources, setup.mixing, key, index, float)
-    errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> _Draws:
+    def errors(index):
+        draws = draw_constants(setup.sources, setup.mixing, key, index, float)
+        return errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+
     white = [source for source in setup.sources if source.kind == "precision"]
     normal = []
-    for targets, shape in ((("omega",), setup.mean.shape[1:]), (("F", "M"), (setup.estimators, 6))):
+    for targets, shape in ((("omega",), setup.root.shape[-1:]), (("F", "M"), (setup.estimators, 6))):
         first = [source for source in white if source.target in targets][:1]
-        keys = [block_key(stream_number(source.name), key, index, 0) for source in first]
-        normal.append(normals(keys[0], shape) if keys else jnp.zeros(shape))
-    return _Draws(errors, *normal)
+        keys = [jax.vmap(lambda i, s=s: block_key(stream_number(s.name), key, i, 0))(indices) for s in first]
+        drawn = normals_of_keys(keys[0], math.prod(shape)) if keys else jnp.zeros((math.prod(shape), len(indices)))
+        normal.append(drawn.reshape(*shape, -1))
+    return _Draws(jax.vmap(errors, out_axes=-1)(indices), *normal)
 
 
 class _Kind(NamedTuple):
@@ -188,8 +193,10 @@ class _Kind(NamedTuple):
 
     moving: bool
     """The normal matrix differs from trial to trial, by errors of the gyro."""
+    cell: bool
+    """The load cell's white noise may act; where nothing moves it costs little, and is not told apart."""
     noisy: bool
-    """The covariance of the load cell's noise differs, by errors of the centre of gravity."""
+    """The covariance of that noise differs, by errors of the centre of gravity."""
 
 
 def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
@@ -198,31 +205,51 @@ def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
         acting = [source for source in setup.sources if source.name in case.sources]
         moving = any(source.target == "omega" for source in acting)
         noisy = any(s.kind == "precision" for s in acting) and "r_cg" in perturbed(acting)
-        found.setdefault(_Kind(moving, moving or noisy), []).append(number)
+        cell = any(s.kind == "precision" and s.target != "omega" for s in (acting if moving else setup.sources))
+        found.setdefault(_Kind(moving, cell, moving or noisy), []).append(number)
     return found
 
 
-def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array):
-    """One estimator's estimates of one case, (6, trials), and which could be solved."""
+def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[np.ndarray, np.ndarray]):
+    """Some estimators' estimates of some cases of a kind, (pairs, 6, trials), and which could be solved.
+
+    In three loops over the pairs, since the compiler would compute anew in each what it can fuse into one.
+    """
+    known = jax.lax.map(lambda pair: _known(setup, draws, sums, kind, *pair), pairs)
+    equations = jax.lax.map(lambda one: _equations(setup, draws, kind, *one), (known, *pairs))
+    return jax.lax.map(lambda one: _solved(draws, kind, *one), (*equations, pairs[0]))
+
+
+def _known(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array) -> dict:
+    """The sums that the equations need."""
     errors = jax.tree.map(lambda leaf: leaf[case], draws.errors)
-    own = jnp.asarray(_own(setup.estimators))[number]
-    rows = sums[setup.variant[case], own] if kind.moving else setup.mean[0, own][:, None]
+    rows = sums[setup.variant[case], number] if kind.moving else setup.mean[0, number][:, None]
     known: dict = dict(zip(sum_equations.KEPT, rows, strict=True))
     if perturbed(setup.sources) & {"cell_scale", "cell_misalignment", "cell_cross_talk"}:
         known |= _sensed(known, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
-    r_cg = setup.r_cg[:, None] + errors.r_cg
-    known |= sum_equations.residual_sums(known, r_cg, errors.cell_bias)
-    if kind.moving:
-        powers = sum_equations.powers_of(errors.gyro_bias)
-        wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
-        known = {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
-    right = sum_equations.right_side(known)
-    if any(source.kind == "precision" and source.target != "omega" for source in setup.sources):
-        at = r_cg if kind.noisy else setup.r_cg[:, None]
+    known |= sum_equations.residual_sums(known, setup.r_cg[:, None] + errors.r_cg, errors.cell_bias)
+    wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
+    if not kind.moving:
+        return {w: known[w] for w in (*sum_equations.NEEDED, *wanted)}
+    powers = sum_equations.powers_of(errors.gyro_bias)
+    return {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
+
+
+def _equations(setup: CollapsedSetup, draws: _Draws, kind: _Kind, known: dict, number: Array, case: Array):
+    """Normal matrix, its noise's covariance where the load cell's acts, and right side."""
+    noise = {}
+    if kind.cell:
+        at = setup.r_cg[:, None] + (draws.errors.r_cg[case] if kind.noisy else 0.0)
         weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
-        noise = plain_solve.times_root(sum_equations.weighted_matrix(known, weight), draws.cell[number])
+        noise = sum_equations.weighted_matrix(known, weight)
+    return sum_equations.normal_matrix(known), noise, sum_equations.right_side(known)
+
+
+def _solved(draws: _Draws, kind: _Kind, normal: dict, covariance: dict, right: list, number: Array):
+    if kind.cell:
+        noise = plain_solve.times_root(covariance, draws.cell[number])
         right = [one + other for one, other in zip(right, noise, strict=True)]
-    found, ok = plain_solve.solve(sum_equations.normal_matrix(known), right)
+    found, ok = plain_solve.solve(normal, right)
     inertia = jnp.stack(found)
     ok = ok & jnp.all(jnp.isfinite(inertia), axis=0)
     return jnp.where(ok[None], inertia, jnp.nan), ok

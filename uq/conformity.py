@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.stats import norm
+import scipy
 
 from identify.inertia import COMPONENTS
 from uq.document import ExperimentError, Table
@@ -85,7 +85,7 @@ def decide(
     return [
         Decision(
             name, (low, high), _outcome(conformity.rule, inertia[k], expanded[k], low, high),
-            float(np.diff(norm.cdf([low, high], inertia[k], max(standard_uncertainty[k], 1e-300)))[0]),
+            float(np.diff(scipy.stats.norm.cdf([low, high], inertia[k], max(standard_uncertainty[k], 1e-300)))[0]),
         )
         for k, name in enumerate(COMPONENTS) if name in conformity.limits
         for low, high in [conformity.limits[name]]

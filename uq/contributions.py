@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.tables import decimals, fixed
 from uq.campaign import GRAM_METRE

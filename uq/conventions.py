@@ -8,8 +8,8 @@ from itertools import permutations, product
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array
-from scipy.stats import chi2
 
 from identify.inertia import parallel_axis
 from identify.inertial import Tensor
@@ -102,7 +102,7 @@ def joint(measured: Tensor, expected: Tensor) -> tuple[float, int, float]:
     values, vectors = np.linalg.eigh(correlation)
     told = values > 1e-10
     squares = (vectors.T @ (deviation[kept] / scale[kept]))[told] ** 2 / values[told]
-    return float(squares.sum()), int(told.sum()), float(chi2.sf(squares.sum(), told.sum()))
+    return float(squares.sum()), int(told.sum()), float(scipy.stats.chi2.sf(squares.sum(), told.sum()))
 
 
 def _rejected(measured: Tensor, expected: Tensor) -> bool:

@@ -9,7 +9,7 @@ import re
 from statistics import NormalDist
 from typing import Any
 
-from scipy.special import stdtrit
+import scipy
 
 from uq.distributions import Distribution, Normal, Rectangular, StudentT, Triangular, UShaped
 from uq.units import UnitError, quantity
@@ -125,5 +125,5 @@ def _covering(
         raise UnitError(f"is {text!r}: write a coverage factor above zero, or a level from 50 % to below 100 %")
     if k is None:
         upper = (1 + (level or 0.0) / 100) / 2
-        k = NormalDist().inv_cdf(upper) if freedom is None else float(stdtrit(freedom, upper))
+        k = NormalDist().inv_cdf(upper) if freedom is None else float(scipy.special.stdtrit(freedom, upper))
     return Normal(0.0, half_width / k) if freedom is None else StudentT(0.0, half_width / k, freedom)

@@ -14,7 +14,7 @@ from uq.design_goal import Measure
 from uq.design_limits import uses
 from uq.document import ExperimentError
 from uq.experiment import Experiment, TrajectorySpec
-from uq.prediction import Prediction, signals
+from uq.prediction import Prediction, jerk_of
 
 SPEEDS = 8
 """Factors of speed that are tried beside the given one, up to the bandwidth."""
@@ -45,7 +45,7 @@ def promise(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Promis
     still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
     t = jnp.arange(0.0, spec.duration, 1 / rate)
     motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
-    covariance = Prediction.of(experiment, spec).covariance(motion, signals(spec, motion))
+    covariance = Prediction.of(experiment, spec).covariance(motion, jerk_of(spec, motion))
     if not np.isfinite(covariance).all():
         raise ExperimentError("the reference trajectory does not tell all six components: choose another")
     return Promise(spec, np.asarray(covariance))

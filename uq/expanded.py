@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.optimize import brentq
-from scipy.stats import norm, t
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.tables import decimals, fixed, rounded
 
@@ -102,17 +101,17 @@ def of_normal(
 def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Coverage factor and probability of each; one of the two may be asked for, else 95 %."""
     if factor is not None:
-        return np.full(len(freedom), factor), 2 * t.cdf(factor, freedom) - 1
+        return np.full(len(freedom), factor), 2 * scipy.stats.t.cdf(factor, freedom) - 1
     wanted = USUAL if probability is None else probability
-    return t.ppf((1 + wanted) / 2, freedom), np.full(len(freedom), wanted)
+    return scipy.stats.t.ppf((1 + wanted) / 2, freedom), np.full(len(freedom), wanted)
 
 
 def degrees_of_freedom(factor: float) -> float:
     """Return the degrees of freedom of which Student's t has this coverage factor of 95 %; infinity for 1.96."""
 
     def beyond(freedom: float) -> float:
-        return float(t.ppf((1 + USUAL) / 2, freedom)) - factor
+        return float(scipy.stats.t.ppf((1 + USUAL) / 2, freedom)) - factor
 
-    if not np.isfinite(factor) or factor <= float(norm.ppf((1 + USUAL) / 2)) * (1 + 1e-4):
+    if not np.isfinite(factor) or factor <= float(scipy.stats.norm.ppf((1 + USUAL) / 2)) * (1 + 1e-4):
         return np.inf
-    return float(brentq(beyond, 0.2, 1e8)) if beyond(0.2) > 0 else 0.2
+    return float(scipy.optimize.brentq(beyond, 0.2, 1e8)) if beyond(0.2) > 0 else 0.2

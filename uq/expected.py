@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.inertial import PARAMETERS, Tensor, by_component
 from identify.tables import html_table, text_table

@@ -344,8 +344,8 @@ def _trajectory(table: Table, folder: Path) -> TrajectorySpec:
         raise ExperimentError(f"{table.where} has more than {MOST_SAMPLES:,} samples: lower duration or rate")
     if round(duration * rate) < 2:
         raise ExperimentError(f"{table.where} has fewer than two samples: raise duration or rate")
-    common = {"duration": np.array(duration), "ramp": np.array(ramp)}
-    trajectory = _multisine(table, folder, common) if kind == "multisine" else _of_the_source(table, kind, common)
+    ends = {"duration": np.array(duration), "ramp": np.array(ramp)}
+    trajectory = _multisine(table, folder, ends, still) if kind == "multisine" else _of_the_source(table, kind, ends)
     table.finish()
     return TrajectorySpec(trajectory, duration, rate, still)
 
@@ -360,8 +360,8 @@ def _of_the_source(table: Table, kind: str, common: Mapping[str, np.ndarray]) ->
     return Sphere(**values, precessions=precessions, pole=pole)
 
 
-def _multisine(table: Table, folder: Path, common: Mapping[str, np.ndarray]) -> Multisine:
-    if table.choice("still", ("cg", "omb"), "omb") == "cg":
+def _multisine(table: Table, folder: Path, common: Mapping[str, np.ndarray], still: str) -> Multisine:
+    if still == "cg":
         raise ExperimentError(f'{table.path("still")} is "cg": a multisine carries the platform\'s centre, write "omb"')
     return read_multisine(table.path("amplitudes"), folder / table.typed("amplitudes", str), **common)
 
@@ -370,9 +370,8 @@ def _estimator(table: Table) -> EstimatorSpec:
     name = table.typed("name", str)
     table.choice("method", ("ols",), "ols")
     differentiator = table.choice("differentiator", ("central", "savitzky-golay"))
-    band = table.quantity("band", "Hz", None, positive=True)
+    band, lowpass = (table.quantity(key, "Hz", None, positive=True) for key in ("band", "lowpass"))
     window = table.typed("window", int, None)
-    lowpass = table.quantity("lowpass", "Hz", None, positive=True)
     table.finish()
     if differentiator == "savitzky-golay" and band is None and window is None:
         raise ExperimentError(f"missing key {table.path('band')}: give the motion's highest frequency")

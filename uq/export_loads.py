@@ -14,7 +14,7 @@ Franka: ``setLoad``, centre from the flange [m], tensor about it, column by colu
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from uq.export_models import commented
 from uq.exported_body import ExportedBody, number, numbers
@@ -35,7 +35,7 @@ def kuka(body: ExportedBody) -> str:
 def abb(body: ExportedBody) -> str:
     """Return a RAPID module with load data."""
     moments, axes = body.principal()
-    quaternion = Rotation.from_matrix(axes).as_quat(scalar_first=True, canonical=True)
+    quaternion = scipy.spatial.transform.Rotation.from_matrix(axes).as_quat(scalar_first=True, canonical=True)
     parts = [f"[{numbers(part, ',')}]" for part in (MILLIMETRE * body.r_cg, quaternion)]
     load = f"[{number(body.mass)},{','.join(parts)},{numbers(moments, ',')}]"
     name = f"{body.name}_load"

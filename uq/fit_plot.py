@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.run_estimate import RunEstimate
 from identify.trace import Trace
 from uq.plots import PAGE, PALETTE, STYLE

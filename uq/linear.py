@@ -12,8 +12,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.stats import t as student
 
 from identify.precision import check_precision
 from identify.tables import html_table, text_table
@@ -63,7 +63,7 @@ class LinearLaw:
 
     def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the ends of ``value ± k u``, k from Student's t at the effective degrees of freedom (GUM G.3, G.4)."""
-        k = student.ppf((1 + probability) / 2, self.degrees_of_freedom).reshape(self.value.shape)
+        k = scipy.stats.t.ppf((1 + probability) / 2, self.degrees_of_freedom).reshape(self.value.shape)
         half = k * self.standard_uncertainty
         return np.asarray(self.value - half), np.asarray(self.value + half)
 

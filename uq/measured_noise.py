@@ -7,8 +7,8 @@ that its figures describe, or that something shakes the rig.
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.signal import welch
 
 from identify.filters import motion_band
 from identify.run import Run
@@ -38,7 +38,9 @@ def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> 
         One value an axis, in the signal's unit; None where too few frequencies are left.
     """
     size = max(len(signal) // SEGMENTS, 8)
-    frequency, density = welch(signal, fs=rate, nperseg=size, axis=0, window="blackmanharris", detrend="linear")
+    frequency, density = scipy.signal.welch(
+        signal, fs=rate, nperseg=size, axis=0, window="blackmanharris", detrend="linear"
+    )
     usable = (frequency > above) & (frequency < BELOW * rate / 2)
     if usable.sum() < FEWEST:
         return None

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 ORDER = "ZYX"
 """Rotation order of the angles (yaw, pitch, roll), about turned axes."""
@@ -50,7 +50,7 @@ class Commanded:
 
 def csv(motion: Commanded) -> bytes:
     """Return the table with the columns ``CSV_COLUMNS``, ten decimals."""
-    turn = Rotation.from_matrix(motion.rotation)
+    turn = scipy.spatial.transform.Rotation.from_matrix(motion.rotation)
     quaternion = np.roll(turn.as_quat(canonical=True), 1, axis=1)
     angles = turn.as_euler(ORDER)[:, ::-1]
     rows = np.hstack([motion.t[:, None], motion.position, angles, quaternion, motion.length])
@@ -73,8 +73,8 @@ def read_csv(content: bytes) -> tuple[Commanded, Float[np.ndarray, "n 3 3"]]:
     if tuple(head.split(",")) != CSV_COLUMNS:
         raise ValueError("other columns")
     rows = np.array([[float(cell) for cell in line.split(",")] for line in lines])
-    by_angles = Rotation.from_euler(ORDER, rows[:, 6:3:-1]).as_matrix()
-    by_quaternion = Rotation.from_quat(np.roll(rows[:, 7:11], -1, axis=1)).as_matrix()
+    by_angles = scipy.spatial.transform.Rotation.from_euler(ORDER, rows[:, 6:3:-1]).as_matrix()
+    by_quaternion = scipy.spatial.transform.Rotation.from_quat(np.roll(rows[:, 7:11], -1, axis=1)).as_matrix()
     return Commanded(rows[:, 0], rows[:, 1:4], by_angles, rows[:, 11:]), by_quaternion
 
 
@@ -87,7 +87,7 @@ def pi_waves(motion: Commanded) -> bytes:
 
 
 def _wave_lines(motion: Commanded) -> Iterator[str]:
-    angles = Rotation.from_matrix(motion.rotation).as_euler(ORDER, degrees=True)[:, ::-1]
+    angles = scipy.spatial.transform.Rotation.from_matrix(motion.rotation).as_euler(ORDER, degrees=True)[:, ::-1]
     for table, values in enumerate(_decimals(np.hstack([1e3 * motion.position, angles]), 8).T, start=1):
         for first in range(0, len(values), PI_POINTS):
             part = values[first : first + PI_POINTS]
@@ -109,7 +109,7 @@ def read_pi_waves(content: bytes, rate: float) -> Commanded:
         kept = tables.get(int(table), []) if append == "&" else []
         tables[int(table)] = kept + [float(point) for point in points]
     values = np.array([tables[k] for k in range(1, 7)]).T
-    rotation = Rotation.from_euler(ORDER, values[:, :2:-1], degrees=True).as_matrix()
+    rotation = scipy.spatial.transform.Rotation.from_euler(ORDER, values[:, :2:-1], degrees=True).as_matrix()
     return Commanded(np.arange(len(values)) / rate, 1e-3 * values[:, :3], rotation, np.zeros((len(values), 0)))
 
 
@@ -119,7 +119,7 @@ def moog_packets(motion: Commanded) -> bytes:
     Metres and radians; heave is down and lateral is to the right, in ``MOOG_DOFS``' order.
     """
     rotation = DOWN @ motion.rotation @ DOWN
-    yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler(ORDER).T
+    yaw, pitch, roll = scipy.spatial.transform.Rotation.from_matrix(rotation).as_euler(ORDER).T
     surge, lateral, heave = (motion.position @ DOWN).T
     packets = np.zeros(len(motion.t), MOOG_PACKET)
     packets["command"] = NEW_POSITION
@@ -137,6 +137,7 @@ def read_moog_packets(content: bytes, rate: float) -> Commanded:
     if (packets["command"] != NEW_POSITION).any():
         raise ValueError("another command word")
     roll, pitch, heave, surge, yaw, lateral = packets["dof"].astype(float).T
-    rotation = DOWN @ Rotation.from_euler(ORDER, np.stack([yaw, pitch, roll], axis=1)).as_matrix() @ DOWN
+    turn = scipy.spatial.transform.Rotation.from_euler(ORDER, np.stack([yaw, pitch, roll], axis=1))
+    rotation = DOWN @ turn.as_matrix() @ DOWN
     position = np.stack([surge, lateral, heave], axis=1) @ DOWN
     return Commanded(np.arange(len(packets)) / rate, position, rotation, np.zeros((len(packets), 0)))

@@ -59,6 +59,16 @@ def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64")
     return jnp.concatenate([pairs.real, pairs.imag])[:count].reshape(shape)
 
 
+def normals_of_keys(keys: Key[Array, " trials"], count: int) -> Float[Array, "count trials"]:
+    """Return what :func:`normals` gives of each key, side by side.
+
+    In a loop over places, whose results the compiler keeps: it would compute all anew for real and imaginary parts.
+    """
+    of_place = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, float))(keys)  # noqa: E731
+    pairs = jax.lax.map(of_place, jnp.arange(-(-count // 2), dtype=jnp.uint32))
+    return jnp.concatenate([pairs.real, pairs.imag])[:count]
+
+
 def box_muller(radius: Word, angle: Word, dtype: Any) -> Complex[Array, "..."]:
     """Return two standard normal numbers, in a complex one, from two words of 32 random bits."""
     dtype = jnp.dtype(dtype)

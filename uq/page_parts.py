@@ -11,7 +11,7 @@ from urllib.parse import quote
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS
 from identify.tables import decimals, fixed, is_figure, with_error
 from uq import plots

@@ -8,7 +8,7 @@ from functools import singledispatch
 from typing import Any
 
 from identify.centre import Centre
-from identify.identification import Identification
+from identify.identification_result import Identification
 from uq import budget_plot, design_page
 from uq.achieved_motion import Achieved
 from uq.barreto2016 import PaperResult

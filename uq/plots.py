@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from uq.averages import average
 from uq.campaign import GRAM_METRE, MonteCarloResult, Statistics

@@ -8,8 +8,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.spatial.transform import Rotation
 
 from identify.centre import PARAMETERS, UNITS, Attitudes, foreseen_covariance
 from identify.platform import Platform, Pose, Twist, lengths
@@ -78,14 +78,14 @@ class PosePlan:
 
     def csv(self) -> str:
         """Return the list: pose, legs, gravity in B; force and moment stand empty until they are measured."""
-        angles = Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1]
+        angles = scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1]
         rows = np.hstack([self.position, angles, self.length, -self.rotation[:, 2]])
         lines = [f"{k},{','.join(f'{x + 0.0:.9f}' for x in row)}{',' * 6}" for k, row in enumerate(rows, start=1)]
         return "\n".join([",".join(COLUMNS), *lines, ""])
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows: where to go, and the legs' lengths."""
-        angles = np.degrees(Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1])
+        angles = np.degrees(scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1])
         rows = [
             [f"{k}", *(fixed(1e3 * x, 2) for x in p), *(fixed(a, 3) for a in turn), *(fixed(1e3 * x, 2) for x in legs)]
             for k, (p, turn, legs) in enumerate(zip(self.position, angles, self.length, strict=True), start=1)

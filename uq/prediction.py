@@ -121,7 +121,7 @@ class Prediction(eqx.Module):
         return jax.jacfwd(estimate)(jnp.zeros(self.directions.shape[1]))
 
 
-def signals(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
+def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
     """Return the derivative of alpha of a trajectory at a motion's instants, in B [rad/s³]."""
     return _slopes(spec.trajectory, motion.t)
 

@@ -9,7 +9,8 @@ import numpy as np
 from identify.consistency import Verdict, consistency
 from identify.estimator import EstimatorSpec
 from identify.filters import occupied_band
-from identify.identification import Identification, Method, identify
+from identify.identification import identify
+from identify.identification_result import Identification, Method
 from identify.offsets import OffsetChoice, rest_of
 from identify.resample import UNEQUAL, interval
 from identify.run import Run, RunError

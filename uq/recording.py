@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.frames import from_axes, from_quaternion, nearest_rotation
-from identify.identification import CgMotion, Method
+from identify.identification_result import CgMotion, Method
 from identify.priors import Alignment
 from uq.alignment import parse_alignment
 from uq.document import ExperimentError, Table

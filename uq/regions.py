@@ -9,9 +9,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
-from scipy.stats import chi2, gaussian_kde
 
 from identify.inertia import principal
 
@@ -40,7 +39,7 @@ class EllipsoidalRegion:
     @property
     def normal_factor(self) -> float:
         """k_p of normal outputs: the root of the quantile of χ² (JCGM 102, 6.5.2.3)."""
-        return float(np.sqrt(chi2.ppf(self.probability, len(self.centre))))
+        return float(np.sqrt(scipy.stats.chi2.ppf(self.probability, len(self.centre))))
 
     def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
         """Return which points lie inside."""
@@ -53,7 +52,7 @@ class SmallestRegion:
     """Where the density of the trials is above a level: the region of least volume (JCGM 102, 7.7.4)."""
 
     probability: float
-    density: gaussian_kde
+    density: "scipy.stats.gaussian_kde"
     """Of the trials, by kernels; in place of the counts in cells of 7.7.4, which six outputs would leave empty."""
     level: float
     """Density on the boundary."""
@@ -115,7 +114,7 @@ def smallest_region(draws: np.ndarray, probability: float = 0.95, *, most: int =
     """
     draws = _checked(draws, probability)
     half, quarter = len(draws) // 2, len(draws) * 3 // 4
-    density = gaussian_kde(draws[: min(half, most)].T)
+    density = scipy.stats.gaussian_kde(draws[: min(half, most)].T)
     level = float(np.quantile(density(draws[half:quarter][:most].T), 1 - probability))
     coverage = _share(density(draws[quarter:][:most].T) >= level)
     heights = density(density.resample(most, seed=seed))
@@ -142,7 +141,7 @@ def axes_region(inertia: Float[np.ndarray, "trials 6"], probability: float = 0.9
     turned = axes @ mean.T  # rows: a trial's axes, by their components along the mean tensor's
     signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     nearest = signs[np.argmax(np.einsum("si,nii->ns", signs, turned), axis=1)]
-    vectors = Rotation.from_matrix(np.swapaxes(turned * nearest[:, :, None], 1, 2)).as_rotvec()
+    vectors = scipy.spatial.transform.Rotation.from_matrix(np.swapaxes(turned * nearest[:, :, None], 1, 2)).as_rotvec()
     angle = np.linalg.norm(vectors, axis=1)
     return AxesRegion(
         mean,

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.interpolate import CubicSpline
-from scipy.signal import fftconvolve
 
 from identify.estimator import EstimatorSpec
 from identify.gram import Sums
@@ -90,7 +89,7 @@ def run_sums(
             "record for longer, or declare what is known of the delay"
         )
     wrench = _columns(run, plain, estimator, r_cg, inertia, columns, offsets)[:, inside]
-    spline = CubicSpline(run.t, run.omega) if len(delays) > 1 else None
+    spline = scipy.interpolate.CubicSpline(run.t, run.omega) if len(delays) > 1 else None
     gram, with_wrench = [], []
     for delay in delays:
         shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
@@ -141,7 +140,7 @@ def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np
     """The elements of an angular velocity, with the estimator's derivative, through its filter."""
     taps = estimator.taps(run.rate)
     kernel = np.concatenate([-taps[::-1], [0.0], taps])[None]
-    alpha = fftconvolve(omega.T, kernel[:, ::-1], mode="valid", axes=1)
+    alpha = scipy.signal.fftconvolve(omega.T, kernel[:, ::-1], mode="valid", axes=1)
     inner = slice(len(taps), len(run.t) - len(taps))
     w, t = omega[inner].T, (run.t[inner] - run.t[0])[None]
     products = np.stack([w[i] * w[j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
@@ -150,7 +149,7 @@ def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np
 
 def _filtered(signals: np.ndarray, run: Run, estimator: EstimatorSpec) -> np.ndarray:
     taps = estimator.filter_taps(run.rate)
-    return signals if len(taps) == 1 else fftconvolve(signals, taps[None], mode="valid", axes=1)
+    return signals if len(taps) == 1 else scipy.signal.fftconvolve(signals, taps[None], mode="valid", axes=1)
 
 
 def _columns(

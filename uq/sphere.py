@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 
 NEAR = np.deg2rad(15)
 """Angle within which a direction counts as visited [rad]."""

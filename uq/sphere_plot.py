@@ -8,7 +8,7 @@ from matplotlib.axes import Axes as Panel
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from identify.identification import Identification
+from identify.identification_result import Identification
 from uq.campaign import GRAM_METRE
 from uq.plots import PAGE, PALETTE, STYLE
 from uq.sphere import Axes, motion, rms_about, uncertainty_about

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from math import comb
 
 import numpy as np
-from scipy.linalg import hadamard
+import scipy
 
 MOST_PLAYERS = 10
 """Most players whose subsets are all visited."""
@@ -58,7 +58,7 @@ def _unions(players: Sequence[int]) -> list[tuple[int, int]]:
 
 def walsh(count: int) -> np.ndarray:
     """Return the Walsh–Hadamard matrix over subsets, normalised: (2^d, 2^d), ``(-1)^|v ∩ w| / 2^d``."""
-    return hadamard(2**count) / 2**count
+    return scipy.linalg.hadamard(2**count) / 2**count
 
 
 def effects_of_swaps(players: Sequence[int], count: int) -> np.ndarray:
@@ -78,4 +78,4 @@ def effects_of_swaps(players: Sequence[int], count: int) -> np.ndarray:
     Returns:
         (3 k + 1, 2^d): first order of each of the k players, total, Shapley effect, then the variance.
     """
-    return effects_of_costs(players, count) @ (1.0 - hadamard(2**count))
+    return effects_of_costs(players, count) @ (1.0 - scipy.linalg.hadamard(2**count))

@@ -13,11 +13,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, Key
-from scipy.stats import t as student
 
 from identify.gram import normal_equations, solve_normal
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertia import Body
 from identify.offsets import OffsetChoice
 from identify.pooling import Pooling
@@ -321,7 +321,7 @@ def combined_interval(
     rng = np.random.default_rng([seed, trials])
     even = (np.arange(trials) + 0.5) / trials
     own = [
-        scale * student.ppf(rng.permutation(even), freedom)
+        scale * scipy.stats.t.ppf(rng.permutation(even), freedom)
         for scale, freedom in zip(together.scale, together.degrees_of_freedom, strict=True)
     ]
     return tuple(np.quantile(errors + np.transpose(own), [0.025, 0.975], axis=0))

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from identify.centre_result import Centre
 from identify.errors import RunError
-from identify.identification import Identification
+from identify.identification_result import Identification
 from identify.inertial import InertialParameters
 from identify.offsets import OffsetChoice
 from identify.tare import Tare, left_over, subtract
@@ -50,14 +50,9 @@ def tare_files(
         ExperimentError: nothing tells the fixture's mass and centre of gravity, or two things tell its tensor.
         RigError, RunError: see :func:`uq.recorded.identify_files` and :func:`identify.tare.subtract`.
     """
+    check_tare(paths, experiment, tare_centre)
     if not paths:
-        if tare_centre is not None:
-            raise RunError("--tare-centre without --tare: name the runs of the empty platform, or state [fixture]")
-        if experiment.fixture is None:
-            return result
-        if not np.isfinite(experiment.fixture.inertia).all():
-            raise ExperimentError("no fixture.inertia: state it, or name runs of the empty platform with --tare")
-        return tared(result, experiment.fixture)
+        return result if experiment.fixture is None else tared(result, experiment.fixture)
     loaded = {run.sha256 for run in result.runs}
     alone = fixture_alone(experiment, tare_centre)
     empty = identify_files(paths, alone, estimator=estimator, offsets=offsets, centre=tare_centre)
@@ -70,6 +65,21 @@ def tare_files(
     if centre is None or tare_centre is None:
         return tared(result, empty)
     return tared(result, empty, cross=lasting_errors(result, empty, load_centre(centre), load_centre(tare_centre)))
+
+
+def check_tare(paths: Sequence[str | Path], experiment: Experiment, tare_centre: str | Path | None) -> None:
+    """Refuse what :func:`tare_files` cannot do, before anything is identified.
+
+    Raises:
+        ExperimentError, RunError: see there.
+    """
+    if paths:
+        fixture_alone(experiment, tare_centre)
+        return
+    if tare_centre is not None:
+        raise RunError("--tare-centre without --tare: name the runs of the empty platform, or state [fixture]")
+    if experiment.fixture is not None and not np.isfinite(experiment.fixture.inertia).all():
+        raise ExperimentError("no fixture.inertia: state it, or name runs of the empty platform with --tare")
 
 
 def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Experiment:

@@ -3,7 +3,7 @@
 import argparse
 from typing import get_args
 
-from identify.identification import Method
+from identify.identification_result import Method
 from uq.commands._common import ERRORS, add_part_options, finish, output_folder, start_jax
 from uq.document import ExperimentError
 from uq.expected import compare
@@ -13,7 +13,7 @@ from uq.mountings import names
 from uq.parts import pair
 from uq.recorded import identify_files
 from uq.reference import load_reference
-from uq.tare import tare_files
+from uq.tare import check_tare, tare_files
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -66,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     formats = None if arguments.export is None else formats_of(arguments.export)
     experiment = Experiment.load(arguments.experiment)
     reference = None if arguments.expected is None else load_reference(arguments.expected)
+    check_tare(arguments.tare, experiment, arguments.tare_centre)
     with output_folder(arguments.out) as out:
         result = identify_files(
             arguments.runs,
