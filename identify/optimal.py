@@ -61,8 +61,8 @@ def minimise(
     rounds: int = 12,
     steps: int = 150,
     penalty: float = 300.0,
-    growth: float = 2.0,
-    heaviest: float = 3e4,
+    growth: float = 2.5,
+    heaviest: float = 1e6,
     progress: Callable[[int, float, float], None] | None = None,
 ) -> Optimum:
     """Minimise from a start.

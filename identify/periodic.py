@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from identify.dynamics import acceleration_at
 from identify.platform import Platform, Pose, Twist, jacobian
 from identify.platform_motion import Limits, PlatformMotion
-from identify.trajectory import Motion, Multisine, exponential, rate_of_turn
+from identify.trajectory import Motion, exponential, rate_of_turn
 
 TYPICAL = 2 * np.pi
 """Angular frequency [rad/s] at which a limited speed or stroke is turned into an acceleration where none is limited."""
@@ -59,16 +59,11 @@ class Periodic(eqx.Module):
         square = (2 * np.pi * self.frequency) ** 2
         return np.einsum("ij,cjk->cik", np.linalg.inv(self.to_pose), -square * amplitudes).ravel()
 
-    def multisine(self, unknowns: Float[np.ndarray, " u"], duration: float, ramp: float) -> Multisine:
-        """Return the trajectory that repeats this period between two ramps."""
-        cosine, sine = np.asarray(self.amplitudes(jnp.asarray(unknowns)))
-        return Multisine(self.frequency, cosine, sine, np.array(duration), np.array(ramp))
-
-    def coordinates(self, unknowns: Float[Array, " u"]) -> Float[Array, "4 n 6"]:
-        """Return displacement and rotation vector over the period, with their three derivatives."""
+    def coordinates(self, unknowns: Float[Array, " u"], t: Float[np.ndarray, " n"]) -> Float[Array, "4 n 6"]:
+        """Return displacement and rotation vector at instants [s], with their three derivatives."""
         cosine, sine = self.amplitudes(unknowns)
         speed = 2 * np.pi * self.frequency
-        angle = speed * self.t[:, None]
+        angle = speed * t[:, None]
         cos, sin = np.cos(angle), np.sin(angle)
 
         def of_order(order: int) -> Array:  # each derivative turns (cos, sin) by a quarter
@@ -87,7 +82,7 @@ def accelerations(limits: Limits) -> Float[np.ndarray, "6"]:
 
 
 class Moved(NamedTuple):
-    """One period of a motion: of the platform, and of the body with the derivative of alpha."""
+    """A motion: of the platform, and of the body with the derivative of alpha."""
 
     platform: PlatformMotion
     body: Motion
@@ -97,24 +92,23 @@ class Moved(NamedTuple):
 
 def moved(
     platform: Platform,
-    periodic: Periodic,
-    unknowns: Float[Array, " u"],
+    t: Float[Array, " n"],
+    coordinates: Float[Array, "4 n 6"],
     r_cg_from_omb: Float[Array, "3"],
     gravity: Float[Array, ""],
 ) -> Moved:
-    """Return what platform and body do over one period.
+    """Return what platform and body do.
 
     Args:
         platform: for its home.
-        periodic: harmonics and grid.
-        unknowns: of the motion.
+        t: instants [s].
+        coordinates: displacement from home [m] and rotation vector [rad] there, with their three derivatives.
         r_cg_from_omb: centre of gravity from the platform's centre, in B [m].
         gravity: local gravity [m/s²].
     """
-    at, speed, acceleration, jolt = periodic.coordinates(unknowns)
+    at, speed, acceleration, jolt = coordinates
     omega, alpha, jerk = jax.vmap(turning)(at[:, 3:], speed[:, 3:], acceleration[:, 3:], jolt[:, 3:])
     rotation = jax.vmap(exponential)(at[:, 3:])
-    t = jnp.asarray(periodic.t)
     position = jnp.asarray(platform.home)[None] + at[:, :3]
     of_platform = PlatformMotion(t, Pose(position, rotation), Twist(speed[:, :3], omega, acceleration[:, :3], alpha))
     own = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(r_cg_from_omb, omega, alpha)

@@ -1,6 +1,6 @@
 """What a platform does on a trajectory: poses, legs and forces at many instants, and how they stand to its limits."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -154,22 +154,24 @@ def needs(found: Effort, bandwidth: float = np.inf) -> Limits:
 
 
 def shares(found: Effort, limits: Limits) -> dict[str, Float[Array, "n k"]]:
-    """Return by quantity how much of its limit a motion uses at each instant: 1 is the limit; k legs or axes.
+    """Return by quantity how much of its limit a motion uses at each instant: 1 is the limit; k legs or axes."""
+    return {name: jnp.abs(value) for name, value in signed_shares(found, limits).items()}
 
-    A length counts from the middle of its range.
-    """
+
+def signed_shares(found: Effort, limits: Limits) -> dict[str, Any]:
+    """Return the same with the quantities' signs, smooth in time. A length counts from the middle of its range."""
     low, high = limits.length.T
     finite = np.isfinite(high)
     middle, half = np.where(finite, (low + high) / 2, 0.0), np.where(finite, (high - low) / 2, np.inf)
     return {
-        "length": jnp.abs(found.legs.length - middle[None]) / half[None],
-        "speed": jnp.abs(found.legs.speed) / limits.speed[None],
-        "acceleration": jnp.abs(found.legs.acceleration) / limits.acceleration[None],
-        "force": jnp.abs(found.force) / limits.force[None],
+        "length": (found.legs.length - middle[None]) / half[None],
+        "speed": found.legs.speed / limits.speed[None],
+        "acceleration": found.legs.acceleration / limits.acceleration[None],
+        "force": found.force / limits.force[None],
         "joint_angle": found.joint_angle / limits.joint_angle,
-        "cell_force": jnp.abs(found.cell_force) / limits.cell_force[None],
-        "cell_moment": jnp.abs(found.cell_moment) / limits.cell_moment[None],
-        "gyro_range": jnp.abs(found.omega) / limits.gyro_range,
+        "cell_force": found.cell_force / limits.cell_force[None],
+        "cell_moment": found.cell_moment / limits.cell_moment[None],
+        "gyro_range": found.omega / limits.gyro_range,
         "body_acceleration": found.body_acceleration[:, None] / limits.body_acceleration,
     }
 

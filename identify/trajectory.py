@@ -31,6 +31,15 @@ def window(t: Scalar, duration: Scalar, ramp: Scalar) -> Float[Array, ""]:
     return step(t / ramp) * step((duration - t) / ramp)
 
 
+def swell(u: Scalar) -> Float[Array, ""]:
+    """Return another smooth step, ``sin(π/2 step(u))``: fast where it is small, slow where it is near one.
+
+    An oscillation of angular frequency Ω times a window w asks for an acceleration of ``√(w² + (2w'/Ω)²)`` of its own,
+    which for ``w = sin Ωt/2`` is one all the time.
+    """
+    return jnp.sin(jnp.pi / 2 * step(u))
+
+
 class Trajectory(eqx.Module):
     """A rotation of the body in time."""
 
@@ -136,9 +145,13 @@ class Multisine(Trajectory):
         angle = 2 * jnp.pi * jnp.asarray(self.frequency) * t
         if self.start is None:
             shape = jnp.asarray(self.cosine) @ jnp.cos(angle) + jnp.asarray(self.sine) @ jnp.sin(angle)
-            return window(t, self.duration, self.ramp) * shape
-        own = jax.vmap(lambda start, end: window(t - start, end - start, self.ramp))(self.start, self.end)
+            return self.window(t, self.duration) * shape
+        own = jax.vmap(lambda start, end: self.window(t - start, end - start))(self.start, self.end)
         return jnp.asarray(self.cosine) @ (own * jnp.cos(angle)) + jnp.asarray(self.sine) @ (own * jnp.sin(angle))
+
+    def window(self, t: Scalar, duration: Scalar) -> Float[Array, ""]:
+        """Return the window of a stage at ``t`` from its start, which starts and stops it within a ramp."""
+        return swell(t / self.ramp) * swell((duration - t) / self.ramp)
 
     @property
     def end(self) -> Float[Array, " k"]:
@@ -146,6 +159,11 @@ class Multisine(Trajectory):
         start = jnp.zeros(len(self.frequency)) if self.start is None else jnp.asarray(self.start)
         next_start = jnp.where(start[None] > start[:, None], start[None], jnp.inf).min(axis=1)
         return jnp.minimum(next_start, self.duration)
+
+    @property
+    def stages(self) -> int:
+        """How many stages there are."""
+        return 1 if self.start is None else len(np.unique(np.asarray(self.start)))
 
     def lasting(self, duration: float) -> "Multisine":
         """Return the motion of another duration [s], its ramps as they are, each stage longer or shorter alike."""

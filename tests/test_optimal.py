@@ -9,9 +9,8 @@ from scipy.optimize import minimize as scipy_minimize
 from identify.band_limited import best_excursion, largest_amplitude, largest_mean_square
 from identify.information_bound import least
 from identify.optimal import Lagrangian, minimise
-from identify.periodic import Periodic, accelerations, moved
-from identify.platform_motion import Limits, platform_motion
-from identify.trajectory import sample
+from identify.periodic import Periodic, accelerations
+from identify.platform_motion import Limits
 from uq.document import Table
 from uq.platform_table import parse_geometry
 
@@ -53,23 +52,6 @@ def platform():
 def periodic(platform):
     limits = Limits.none()._replace(acceleration=np.full(6, 1.2), speed=np.full(6, 0.128))
     return Periodic.of(platform, limits, period=2.0, band=2.0, rate=80.0)
-
-
-def test_a_period_is_the_multisines_between_the_ramps(platform, periodic, generator):
-    """Pose, omega, alpha and specific force by the closed form, against the trajectory that a campaign samples."""
-    unknowns = 0.3 * generator.normal(size=periodic.unknowns)
-    one = moved(platform, periodic, jnp.asarray(unknowns), jnp.asarray(OFFSET), jnp.asarray(GRAVITY))
-    trajectory = periodic.multisine(unknowns, 8.0, 2.0)
-    t = jnp.arange(0.0, 6.0, 1 / 400)
-    whole = platform_motion(platform, trajectory, t, jnp.zeros(3))
-    there = jax.tree.map(lambda x: x[1600:2400:5], whole)  # the period from 4 s on
-    for ours, theirs in zip(jax.tree.leaves(one.platform[1:]), jax.tree.leaves(there[1:]), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-7)
-    body = sample(trajectory, t, r_cg_from_still=OFFSET, gravity=GRAVITY)
-    np.testing.assert_allclose(one.body.specific_force_cg, body.specific_force_cg[:, 1600:2400:5], atol=1e-7)
-    h = float(one.body.t[1])
-    spectrum = np.fft.rfft(one.body.alpha, axis=1) * 2j * np.pi * np.fft.rfftfreq(160, h)
-    np.testing.assert_allclose(one.jerk, np.fft.irfft(spectrum, axis=1), atol=1e-8)
 
 
 def test_unknowns_come_back(periodic, generator):

@@ -18,6 +18,8 @@ from identify.information_bound import Uncertainty, least
 from identify.platform import jacobian, lengths
 from identify.platform_motion import Limits
 from identify.regressor import cross_matrix, omega_r
+from identify.repeating import repeating_mean_square
+from identify.trajectory import Multisine
 from uq.experiment import Experiment, TrajectorySpec
 from uq.prediction import Prediction
 
@@ -28,6 +30,8 @@ RELAXED = (
     "ramps take no time",
 )
 """What the bound does not ask of a motion."""
+HARMONICS = 4
+"""Most that a motion has which repeats: it does so within less than one more period of the bandwidth."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class DesignBound:
     """Of the three products [kg·m²]."""
     relaxes: tuple[str, ...]
     """What the bound does not ask of a motion."""
+    period: float = np.inf
+    """It holds for motions, or stages of them, that repeat within less than this [s]; infinite: for all."""
 
 
 def design_bound(
@@ -57,8 +63,57 @@ def design_bound(
     Returns:
         The bound; None where stroke and speed of a leg are free, or the load cell has no white noise.
     """
+    if squares is None:
+        amplitudes, ratio = amplitudes_of(experiment, limits)
+        squares = amplitudes**2 * _any(ratio, limits.bandwidth)
+    return _of_squares(experiment, spec, squares, RELAXED, np.inf)
+
+
+def repeating_bound(experiment: Experiment, spec: TrajectorySpec, limits: Limits) -> DesignBound | None:
+    """Return what no motion can beat that repeats soon, or whose stages do, if this one does.
+
+    Soon is within less than ``(HARMONICS + 1) / bandwidth``. While stages start and stop, motions need not repeat.
+
+    Args:
+        experiment: body, platform and sources.
+        spec: how long and how often is sampled; how long stages start and stop.
+        limits: in figures.
+
+    Returns:
+        The bound; None if it is of another kind, or where :func:`design_bound` is None.
+    """
+    trajectory, period = spec.trajectory, (HARMONICS + 1) / limits.bandwidth
+    amplitudes, ratio = amplitudes_of(experiment, limits)
+    if not (isinstance(trajectory, Multisine) and np.min(trajectory.frequency) * period > 1 and np.isfinite(ratio)):
+        return None
+    ramps = 2 * float(trajectory.ramp) * trajectory.stages
+    other = min(ramps / spec.duration, 1.0)
+    part = (1 - other) * repeating_mean_square(ratio, HARMONICS) + other * _any(ratio, limits.bandwidth)
+    relaxed = (*RELAXED[:-1], f"for {ramps:g} s, when stages start and stop, the motion need not repeat")
+    return _of_squares(experiment, spec, amplitudes**2 * part, relaxed, period)
+
+
+def amplitudes_of(experiment: Experiment, limits: Limits) -> tuple[Float[np.ndarray, "6"], float]:
+    """Return the legs' largest accelerations [m/s²], and the largest ratio of a speed to what the band's edge needs."""
+    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
+    strokes = np.abs(limits.length - home[:, None]).max(axis=1)
+    each = zip(limits.acceleration, limits.speed, strokes, strict=True)
+    amplitudes = np.array([largest_amplitude(*one, limits.bandwidth) for one in each])
+    return amplitudes, float((2 * np.pi * limits.bandwidth * limits.speed / amplitudes).max())
+
+
+def _any(ratio: float, bandwidth: float) -> float:
+    return largest_mean_square(1.0, ratio / (2 * np.pi * bandwidth), bandwidth)
+
+
+def _of_squares(
+    experiment: Experiment,
+    spec: TrajectorySpec,
+    squares: Float[np.ndarray, "6"],
+    relaxed: tuple[str, ...],
+    period: float,
+) -> DesignBound | None:
     noise = moment_noise(experiment, spec)
-    squares = mean_squares(experiment, limits) if squares is None else squares
     if np.linalg.eigvalsh(noise)[0] <= 0 or not np.isfinite(squares).all():
         return None
     platform = experiment.platform
@@ -67,24 +122,13 @@ def design_bound(
     moments, products = (
         least(average(samples, noise, part), np.eye(6), squares, to_alpha).value / 1e3 for part in (MOMENTS, PRODUCTS)
     )
-    return DesignBound(moments, products, RELAXED)
+    return DesignBound(moments, products, relaxed, period)
 
 
 def moment_noise(experiment: Experiment, spec: TrajectorySpec) -> Float[np.ndarray, "3 3"]:
     """Return the covariance of the white noise of ``M - r × F`` at one sample [N²·m²]."""
     about = jnp.hstack([-cross_matrix(jnp.asarray(experiment.stated_r_cg)), jnp.eye(3)])
     return np.asarray(about @ Prediction.of(experiment, spec).wrench @ about.T)
-
-
-def mean_squares(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
-    """Return the largest mean square of each leg's acceleration [m²/s⁴] that its own limits leave within the band."""
-    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
-    strokes = np.abs(limits.length - home[:, None]).max(axis=1)
-    found = []
-    for acceleration, speed, stroke in zip(limits.acceleration, limits.speed, strokes, strict=True):
-        amplitude = largest_amplitude(acceleration, speed, stroke, limits.bandwidth)
-        found.append(largest_mean_square(amplitude, speed, limits.bandwidth) if np.isfinite(amplitude) else np.inf)
-    return np.array(found)
 
 
 def average(samples: float, noise: Float[np.ndarray, "3 3"], components: Sequence[int]) -> Uncertainty:

@@ -15,7 +15,10 @@ from uq.pose_plan import PosePlan
 def design_page(report: DesignReport) -> Page:
     """Return the content of a design's report."""
     design = report.design
-    relaxed = () if design.bound is None else tuple(f"The bound leaves out: {text}." for text in design.bound.relaxes)
+    named = (("bound", design.bound), ("bound of motions that repeat", design.bound_repeating))
+    relaxed = [
+        f"The {name} leaves out: {text}." for name, found in named if found is not None for text in found.relaxes
+    ]
     return Page(
         "The best experiment that a platform can run",
         [*report.verdicts(), COMPUTED],

@@ -33,7 +33,7 @@ def patterns_for(experiment: Experiment, spec: TrajectorySpec, limits: Limits, m
     covariance = covariance_of(spec.rate * spec.duration, noise if np.linalg.eigvalsh(noise)[0] > 0 else np.eye(3))
     at_home = np.asarray(jacobian(experiment.platform, experiment.platform.home_pose))
     to_alpha = np.linalg.inv(at_home)[3:] * accelerations(limits)
-    return mixture(lambda moment: measure(covariance(moment)), to_alpha)
+    return mixture(lambda moment: measure(covariance(moment)), to_alpha).both_ways()
 
 
 def harmonics(experiment: Experiment, limits: Limits) -> int:
@@ -45,7 +45,7 @@ def harmonics(experiment: Experiment, limits: Limits) -> int:
 
 
 def staged(
-    experiment: Experiment, limits: Limits, patterns: Mixture, grid: int, periods: int = 1
+    experiment: Experiment, limits: Limits, patterns: Mixture, grid: int, duration: float, ramp: float
 ) -> tuple[Stages, Callable[[np.random.Generator], Float[np.ndarray, " u"]]]:
     """Return the stages that run through some patterns, and a function that gives the search's start.
 
@@ -54,16 +54,18 @@ def staged(
         limits: in figures.
         patterns: one for each stage, and their shares.
         grid: instants in a period of the highest frequency.
-        periods: of the wave in a stage's period.
+        duration: of the run [s].
+        ramp: time to start and to stop each stage [s].
     """
     band = limits.bandwidth
-    period = periods * harmonics(experiment, limits) / band
+    period = harmonics(experiment, limits) / band
     periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=grid * band)
-    stages = Stages(periodic, patterns.share)
+    stages = Stages.of(periodic, patterns.share, duration, ramp)
 
     def first(generator: np.random.Generator) -> Float[np.ndarray, " u"]:
         motions = DITHER * generator.normal(size=(stages.count, 2, 6, len(periodic.frequency)))
-        motions[:, 1, :, periods - 1] += patterns.signs
+        motions[:, 0, :, 0] += patterns.phasors.real
+        motions[:, 1, :, 0] -= patterns.phasors.imag
         return motions.ravel()
 
     return stages, first

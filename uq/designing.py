@@ -4,18 +4,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from identify.estimator import EstimatorSpec
 from identify.optimal import Lagrangian, Optimum, minimise
 from identify.periodic import Periodic
-from identify.platform_motion import Limits, Peak, effort, shares
+from identify.platform_motion import Limits, Peak, effort, signed_shares
 from identify.stages import Stages
 from identify.starts import start
-from identify.trajectory import window
-from uq.design_bound import DesignBound, design_bound
+from uq.design_bound import DesignBound, design_bound, repeating_bound
 from uq.design_goal import GOALS, Measure, expanded, goal_of
 from uq.design_limits import resolved_limits, uses
 from uq.design_reference import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
@@ -32,8 +30,8 @@ FINER = 10
 """Times as many at which the limits are checked in the end."""
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
-RAMPS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
-"""Ramps that are tried, in periods of the highest frequency."""
+RAMP = 6.0
+"""Time in which a stage starts or stops, in periods of the highest frequency."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
 
@@ -77,6 +75,8 @@ class Design:
     """The same with the reference."""
     bound: DesignBound | None
     """What no motion under these limits can beat; None: the limits do not tell."""
+    bound_repeating: DesignBound | None
+    """The same of motions that repeat soon, as the designed one does; None: it does not, or the limits do not tell."""
     peaks: list[Peak]
     """Each limit's largest use over the whole run, largest first."""
     starts: list[Start]
@@ -167,7 +167,8 @@ def design(
     return Design(
         experiment, best.spec, beaten.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
         np.asarray(expanded(jnp.asarray(beaten.covariance))), design_bound(experiment, beaten.spec, limits),
-        uses(experiment, best.spec, limits, fine), listed, limits.bandwidth,
+        repeating_bound(experiment, best.spec, limits), uses(experiment, best.spec, limits, fine), listed,
+        limits.bandwidth,
     )  # fmt: skip
 
 
@@ -178,19 +179,26 @@ Beginning = tuple[int, Callable[[np.random.Generator], np.ndarray]]
 def kinds(
     experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, period: float, starts: int
 ) -> Iterator[tuple["Search", list[Beginning]]]:
-    """Yield the searches and where each starts: first in stages, then with one period for the whole run."""
+    """Yield the searches and where each starts: first in stages, then with one period for the whole run.
+
+    A run that does not hold four periods of each stage has no stages.
+    """
+    band, duration = limits.bandwidth, reference.duration
     mixed = patterns_for(experiment, reference, limits, measure)
-    stages, first = staged(experiment, limits, mixed, GRID)
-    yield Search(experiment, reference, limits, measure, stages), [(0, first)]
-    if starts > 1:
-        band = limits.bandwidth
-        one = Stages(Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band), np.ones(1))
+    stages, first = staged(experiment, limits, mixed, GRID, duration, RAMP / band)
+    room = np.diff(stages.border).min() >= 4 * stages.periodic.period
+    if room:
+        yield Search(experiment, reference, limits, measure, stages), [(0, first)]
+    if starts > 1 or not room:
+        periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
+        one = Stages.of(periodic, np.ones(1), duration, RAMP / band)
         r_cg = experiment.r_cg_from_omb
 
         def single(number: int) -> Beginning:
             return number, lambda random: start(one.periodic, r_cg, random, number)
 
-        yield Search(experiment, reference, limits, measure, one), [single(number) for number in range(1, starts)]
+        numbers = range(1 if room else 0, starts)
+        yield Search(experiment, reference, limits, measure, one), [single(number) for number in numbers]
 
 
 def _check(goal: str, starts: int, period: float, duration: float | None) -> None:
@@ -217,20 +225,20 @@ class Search:
     def __init__(
         self, experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, stages: Stages
     ):
-        band, self.duration = limits.bandwidth, reference.duration
         self.experiment, self.limits, self.stages = experiment, limits, stages
         self.spec = replace(reference, still="omb")
         prediction = Prediction.of(experiment, self.spec)
-        samples = effective(self.duration, RAMPS[0] / band) * reference.rate
+        samples = jnp.asarray(reference.rate * stages.seconds)
         names = limited(limits)
         r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
         platform, body = experiment.platform, experiment.body
 
         def goal(unknowns):
             one = stages.moved(platform, unknowns, r_cg, gravity)
-            used = shares(effort(platform, body, r_cg, one.platform, gravity), limits)
-            covariance = prediction.covariance(one.body, one.jerk, samples * stages.weights)
-            return jnp.log(measure(covariance)), jnp.concatenate([used[name].ravel() for name in names]) - 1
+            used = signed_shares(effort(platform, body, r_cg, one.platform, gravity), limits)
+            covariance = prediction.covariance(one.body, one.jerk, samples)
+            most = jnp.concatenate([jnp.abs(stages.finer(used[name])).ravel() for name in names])
+            return jnp.log(measure(covariance)), most - 1
 
         self.lagrangian = Lagrangian(goal)
 
@@ -240,14 +248,12 @@ class Search:
         return replace(found, goal=float(np.exp(found.goal)))
 
     def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
-        """Return the whole run, of the largest size and the shortest ramps that meet the limits; None: no size."""
-        unknowns = found.unknowns
-        sizes = {ramp: self._largest(unknowns, ramp, fine) for ramp in self._ramps()}
-        ramp = max(sizes, key=lambda one: sizes[one] * self._effective(one) ** 0.5)  # what 3σ is inverse to
-        size = sizes[ramp]
+        """Return the whole run, of the largest size that meets the limits on a finer grid; None: no size."""
+        short = lambda size: self._spec(size * found.unknowns, short=True)  # noqa: E731
+        size = largest(self.experiment, short, self.limits, fine)
         for number in range(FINAL):
             tell("limits", number, FINAL)
-            spec = self._spec(size * unknowns, ramp)
+            spec = self._spec(size * found.unknowns)
             share = worst_use(self.experiment, spec, self.limits, fine)
             if share <= 1:
                 tell("limits", FINAL, FINAL)
@@ -255,21 +261,8 @@ class Search:
             size = size / (1 + WEIGHT * (share - 1))
         return None
 
-    def _ramps(self) -> list[float]:
-        """Return the ramps that are tried [s]: those that leave half of the shortest stage at full size."""
-        longest = self.duration * float(self.stages.share.min()) / 4
-        return [ramp / self.limits.bandwidth for ramp in RAMPS if ramp / self.limits.bandwidth <= longest] or [longest]
-
-    def _largest(self, unknowns: np.ndarray, ramp: float, fine: float) -> float:
-        of_size = lambda size: self._spec(size * unknowns, ramp, short=True)  # noqa: E731
-        return largest(self.experiment, of_size, self.limits, fine)
-
-    def _effective(self, ramp: float) -> float:
-        """Return how long a motion at full size tells as much as all stages with their ramps [s]."""
-        return sum(effective(float(one), ramp) for one in self.stages.share * self.duration)
-
-    def _spec(self, unknowns: np.ndarray, ramp: float, short: bool = False) -> TrajectorySpec:
-        trajectory = self.stages.multisine(unknowns, self.duration, ramp, short=short)
+    def _spec(self, unknowns: np.ndarray, short: bool = False) -> TrajectorySpec:
+        trajectory = self.stages.multisine(unknowns, short=short)
         return replace(self.spec, trajectory=trajectory, duration=float(trajectory.duration))
 
 
@@ -277,10 +270,3 @@ def limited(limits: Limits) -> list[str]:
     """Return the quantities that are limited, as :func:`identify.platform_motion.shares` names them."""
     values: Any = limits._replace(length=limits.length[:, 1])._asdict()
     return [name for name, value in values.items() if name != "bandwidth" and np.isfinite(value).any()]
-
-
-def effective(duration: float, ramp: float) -> float:
-    """Return how long a motion at full size tells as much as one with ramps [s]: the window's square, integrated."""
-    t = jnp.linspace(0.0, duration, 20_001)
-    shape = jax.vmap(window, in_axes=(0, None, None))(t, duration, ramp)
-    return float((shape**2).mean() * duration)

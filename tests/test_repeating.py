@@ -1,0 +1,58 @@
+"""The largest mean square of signals that repeat, against what linear programmes and other signals find."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from identify.repeating import repeating_mean_square
+
+RATIO = 3.3
+
+
+def harmonics_at(period, band, angle):
+    """Of a signal and of its integral, times 2πB: what each amplitude adds at some instants of the period."""
+    number = np.arange(1, int(period * band + 1e-9) + 1)
+    turns = angle[:, None] * number
+    return np.hstack([np.cos(turns), np.sin(turns)]), np.hstack(
+        [np.sin(turns), -np.cos(turns)]
+    ) * period * band / np.tile(number, 2)
+
+
+def best_found(period, ratio, generator, tries=12):
+    """Ascent by linear programmes: each takes the signal that is most like the last one (a convex function's slope)."""
+    rows, integral = harmonics_at(period, 1.0, np.linspace(0, 2 * np.pi, 241))
+    limits = np.concatenate([rows, -rows, integral / ratio, -integral / ratio])
+    best = 0.0
+    for _ in range(tries):
+        amplitude, old = generator.normal(size=rows.shape[1]), 0.0
+        for _ in range(40):
+            amplitude = linprog(-amplitude, A_ub=limits, b_ub=np.ones(len(limits)), bounds=(None, None)).x
+            mean = (amplitude**2).sum() / 2
+            if mean - old < 1e-6:
+                break
+            old = mean
+        best = max(best, mean)
+    return best
+
+
+@pytest.mark.parametrize(("harmonics", "expected"), [(1, 0.5), (2, 0.5087), (3, 0.588)])
+def test_the_bound_is_reached_and_not_exceeded(harmonics, expected, generator):
+    bound = repeating_mean_square(RATIO, harmonics)
+    assert bound == pytest.approx(expected, rel=5e-3)
+    found = max(best_found(number, RATIO, generator) for number in range(1, harmonics + 1))
+    assert 0.995 * bound < found <= bound * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("period", [0.7, 1.3, 1.9, 2.4, 2.9, 3.3, 3.7, 3.99])
+def test_no_shorter_period_allows_more(period, generator):
+    """At any period, whole or not, that is below four of the band's edge."""
+    if period < 1:
+        assert int(period) == 0  # no harmonic within the band
+        return
+    assert best_found(period, RATIO, generator, tries=6) <= repeating_mean_square(RATIO, 3)
+
+
+def test_a_tight_integral_allows_less():
+    assert repeating_mean_square(1.0, 3) == pytest.approx(0.5, rel=0.02)
+    assert repeating_mean_square(1.5, 3) < repeating_mean_square(3.0, 3)
+    assert repeating_mean_square(np.inf, 3) <= 1.0
