@@ -59,11 +59,8 @@ def average(expanded):
 def table(name, found):
     """One row: T1 at its best, the design [g·m²], and by how much it and the bounds are less, in per cent."""
     t1, ours = average(found.expanded_reference), average(found.expanded)
-    figures = [1e3 * t1, 1e3 * ours, 100 * (1 - ours / t1)]
-    for bound in (found.bound, found.bound_repeating):
-        if bound is not None:
-            figures.append(100 * (1 - np.array([bound.moments, bound.products]) / t1))
-    figures = np.concatenate(figures)
+    least = [np.array([one.moments, one.products]) for one in (found.bound, found.bound_repeating) if one is not None]
+    figures = np.concatenate([1e3 * t1, 1e3 * ours, *(100 * (1 - one / t1) for one in (ours, *least))])
     return f"| {name} | " + " | ".join(f"{one:.3g}" for one in figures) + " |"
 
 
