@@ -12,8 +12,6 @@ from identify.trajectory import Multisine, swell
 
 STARTED = 0.3
 """Part of a ramp that is left out, next to rest: there the window is below 0.2."""
-
-
 FINER = 4
 """Times as many instants of a period at which limits are looked at."""
 
