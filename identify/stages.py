@@ -156,8 +156,7 @@ def by_series(n: int) -> Float[np.ndarray, "m n"]:
     """Return what takes one period's n values to those on the finer grid, by the Fourier series through them."""
     offset = (np.arange(n * FINER)[:, None] / FINER - np.arange(n)) / n
     turns = offset[..., None] * np.arange(1, (n - 1) // 2 + 1)
-    kernel = (1 + 2 * np.cos(2 * np.pi * turns).sum(axis=-1)) / n
-    return kernel + (np.cos(np.pi * n * offset) / n if n % 2 == 0 else 0.0)
+    return (1 + 2 * np.cos(2 * np.pi * turns).sum(axis=-1)) / n
 
 
 def by_neighbours(n: int) -> Float[np.ndarray, "m n"]:

@@ -165,6 +165,17 @@ class Multisine(Trajectory):
         """How many stages there are."""
         return 1 if self.start is None else len(np.unique(np.asarray(self.start)))
 
+    @property
+    def period(self) -> float:
+        """Time within which each stage repeats [s]; infinite where a frequency is no multiple of its lowest one."""
+        frequency, longest = np.asarray(self.frequency), 0.0
+        start = np.zeros(len(frequency)) if self.start is None else np.asarray(self.start)
+        for own in (frequency[start == one] for one in np.unique(start)):
+            orders = own / own.min()
+            whole = np.abs(orders - np.round(orders)).max() < 1e-9
+            longest = max(longest, 1 / own.min() if whole else np.inf)
+        return longest
+
     def lasting(self, duration: float) -> "Multisine":
         """Return the motion of another duration [s], its ramps as they are, each stage longer or shorter alike."""
         start = None if self.start is None else duration / np.asarray(self.duration) * np.asarray(self.start)

@@ -231,10 +231,11 @@ def test_without_limits(preset, given):
 def test_motions_that_repeat_have_a_bound_of_their_own(given):
     """Above the general one, and the nearer to it the more of the run is ramps; T1 does not repeat, nor does a slow motion."""
     limits, base = resolved_limits(given, 20), given.trajectories["T1"]
-    general, amplitudes = design_bound(given, base, limits), np.full((6, 1), 0.01)
+    general = design_bound(given, base, limits)
 
     def of(frequency, ramp, start=None):
-        motion = Multisine(np.array([frequency]), amplitudes, amplitudes, np.array(20.0), np.array(ramp), start)
+        amplitudes = np.full((6, np.size(frequency)), 0.01)
+        motion = Multisine(np.atleast_1d(frequency), amplitudes, amplitudes, np.array(20.0), np.array(ramp), start)
         return repeating_bound(given, dataclasses.replace(base, trajectory=motion), limits)
 
     soon, longer, staged = of(1.0, 0.5), of(1.0, 2.0), of(1.0, 0.5, np.zeros(1))
@@ -242,7 +243,9 @@ def test_motions_that_repeat_have_a_bound_of_their_own(given):
     assert general.products < longer.products < soon.products
     assert (staged.moments, soon.period) == (soon.moments, 5 / 3)
     assert "for 1 s, when stages start and stop, the motion need not repeat" in soon.relaxes
-    assert of(0.6, 0.5) is None
+    for slow in (0.6, [0.6, 2.4], [1.0, 2.1], [1.0, 1.0, 0.5]):
+        assert of(slow, 0.5, np.array([0, 0, 10.0]) if np.size(slow) == 3 else None) is None
+    assert of([1.0, 3.0, 1.5], 0.5, np.array([0, 0, 10.0])) is not None
     assert repeating_bound(given, base, limits) is None
 
 

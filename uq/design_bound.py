@@ -84,7 +84,7 @@ def repeating_bound(experiment: Experiment, spec: TrajectorySpec, limits: Limits
     """
     trajectory, period = spec.trajectory, (HARMONICS + 1) / limits.bandwidth
     amplitudes, ratio = amplitudes_of(experiment, limits)
-    if not (isinstance(trajectory, Multisine) and np.min(trajectory.frequency) * period > 1 and np.isfinite(ratio)):
+    if not (isinstance(trajectory, Multisine) and trajectory.period < period and np.isfinite(ratio)):
         return None
     ramps = 2 * float(trajectory.ramp) * trajectory.stages
     other = min(ramps / spec.duration, 1.0)
