@@ -25,9 +25,13 @@ PHASES = 6
 STEPS = 2_000
 """Of the multiplicative algorithm, each time that patterns are left out."""
 NEGLIGIBLE = 0.01
-"""Share of the time below which a pattern is left out at first."""
+"""Share of the time, of the largest one, below which a pattern is left out at first."""
 SMALL = 0.1
 """Share below which it is left out in the end: it would take a stage of its own, and ramps."""
+MOST = 4
+"""Patterns that are kept at most."""
+LITTLE = 1e-3
+"""Of the moment of all patterns alike, added: some goals want one pattern alone, which tells nothing of the rest."""
 
 
 class Mixture(NamedTuple):
@@ -61,13 +65,17 @@ def mixture(function: Uncertainty, to_alpha: Float[np.ndarray, "3 6"], *, small:
     Args:
         function: convex, of degree -1/2, of the second moment of the angular acceleration [rad²/s⁴].
         to_alpha: K A, from what each leg does of its limit to the angular acceleration [rad/s²].
-        small: share below which a pattern is left out.
+        small: share, of the largest one, below which a pattern is left out.
     """
     tried = patterns()
-    share = optimal_shares(function, tried @ to_alpha.T)
-    for least in (NEGLIGIBLE, small):
-        tried = tried[share >= min(least, share.max())]
-        share = optimal_shares(function, tried @ to_alpha.T)
+    every = np.full(len(tried), 1 / len(tried))
+    little = LITTLE * np.asarray(mixed(tried @ to_alpha.T, jnp.asarray(every)))
+    regular = lambda moment: function(moment + little)  # noqa: E731
+    share = optimal_shares(regular, tried @ to_alpha.T)
+    for least, most in ((NEGLIGIBLE, 2 * MOST), (small, MOST)):
+        order = np.argsort(-share, kind="stable")[:most]
+        tried = tried[order[share[order] >= least * share.max()]]
+        share = optimal_shares(regular, tried @ to_alpha.T)
     order = np.argsort(-share, kind="stable")
     return Mixture(tried[order], share[order])
 

@@ -10,6 +10,7 @@ corners. The sine of the fundamental may be taken as zero: time can be counted f
 from functools import cache
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial import HalfspaceIntersection
 
 INSTANTS = (64, 64, 32, 12)
@@ -39,3 +40,18 @@ def _largest(ratio: float, harmonics: int) -> float:
     faces = np.concatenate([signal, -signal, integral, -integral])
     corners = HalfspaceIntersection(np.hstack([faces, -np.ones((len(faces), 1))]), np.zeros(faces.shape[1]))
     return float((corners.intersections**2).sum(axis=1).max() / 2)
+
+
+def ramp_mean_square(window: Float[np.ndarray, "3 n"], speed: float, stroke: float) -> float:
+    """Return what the mean square in a ramp cannot exceed, for a modulus of at most one.
+
+    A position q whose rate, acceleration and modulus are bounded, times a window w, has the acceleration
+    ``w q'' + 2 w' q' + w'' q``; its modulus is at most the sum of what each term may be, and at most one.
+
+    Args:
+        window: w with two derivatives at uniform instants of the ramp.
+        speed: largest modulus of q' for ``|q''| ≤ 1`` [s].
+        stroke: largest modulus of q, alike [s²].
+    """
+    most = np.array([1.0, 2 * speed, stroke]) @ np.abs(window)
+    return float((np.minimum(most, 1.0) ** 2).mean())

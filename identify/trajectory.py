@@ -179,6 +179,8 @@ class Multisine(Trajectory):
     def lasting(self, duration: float) -> "Multisine":
         """Return the motion of another duration [s], its ramps as they are, each stage longer or shorter alike."""
         start = None if self.start is None else duration / np.asarray(self.duration) * np.asarray(self.start)
+        if start is not None and np.isfinite(self.period):  # ramps then meet the same phases
+            start = np.round(start / self.period) * self.period
         return Multisine(self.frequency, self.cosine, self.sine, np.array(float(duration)), self.ramp, start)
 
     @property

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from identify.repeating import repeating_mean_square
+from identify.repeating import ramp_mean_square, repeating_mean_square
 
 RATIO = 3.3
 
@@ -50,6 +50,26 @@ def test_the_bound_is_reached_and_not_exceeded(harmonics, expected, generator):
 def test_no_shorter_period_allows_more(period, generator):
     """At any period, whole or not, that is below four of the band's edge."""
     assert best_found(period, RATIO, generator, tries=6) <= repeating_mean_square(RATIO, 3)
+
+
+def test_no_motion_does_more_in_a_ramp(generator):
+    """Random sines within their bounds, times a window that rises as a sine; those that exceed one are left out."""
+    t = np.arange(1, 501) / 500
+    window = np.array(
+        [np.sin(np.pi / 2 * t), np.pi / 2 * np.cos(np.pi / 2 * t), -((np.pi / 2) ** 2) * np.sin(np.pi / 2 * t)]
+    )
+    turns = 2 * np.pi * np.array([2.0, 4.0, 6.0])
+    speed, stroke, seen = 0.06, 0.004, 0.0
+    bound = ramp_mean_square(window, speed, stroke)
+    for _ in range(2000):
+        phase, size = generator.uniform(0, 2 * np.pi, 3), generator.exponential(size=3) / turns**2
+        angle = turns * t[:, None] + phase
+        q = [np.sin(angle) @ size, np.cos(angle) @ (size * turns), -np.sin(angle) @ (size * turns**2)]
+        scale = min(bound / np.abs(x).max() for x, bound in zip(q, (stroke, speed, 1.0), strict=True))
+        found = scale * (window[0] * q[2] + 2 * window[1] * q[1] + window[2] * q[0])
+        if np.abs(found).max() <= 1:
+            seen = max(seen, (found**2).mean())
+    assert 0.2 < seen < bound < 1
 
 
 def test_a_tight_integral_allows_less():

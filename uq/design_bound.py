@@ -18,7 +18,8 @@ from identify.information_bound import Uncertainty, least
 from identify.platform import jacobian, lengths
 from identify.platform_motion import Limits
 from identify.regressor import cross_matrix, omega_r
-from identify.repeating import repeating_mean_square
+from identify.repeating import ramp_mean_square, repeating_mean_square
+from identify.stages import rising
 from identify.trajectory import Multisine
 from uq.experiment import Experiment, TrajectorySpec
 from uq.prediction import Prediction
@@ -72,34 +73,44 @@ def design_bound(
 def repeating_bound(experiment: Experiment, spec: TrajectorySpec, limits: Limits) -> DesignBound | None:
     """Return what no motion can beat that repeats soon, or whose stages do, if this one does.
 
-    Soon is within less than ``(HARMONICS + 1) / bandwidth``. While stages start and stop, motions need not repeat.
+    Soon is within less than ``(HARMONICS + 1) / bandwidth``. Motions start and stop as this one does, and repeat for as
+    long: its whole periods at full size. What is left counts as if the legs could be at their limits all the time.
 
     Args:
         experiment: body, platform and sources.
-        spec: how long and how often is sampled; how long stages start and stop.
+        spec: how long and how often is sampled; how stages start and stop.
         limits: in figures.
 
     Returns:
-        The bound; None if it is of another kind, or where :func:`design_bound` is None.
+        The bound; None if this motion is of another kind, or where a leg's speed is free, or :func:`design_bound` None.
     """
     trajectory, period = spec.trajectory, (HARMONICS + 1) / limits.bandwidth
     amplitudes, ratio = amplitudes_of(experiment, limits)
     if not (isinstance(trajectory, Multisine) and trajectory.period < period and np.isfinite(ratio)):
         return None
-    ramps = 2 * float(trajectory.ramp) * trajectory.stages
-    other = min(ramps / spec.duration, 1.0)
-    part = (1 - other) * repeating_mean_square(ratio, HARMONICS) + other * _any(ratio, limits.bandwidth)
-    relaxed = (*RELAXED[:-1], f"for {ramps:g} s, when stages start and stop, the motion need not repeat")
-    return _of_squares(experiment, spec, amplitudes**2 * part, relaxed, period)
+    ramp, ends = float(trajectory.ramp), np.unique(np.asarray(trajectory.end))
+    full = np.diff(ends, prepend=0.0) - 2 * ramp
+    repeats = (np.floor(full / trajectory.period + 1e-6) * trajectory.period).sum()
+    ramps = 2 * ramp * len(ends)
+    window = np.asarray(rising(np.arange(1, 4001) / 4000 * ramp, ramp)) if ramp > 0 else np.zeros((4, 1))
+    strokes = (_strokes(experiment, limits) / amplitudes).max()
+    in_ramps = ramp_mean_square(window[:3], ratio / (2 * np.pi * limits.bandwidth), strokes)
+    whole = repeats * repeating_mean_square(ratio, HARMONICS) + ramps * in_ramps + (spec.duration - repeats - ramps)
+    relaxed = (*RELAXED[:-1], f"for {spec.duration - repeats:g} s, mostly ramps, the motion need not repeat")
+    return _of_squares(experiment, spec, amplitudes**2 * whole / spec.duration, relaxed, period)
 
 
 def amplitudes_of(experiment: Experiment, limits: Limits) -> tuple[Float[np.ndarray, "6"], float]:
     """Return the legs' largest accelerations [m/s²], and the largest ratio of a speed to what the band's edge needs."""
-    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
-    strokes = np.abs(limits.length - home[:, None]).max(axis=1)
-    each = zip(limits.acceleration, limits.speed, strokes, strict=True)
+    each = zip(limits.acceleration, limits.speed, _strokes(experiment, limits), strict=True)
     amplitudes = np.array([largest_amplitude(*one, limits.bandwidth) for one in each])
     return amplitudes, float((2 * np.pi * limits.bandwidth * limits.speed / amplitudes).max())
+
+
+def _strokes(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
+    """How far each leg may go from its length at home, at most [m]."""
+    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
+    return np.abs(limits.length - home[:, None]).max(axis=1)
 
 
 def _any(ratio: float, bandwidth: float) -> float:
