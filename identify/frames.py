@@ -3,8 +3,9 @@
 Samples first, (n, 3), on plain arrays.
 """
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 TOLERANCE = 1e-3
@@ -93,3 +94,28 @@ def specific_force_at(
         offset: ρ, from the accelerometer to the point [m].
     """
     return specific_force + np.cross(alpha, offset) + np.cross(omega, np.cross(omega, offset))
+
+
+def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """Return the rotation matrix of a rotation vector [rad] (Rodrigues), with its Taylor branch near zero."""
+    square = jnp.dot(turn, turn)
+    small = square < 1e-8
+    angle = jnp.sqrt(jnp.where(small, 1.0, square))
+    sine = jnp.where(small, 1 - square / 6, jnp.sin(angle) / angle)
+    cosine = jnp.where(small, 0.5 - square / 24, (1 - jnp.cos(angle)) / angle**2)
+    x, y, z = turn
+    zero = jnp.zeros_like(x)
+    hat = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+    return jnp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
+
+
+def rate_of_turn(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return the angular velocity in B [rad/s] of the attitude ``exp(turn)``, whose rotation vector has this rate."""
+    square = jnp.dot(turn, turn)
+    small = square < 1e-6
+    safe = jnp.where(small, 1.0, square)
+    angle = jnp.sqrt(safe)
+    first = jnp.where(small, 0.5 - square / 24 + square**2 / 720, (1 - jnp.cos(angle)) / safe)
+    second = jnp.where(small, 1 / 6 - square / 120 + square**2 / 5040, (angle - jnp.sin(angle)) / (safe * angle))
+    crossed = jnp.cross(turn, rate)
+    return rate - first * crossed + second * jnp.cross(turn, crossed)

@@ -12,6 +12,7 @@ from identify.admissible import Admissible, finite
 from identify.alignment import Aligned, alignment_notes
 from identify.consistency import Verdict
 from identify.estimator import EstimatorSpec
+from identify.frames import exponential
 from identify.inertia import COMPONENTS
 from identify.inertial import Datum, InertialParameters, by_component, principal_axes
 from identify.offsets import OffsetChoice
@@ -19,7 +20,6 @@ from identify.pooling import Pooling
 from identify.run_estimate import RunEstimate, offset_notes, offsets_content
 from identify.tables import decimals, fixed, html_table, text_table
 from identify.tare import Tare
-from identify.trajectory import exponential
 
 CgMotion = Literal["still"]
 """How the centre of gravity moves, where that is declared."""

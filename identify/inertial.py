@@ -14,8 +14,8 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from identify.errors import RunError
+from identify.frames import exponential
 from identify.inertia import COMPONENTS, parallel_axis, principal, rotate
-from identify.trajectory import exponential
 
 PARAMETERS = ("mass", "cg_x", "cg_y", "cg_z", *COMPONENTS)
 """The order of the covariance: kg, m, kg·m²."""

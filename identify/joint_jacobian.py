@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from identify.frames import exponential
 from identify.in_band import InBand
 from identify.inertia import unpack
 from identify.joint_model import (
@@ -27,7 +28,6 @@ from identify.joint_model import (
     vertical_at_start,
 )
 from identify.regressor import cross_matrix, omega_r
-from identify.trajectory import exponential
 
 Columns = Mapping[str, Float[Array, "n 3 columns"]]
 """Derivatives of a vector at each row, by the name of the unknown."""

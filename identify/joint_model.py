@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.dynamics import acceleration_at
+from identify.frames import exponential
 from identify.in_band import InBand, cell_of, evaluate
 from identify.inertia import unpack
 from identify.regressor import cross_matrix
-from identify.trajectory import exponential
 
 SpecificForce = Literal["still", "accelerometer", "none"]
 """Where the specific force at the centre of gravity comes from."""

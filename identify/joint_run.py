@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.filters import noise_level
+from identify.frames import exponential
 from identify.in_band import PASSED, InBand, evaluate, in_band, low_pass
 from identify.joint import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
@@ -17,7 +18,6 @@ from identify.priors import Alignment, Known, Prior, prior
 from identify.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix, features
 from identify.run import Run, RunError
 from identify.solve import excitation
-from identify.trajectory import exponential
 
 DELAYS_PER_PERIOD = 16
 """Starts of the delay that are tried, a period of the motion."""

@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.dynamics import acceleration_at
+from identify.frames import exponential, rate_of_turn
 from identify.platform import Platform, Pose, Twist, jacobian
 from identify.platform_motion import Limits, PlatformMotion
-from identify.trajectory import Motion, exponential, rate_of_turn
+from identify.trajectory import Motion
 
 TYPICAL = 2 * np.pi
 """Angular frequency [rad/s] at which a limited speed or stroke is turned into an acceleration where none is limited."""

@@ -16,8 +16,8 @@ import optimistix
 from jaxtyping import Array, Float
 
 from identify.dynamics import acceleration_at, wrench
+from identify.frames import exponential
 from identify.inertia import Body
-from identify.trajectory import exponential
 
 
 class Pose(NamedTuple):

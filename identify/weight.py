@@ -12,10 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.frames import specific_force_at
+from identify.frames import exponential, specific_force_at
 from identify.run import Run, RunError
 from identify.stretches import Stretch
-from identify.trajectory import exponential
 
 ROUNDS = 3
 """Linear steps to the bias: it turns a run by a radian at most."""

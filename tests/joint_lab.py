@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from identify.dynamics import wrench
+from identify.frames import exponential
 from identify.gram import accumulate, solve
 from identify.in_band import in_band, low_pass, spline_of
 from identify.inertia import Body, pack
@@ -16,7 +17,7 @@ from identify.joint import posterior
 from identify.joint_run import REACH, JointRun, Setting, fitted, joint_run, prepared
 from identify.priors import STATIC, Known
 from identify.run import Run
-from identify.trajectory import exponential, sample
+from identify.trajectory import sample
 
 BAND = 1.553
 """Of T1 [Hz]: Ω + ε of the sphere."""

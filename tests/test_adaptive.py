@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from uq.adaptive import Blocks, Goal, propagate_distributions
+from uq.adaptive import Blocks, Goal
 from uq.distributions import Normal, Rectangular
+from uq.propagation_of_distributions import propagate_distributions
 
 
 def run(draw, goal, block=10_000, most=400):

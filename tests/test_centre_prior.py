@@ -14,7 +14,7 @@ from test_commands import SHORT
 from identify.centre_result import Centre
 from identify.identification import identify
 from uq.cli import main
-from uq.recorded import identify_files
+from uq.identify_files import identify_files
 from uq.simulation import simulate
 from uq.tare import lasting_errors
 

@@ -24,8 +24,8 @@ from uq.contributions import contributions
 from uq.expanded import degrees_of_freedom, of_normal, of_tensor
 from uq.experiment import Experiment
 from uq.front import number_of
+from uq.identify_files import identify_files
 from uq.page_parts import input_table, run_table
-from uq.recorded import identify_files
 from uq.report import files, report
 from uq.simulation import simulate
 from uq.tare import tared

@@ -16,7 +16,7 @@ from rig.channels import ImuChannel, WrenchChannel
 from uq import cli
 from uq.cli import main
 from uq.experiment import Experiment
-from uq.recorded import identify_files
+from uq.identify_files import identify_files
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 

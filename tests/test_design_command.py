@@ -27,7 +27,7 @@ from uq.design_limits import efforts, uses
 from uq.design_result import design_report
 from uq.designing import Design, Start
 from uq.experiment import Experiment, ExperimentError
-from uq.platform_view import cuboid
+from uq.platform_scene import cuboid
 from uq.toml_text import toml_text
 
 SECONDS = 20.0

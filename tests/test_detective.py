@@ -12,7 +12,8 @@ from rig import axes, features, mechanics
 from rig.inspection import inspect
 from uq.cli import main
 from uq.experiment import Experiment
-from uq.recorded import identify_files, load_run
+from uq.identify_files import identify_files
+from uq.recorded import load_run
 from uq.suspected import suspected
 
 

@@ -119,7 +119,7 @@ def test_without_a_mass_or_of_a_tensor_that_no_body_has_nothing_is_written(lab, 
     out = tmp_path / "out"
     assert main(command(lab, "--export", "urdf", "--out", out, experiment="massless.toml")) == 2
     assert "the mass is not known" in capsys.readouterr().err
-    from uq.recorded import identify_files
+    from uq.identify_files import identify_files
 
     def impossible(*arguments, **options):
         result = identify_files(*arguments, **options)

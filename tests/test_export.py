@@ -250,7 +250,7 @@ def test_all_files_or_none(tmp_path, monkeypatch):
     made = export(BODIES["general"], list(FORMATS), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(made.contents)
     assert made.to_dict()["urdf"] == "body.urdf"
-    monkeypatch.setattr("uq.report._write", lambda path, data: (_ for _ in ()).throw(OSError(28, "disk full")))
+    monkeypatch.setattr("uq.output_folder._write", lambda path, data: (_ for _ in ()).throw(OSError(28, "disk full")))
     with pytest.raises(OSError, match="disk full"):
         export(BODIES["diagonal"], list(FORMATS), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(made.contents)

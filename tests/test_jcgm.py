@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from uq.adaptive import propagate_distributions
 from uq.coverage import numerical_tolerance, validate
 from uq.distributions import CurvilinearTrapezoid, MultivariateNormal, Normal, Rectangular, StudentT, UShaped
 from uq.linear import propagate
+from uq.propagation_of_distributions import propagate_distributions
 from uq.regions import ellipsoidal_region
 
 ROOT3 = 3**0.5

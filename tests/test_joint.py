@@ -13,6 +13,7 @@ from joint_lab import BAND, shortened
 
 from identify.bounds import bound
 from identify.centre_result import Centre
+from identify.frames import exponential
 from identify.identification import identify
 from identify.in_band import evaluate, in_band, low_pass
 from identify.joint_jacobian import linearised
@@ -21,7 +22,6 @@ from identify.joint_pool import ALIGNED, CALIBRATED, pool
 from identify.priors import Alignment, indices
 from identify.regressor import omega_r
 from identify.run import RunError
-from identify.trajectory import exponential
 from uq.bounds import bound as uq_bound
 from uq.cli import main
 from uq.document import ExperimentError, Table

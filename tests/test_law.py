@@ -23,7 +23,7 @@ from uq.law_result import beside
 from uq.law_validation import law_report, rejected, verdict_rows, verdicts
 from uq.measurement import element_map
 from uq.propagation import law, prepare_law
-from uq.trial import cases_of
+from uq.setup import cases_of
 
 ROUNDING = 1e-12
 """kg·m²; what is zero to the law and rounding to the Monte Carlo."""

@@ -14,7 +14,8 @@ from identify.run import Run, RunError
 from identify.shaped_noise import ShapedNoise
 from rig.errors import RigError
 from uq.experiment import Experiment
-from uq.recorded import identify_files, load_run
+from uq.identify_files import identify_files
+from uq.recorded import load_run
 from uq.simulation import simulate
 
 START = 10**9

@@ -16,8 +16,8 @@ from rig.schemas import DIAGNOSTICS, TEXT
 from rig.writer import new_writer, register
 from uq.cli import main
 from uq.clocks import instants
+from uq.identify_files import identify_files
 from uq.parts import Part, pair, resolve
-from uq.recorded import identify_files
 from uq.simulation import simulate
 
 pytestmark = pytest.mark.usefixtures("few_draws")

@@ -8,9 +8,9 @@ import pytest
 from platforms import moving, quaternion, small, somewhere, twin
 
 from identify import platform as pf
+from identify.frames import exponential
 from identify.inertia import Body
 from identify.platform import Pose, Rod, Twist
-from identify.trajectory import exponential
 
 PLATE = Body(jnp.array(8.0), jnp.array([0.005, -0.01, 0.02]), jnp.array([0.12, 0.004, -0.003, 0.11, 0.002, 0.21]))
 BODY = Body(jnp.array(19.7), jnp.array([0.002, 0.003, 0.11]), jnp.array([0.3813, 0.01, 0.004, 0.2, -0.006, 0.3791]))

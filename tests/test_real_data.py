@@ -9,7 +9,8 @@ import pytest
 from identify.identification import identify
 from identify.inertia import COMPONENTS
 from uq.experiment import Experiment
-from uq.recorded import identify_files, load_run
+from uq.identify_files import identify_files
+from uq.recorded import load_run
 from uq.systematic import with_declared_sources
 
 ROOT = Path(__file__).parent.parent

@@ -9,8 +9,9 @@ from scene import record
 from scipy.spatial.transform import Rotation
 
 from identify.run import RunError
+from uq.identify_files import identify_files
 from uq.parts import Part
-from uq.recorded import identify_files, load_run
+from uq.recorded import load_run
 from uq.simulation import simulate
 
 pytestmark = pytest.mark.usefixtures("few_draws")

@@ -15,7 +15,8 @@ from identify.run import RunError
 from rig.errors import RigError
 from uq.document import ExperimentError
 from uq.experiment import Experiment
-from uq.recorded import identify_files, load_run
+from uq.identify_files import identify_files
+from uq.recorded import load_run
 
 AXES = ["0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1"]
 OFFSETS = ["0 0 0.33", "0 0 0.10", "0 0 0.20", "0.08 0 0.10", "-0.08 0 0.30", "0.02 0 0.05", "0.09 0 0.10"]

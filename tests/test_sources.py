@@ -14,9 +14,9 @@ from uq import batches
 from uq.campaign import montecarlo, platform_of, prepare_setup, true_motion
 from uq.errors import errors_of, errors_of_cases
 from uq.sampled import SampledSetup, any_trial, prepare_samples, smooth_signals
+from uq.setup import Setup
 from uq.simulation import simulate
 from uq.sources import draw_constants
-from uq.trial import Setup
 
 THREE = {
     "N": ["1 N", "-2 N", "3 N"], "N*m": ["0.1 N*m", "-0.2 N*m", "0.3 N*m"], "rad/s": ["1 mrad/s", "-2 mrad/s", "3 mrad/s"],

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from identify.frames import exponential
 from identify.inertia import MOMENTS, PRODUCTS
 from identify.patterns import mixed, mixture, optimal_shares, patterns, steepness
 from identify.periodic import Periodic
 from identify.platform_motion import Limits, platform_motion
 from identify.stages import Stages
-from identify.trajectory import Multisine, attitude, exponential, sample, swell
+from identify.trajectory import Multisine, attitude, sample, swell
 from uq.design_bound import average
 from uq.design_reference import scaled
 from uq.experiment import Experiment, ExperimentError

@@ -8,7 +8,8 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.spatial.transform import Rotation
 
 from identify.dynamics import acceleration_at
-from identify.trajectory import attitude, exponential, platform_position, sample, step
+from identify.frames import exponential
+from identify.trajectory import attitude, platform_position, sample, step
 
 W, A = 0.425, 4.0
 

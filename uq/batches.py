@@ -12,7 +12,8 @@ from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from uq.cluster import guarded, own_share, several
 from uq.collapsed import CollapsedSetup, collapsed_trials
 from uq.sampled import AnySetup, SampledSetup, sampled_trial
-from uq.trial import Setup, TrialEstimates, trials
+from uq.setup import Setup
+from uq.trial import TrialEstimates, trials
 
 T = TypeVar("T")
 STRETCH, COLLAPSED_STRETCH = 100, 5000

@@ -23,9 +23,9 @@ from uq.measurement import Platform
 from uq.provenance import provenance
 from uq.result import MonteCarloResult
 from uq.sampled import AnySetup, needs_samples, prepare_any
+from uq.setup import Estimator, Sampling
 from uq.sources import BLOCK
 from uq.statistics import GRAM_METRE, Breakdown, Statistics, breakdown
-from uq.trial import Estimator, Sampling
 
 __all__ = [
     "GRAM_METRE",

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,16 +11,14 @@ from identify.centre import Attitudes, Centre, centre
 from identify.creep import creeping
 from identify.run import Run, RunError
 from identify.stretches import still
-from rig.channels import ImuChannel, WrenchChannel
-from rig.channels import Recording as BagRecording
 from uq.columns import read_columns
 from uq.declared import Rig, declared
 from uq.experiment import Experiment
 from uq.parts import Part, resolve
 from uq.poses import Poses, need_table, of_accelerometer, uncertain, up
-from uq.provenance import provenance, sha256
+from uq.provenance import provenance
 from uq.recorded import Recorded, load
-from uq.recording import UNITS, Recording
+from uq.text_table import as_recording, silenced
 
 TABLES = (".csv", ".tsv", ".txt")
 
@@ -110,12 +107,6 @@ def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
     return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes, attitudes)
 
 
-def silenced(recording: Recording, quantities: set[str]) -> Recording:
-    """Return the declaration with a unit for quantities that a table lacks, so that nothing is assumed of them."""
-    units: dict[str, Any] = {f"{name}_unit": recording.unit(name) or UNITS[name] for name in quantities}
-    return replace(recording, **units)
-
-
 def _leaning(
     readings: np.ndarray, poses: Poses, gravity: float
 ) -> tuple[np.ndarray, Accelerometer, tuple[str, ...], tuple[str, ...]]:
@@ -123,16 +114,6 @@ def _leaning(
     specific_force, found, warnings = of_accelerometer(readings, poses, gravity)
     offset = f"offset is {_vector(found.offset)} m/s²" if found.fitted else "offset is zero"
     return specific_force, found, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
-
-
-def as_recording(
-    path: str | Path, force: np.ndarray, moment: np.ndarray, omega: np.ndarray, acceleration: np.ndarray
-) -> BagRecording:
-    """Return a table's columns as a recording that says nothing of itself."""
-    times = np.arange(len(force))
-    wrench = WrenchChannel("force and moment", "", times, times, force, moment)
-    imu = ImuChannel("angular velocity and acceleration", "", times, times, omega, acceleration)
-    return BagRecording(Path(path), sha256(path), {}, wrench, imu)
 
 
 def _of_run(path: str | Path, experiment: Experiment, parts: Sequence[Part]) -> _Wrenches:

@@ -29,8 +29,9 @@ from uq.errors import Errors, errors_of_cases, perturbed
 from uq.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
 from uq.measurement import OF_THE_GYRO, Columns, cell_map
 from uq.normals import normals_of_keys
+from uq.setup import Case, Estimator, cases_of
 from uq.sources import Mixing, Source, block_key, draw_constants, stream_number
-from uq.trial import Case, Estimator, TrialEstimates, cases_of, valid_samples
+from uq.trial import TrialEstimates, valid_samples
 
 REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
 

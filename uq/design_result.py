@@ -20,7 +20,7 @@ from uq.designing import Design
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.lasting import Duration, average, growth_of, required_duration
 from uq.law_result import LawBreakdown
-from uq.platform_view import FRAMES, Scene, scene
+from uq.platform_scene import FRAMES, Scene, scene
 from uq.propagation import law
 from uq.provenance import provenance
 from uq.sensors import SensorWorth, sensor_worth

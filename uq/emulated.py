@@ -21,9 +21,9 @@ from uq.document import ExperimentError
 from uq.experiment import Experiment
 from uq.provenance import provenance
 from uq.sampled import SampledSetup, prepare_samples, sampled_trial
+from uq.setup import Case
 from uq.sources import Index, Source, draw_constants
 from uq.statistics import GRAM_METRE
-from uq.trial import Case
 
 TABLE3: Mapping[str, Mapping[str, float]] = {
     "expected": {"I11": 382.89, "I12": 0.0, "I13": 0.0, "I22": 18.72, "I23": 0.0, "I33": 380.66},

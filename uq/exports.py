@@ -51,7 +51,7 @@ class Exported:
         Raises:
             OSError: the folder cannot be made or written.
         """
-        from uq.report import place
+        from uq.output_folder import place
 
         place(self.files(), Path(folder))
 

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from identify.differentiate import derivative
 from identify.gram import Sums, sums_of
 from identify.regressor import features
-from uq.trial import SHARED, Setup
+from uq.setup import SHARED, Setup
 from uq.wick import WHITE, Kernel, Monomial, Term, correlations, summed_products, terms
 
 SHORT = 16

@@ -11,11 +11,11 @@ import numpy as np
 from identify.run import RunError
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
-from uq.centre import as_recording, silenced
 from uq.columns import Columns, parse_columns, read_columns
 from uq.declared import declared
 from uq.document import ExperimentError, Table
 from uq.recording import Recording, parse_recording
+from uq.text_table import as_recording, silenced
 from uq.units import UnitError, scale
 
 SIGNALS = {"time": 1, "force": 3, "moment": 3, "angular_velocity": 3, "acceleration": 3}

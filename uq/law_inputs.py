@@ -17,8 +17,8 @@ from jaxtyping import Array
 from uq.distributions import Empirical, StudentT
 from uq.document import ExperimentError
 from uq.errors import errors_of, no_errors
+from uq.setup import Case
 from uq.sources import SIGNALS, Mixing, Source
-from uq.trial import Case
 
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""

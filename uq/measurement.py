@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.dynamics import wrench
+from identify.frames import exponential
 from identify.gram import shift_omega
 from identify.inertia import Body, unpack
 from identify.regressor import ALPHA, features
-from identify.trajectory import Motion, Trajectory, exponential
+from identify.trajectory import Motion, Trajectory
 from uq.errors import Errors, no_errors, perturbed
 from uq.sources import Source
 

@@ -72,7 +72,7 @@ class MotionExport:
         Raises:
             OSError: the folder cannot be made or written.
         """
-        from uq.report import place
+        from uq.output_folder import place
 
         place(self.contents, Path(folder))
 

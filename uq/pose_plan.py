@@ -12,11 +12,11 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.centre import PARAMETERS, UNITS, Attitudes, foreseen_covariance
+from identify.frames import exponential
 from identify.platform import Platform, Pose, Twist, lengths
 from identify.platform_motion import Effort, Limits, PlatformMotion, effort, peaks, shares
 from identify.pose_design import best_poses, log_determinant
 from identify.tables import fixed, html_table, text_table
-from identify.trajectory import exponential
 from uq.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.motion_formats import ORDER
 from uq.poses import Poses, uncertain

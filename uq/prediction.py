@@ -21,7 +21,7 @@ from uq.experiment import Experiment, TrajectorySpec
 from uq.law_expansion import Quiet, TrueSums, equations_of, tensor_of
 from uq.law_inputs import Peaks, constants_of, inputs_of_cases
 from uq.measurement import Columns, Platform, true_elements
-from uq.trial import cases_of
+from uq.setup import cases_of
 
 
 class Prediction(eqx.Module):

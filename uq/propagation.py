@@ -34,8 +34,9 @@ from uq.law_expansion import (
 from uq.law_inputs import CaseInputs, Constants, Peaks, constants_of, inputs_of_cases
 from uq.law_result import LawBreakdown, LawResult, LawStatistics
 from uq.measurement import Columns, true_elements
+from uq.setup import Case, Estimator, cases_of
 from uq.sources import Source
-from uq.trial import Case, Estimator, cases_of, valid_samples
+from uq.trial import valid_samples
 
 
 @dataclass(frozen=True)

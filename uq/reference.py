@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from identify.frames import exponential
 from identify.inertia import COMPONENTS, parallel_axis, rotate
 from identify.inertial import InertialParameters
 from identify.precision import check_precision
-from identify.trajectory import exponential
 from uq.distributions import Distribution
 from uq.document import ExperimentError, Table
 from uq.drawing import Model, Quantities, Values, drawing, turn_of

@@ -4,8 +4,6 @@ What a page says of which result is in :mod:`uq.pages`; here it is laid out and 
 """
 
 import json
-import os
-import tempfile
 from base64 import b64encode
 from collections.abc import Mapping
 from io import BytesIO
@@ -18,6 +16,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from uq.front import number_of
+from uq.output_folder import place
 from uq.page_parts import Page, input_table
 from uq.pages import joined, page
 
@@ -52,20 +51,6 @@ def write(result: Any, out: Path, *more: Any) -> None:
         TypeError: there is no report for this kind of result.
     """
     place(files(result, *more), out)
-
-
-def place(content: Mapping[str, bytes], out: Path) -> None:
-    """Write files into a folder: all are on the disk before the first is moved into place.
-
-    Raises:
-        OSError: the folder cannot be made or written.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
-        for name, data in content.items():
-            _write(Path(folder, name), data)
-        for name in content:
-            os.replace(Path(folder, name), out / name)
 
 
 def files(result: Any, *more: Any) -> dict[str, bytes]:
@@ -122,14 +107,6 @@ def _render(figure: Figure, kind: str) -> bytes:
         figure.savefig(buffer, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
     figure.set_layout_engine("none")  # laying it out takes longer than drawing it
     return buffer.getvalue()
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file down to the disk, so that a full one is noticed here."""
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _json(content: object) -> str:

@@ -25,8 +25,9 @@ from uq.coloured import draw_coloured
 from uq.document import ExperimentError
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import Columns, Platform, gyro_map
+from uq.setup import Case, Estimator, Sampling, Setup, cases_of
 from uq.sources import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants, noise_streams
-from uq.trial import Case, Estimator, Sampling, Setup, TrialEstimates, cases_of, prepare, trial
+from uq.trial import TrialEstimates, prepare, trial
 
 
 class SampledSetup(eqx.Module):

@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Array
 
 from identify.dynamics import acceleration_at
+from identify.frames import exponential
 from identify.precision import check_precision
 from identify.run import Run
-from identify.trajectory import Motion, acceleration_of, exponential
+from identify.trajectory import Motion, acceleration_of
 from rig.bag import write
 from rig.channels import ImuChannel, WrenchChannel
 from uq.campaign import platform_of, true_motion

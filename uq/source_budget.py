@@ -21,7 +21,7 @@ from uq.experiment import Experiment, ExperimentError
 from uq.indices import mean, plain_variance, ratio, shares
 from uq.provenance import provenance
 from uq.sampled import SampledSetup
-from uq.trial import Case, Setup
+from uq.setup import Case, Setup
 
 AnySetup = Setup | SampledSetup
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])

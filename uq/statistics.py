@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.inertia import COMPONENTS
-from uq.trial import Case
+from uq.setup import Case
 
 GRAM_METRE = 1e3
 """g·m² in a kg·m²."""

@@ -18,7 +18,7 @@ from identify.tare import Tare, left_over, subtract
 from uq.centre_prior import instead, load_centre
 from uq.document import ExperimentError
 from uq.experiment import Experiment
-from uq.recorded import identify_files
+from uq.identify_files import identify_files
 
 NORMAL = 1.959963984540054
 """Coverage factor of 95 % of a normal distribution."""
@@ -48,7 +48,7 @@ def tare_files(
 
     Raises:
         ExperimentError: nothing tells the fixture's mass and centre of gravity, or two things tell its tensor.
-        RigError, RunError: see :func:`uq.recorded.identify_files` and :func:`identify.tare.subtract`.
+        RigError, RunError: see :func:`uq.identify_files.identify_files` and :func:`identify.tare.subtract`.
     """
     check_tare(paths, experiment, tare_centre)
     if not paths:

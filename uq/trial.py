@@ -19,9 +19,8 @@ Sources that no sums can tell (delay, saturation, quantisation, coloured noise) 
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,79 +29,15 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from identify.differentiate import derivative
 from identify.gram import Sums, solve
 from identify.inertia import Body
-from identify.regressor import ALPHA, features
+from identify.regressor import features
 from identify.trajectory import Motion
 from uq.covariance_root import covariance_root
 from uq.distributions import Normal
 from uq.errors import Errors, errors_of_cases, perturbed
 from uq.measurement import OF_THE_GYRO, Columns, Platform, changes_of_elements, element_map, true_elements
 from uq.normals import joined
+from uq.setup import SHARED, Estimator, Sampling, Setup, Signals, cases_of, noisy_count
 from uq.sources import BLOCK, Mixing, Source, draw_constants, draw_pairs, draw_sums, noise_streams
-
-Sampling = Literal["conditioned", "samples", "collapsed"]
-
-SHARED = ALPHA.start
-"""Features that all estimators share: all but alpha."""
-
-
-class Estimator(eqx.Module):
-    """A way from recorded signals to the tensor: ordinary least squares with a differentiator."""
-
-    name: str = eqx.field(static=True)
-    taps: Float[Array, " h"]
-    """Taps of the differentiator [1/s]; see :mod:`identify.differentiate`."""
-
-
-class Case(NamedTuple):
-    """A set of sources that act together while the others are off."""
-
-    name: str
-    sources: frozenset[str]
-
-
-class Signals(NamedTuple):
-    """The noise-free run in blocks, block first (without that axis inside the scan).
-
-    A block starts as many samples before that of the draws as the longest differentiator reaches: its noise is then
-    known with that of the block before.
-    """
-
-    block: Int[Array, "*blocks"]
-    """Number of the block."""
-    known: Float[Array, "*blocks rows 1200"]
-    """The elements without noise: those that all estimators share, each one's alpha, and zeros for the noisy ones of
-    errors that map the angular velocity; all zero where a sample does not count. Then force [N] and moment [N·m] and
-    the other functions of :class:`uq.measurement.Columns`."""
-    valid: Float[Array, "*blocks 1200"]
-    """1 where every estimator has a derivative, else 0."""
-
-
-class Setup(eqx.Module):
-    """Everything that a trial needs besides its key: one trajectory, one body, its sources and estimators."""
-
-    body: Body
-    platform: Platform
-    signals: Signals
-    sums: Sums
-    """Noise-free sums over all elements."""
-    other: Float[Array, "elements other"]
-    """Sums of the elements with the columns that follow the wrench."""
-    sources: tuple[Source, ...]
-    mixing: tuple[Mixing, ...]
-    estimators: tuple[Estimator, ...]
-    cases: tuple[Case, ...] = eqx.field(static=True)
-    columns: Columns = eqx.field(static=True)
-    whole: bool = eqx.field(static=True)
-    """Whether errors map the angular velocity, so that the elements are not the features but what makes them."""
-    dtype: np.dtype = eqx.field(static=True)
-    """Precision of draws and features; sums and solutions have the default precision."""
-    sampling: Sampling = eqx.field(static=True)
-
-    @property
-    def changed(self) -> slice:
-        """Which elements the gyro's noise changes: all features but 1, or the noisy elements."""
-        count = len(self.sums.gram)
-        return slice(count - _changed(self.whole, self.estimators), count)
 
 
 class TrialEstimates(NamedTuple):
@@ -112,16 +47,6 @@ class TrialEstimates(NamedTuple):
     """Packed tensors [kg·m²]; NaN where a case could not be solved."""
     ok: Bool[Array, "estimators cases"]
     """Which could."""
-
-
-def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:
-    """Return the cases of the breakdown: all sources, each group, each source."""
-    groups = dict.fromkeys(source.group for source in sources)
-    return (
-        Case("total", frozenset(source.name for source in sources)),
-        *(Case(f"group:{name}", frozenset(s.name for s in sources if s.group == name)) for name in groups),
-        *(Case(f"source:{source.name}", frozenset([source.name])) for source in sources),
-    )
 
 
 def prepare(
@@ -142,7 +67,7 @@ def prepare(
     shared = true_elements(motion.omega, motion.alpha, t) if whole else features(motion.omega, motion.alpha)[:SHARED]
     valid = valid_samples(len(t), estimators)
     alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
-    of_noise = [jnp.zeros((_changed(whole, estimators), len(t)))] if whole else []
+    of_noise = [jnp.zeros((noisy_count(whole, estimators), len(t)))] if whole else []
     phi = jnp.concatenate([shared, *alphas, *of_noise]) * valid[None]
     wrench = columns.sampled(body, motion)
     force, moment, other = jnp.split(phi @ wrench.T, (3, 6), axis=1)
@@ -156,11 +81,6 @@ def prepare(
         body, platform, signals, Sums(phi @ phi.T, force, moment), other, tuple(sources), tuple(mixing),
         tuple(estimators), cases_of(sources), columns, whole, np.dtype(dtype), sampling,
     )  # fmt: skip
-
-
-def _changed(whole: bool, estimators: Sequence[Estimator]) -> int:
-    """How many elements, the last ones, the gyro's noise changes."""
-    return (21 if whole else SHARED - 1) + 3 * len(estimators)
 
 
 def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[Array, " n"]:
@@ -309,7 +229,7 @@ def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Draw
 
 
 def _room(setup: Setup, signals: Signals) -> _Room:
-    count = _changed(setup.whole, setup.estimators)
+    count = noisy_count(setup.whole, setup.estimators)
     return _Room(signals.known, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
 
 

@@ -9,9 +9,9 @@ from uq.document import ExperimentError
 from uq.expected import compare
 from uq.experiment import Experiment
 from uq.exports import FORMATS, export, formats_of
+from uq.identify_files import identify_files
 from uq.mountings import names
 from uq.parts import pair
-from uq.recorded import identify_files
 from uq.reference import load_reference
 from uq.tare import check_tare, tare_files
 
