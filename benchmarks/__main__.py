@@ -17,8 +17,8 @@ import numpy as np  # noqa: E402
 
 from benchmarks.contenders import CORES, LABELS, TRAJECTORIES, contenders, in_stretches, setups  # noqa: E402
 from benchmarks.reference import GROUPS  # noqa: E402
-from identify.tables import text_table  # noqa: E402
-from uq.experiment import Experiment  # noqa: E402
+from identify.text_tables import text_table  # noqa: E402
+from uq.experiment.experiment import Experiment  # noqa: E402
 
 
 def main() -> int:

@@ -16,8 +16,8 @@ import jax
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 
-from uq.campaign import montecarlo  # noqa: E402
-from uq.experiment import Experiment  # noqa: E402
+from uq.campaign.campaign import montecarlo  # noqa: E402
+from uq.experiment.experiment import Experiment  # noqa: E402
 
 
 def main() -> None:

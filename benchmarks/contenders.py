@@ -11,14 +11,14 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from benchmarks import reference, vectorised
-from identify.regressor import OMEGA_R_OF_FEATURES
-from uq.batches import stretch_of
-from uq.campaign import default_batch, prepare_setup, run_trials
-from uq.experiment import Experiment
-from uq.normals import normal_pairs
-from uq.sampled import AnySetup
-from uq.simulation import simulate
-from uq.sources import BLOCK
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
+from uq.campaign.campaign import default_batch, prepare_setup, run_trials
+from uq.campaign.simulation import simulate
+from uq.experiment.experiment import Experiment
+from uq.sources.random_normals import normal_pairs
+from uq.sources.source import BLOCK
+from uq.trials.batches import stretch_of
+from uq.trials.samplewise import AnySetup
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 CORES = len(os.sched_getaffinity(0))

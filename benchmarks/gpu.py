@@ -12,9 +12,9 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 from benchmarks.contenders import TRAJECTORIES  # noqa: E402
-from identify.tables import text_table  # noqa: E402
-from uq.campaign import montecarlo  # noqa: E402
-from uq.experiment import Experiment  # noqa: E402
+from identify.text_tables import text_table  # noqa: E402
+from uq.campaign.campaign import montecarlo  # noqa: E402
+from uq.experiment.experiment import Experiment  # noqa: E402
 
 SAMPLES, TRIALS = 72_000, 10_000
 INTEGER = SAMPLES * 3 / 2 * 80

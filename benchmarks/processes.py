@@ -17,10 +17,10 @@ TRIALS = 1500
 def worker(core: int, port: int, processes: int, process: int) -> None:
     """Run the campaign as one of the processes; the first prints the seconds."""
     os.sched_setaffinity(0, {core})
-    from uq import cluster
-    from uq.campaign import montecarlo
-    from uq.commands._common import start_jax
-    from uq.experiment import Experiment
+    from uq.campaign.campaign import montecarlo
+    from uq.cli.common import start_jax
+    from uq.experiment.experiment import Experiment
+    from uq.trials import distributed as cluster
 
     start_jax()
     if processes > 1:

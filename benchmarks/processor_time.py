@@ -13,10 +13,10 @@ jax.config.update("jax_enable_x64", True)
 
 from benchmarks.contenders import LABELS, TRAJECTORIES, contenders, truths_of  # noqa: E402
 from benchmarks.vectorised import estimates  # noqa: E402
-from identify.regressor import OMEGA_R_OF_FEATURES  # noqa: E402
-from identify.tables import text_table  # noqa: E402
-from uq.campaign import prepare_setup, run_trials  # noqa: E402
-from uq.experiment import Experiment  # noqa: E402
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES  # noqa: E402
+from identify.text_tables import text_table  # noqa: E402
+from uq.campaign.campaign import prepare_setup, run_trials  # noqa: E402
+from uq.experiment.experiment import Experiment  # noqa: E402
 
 
 def milliseconds(run: Callable[[], object], trials: int) -> float:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import bag
+from rig import runs as bag
 from rig.channels import ImuChannel, WrenchChannel
 
 RIG = """
@@ -61,7 +61,7 @@ def usage(pid: int) -> tuple[float, float]:
 
 def record(folder: Path, seconds: float) -> dict:
     """Record for so long; returns what the recorder reports and what it used."""
-    command = [sys.executable, "-m", "uq.cli", "record", str(folder / "rig.toml"), "-o", str(folder / "out.mcap")]
+    command = [sys.executable, "-m", "uq.cli.main", "record", str(folder / "rig.toml"), "-o", str(folder / "out.mcap")]
     start = time.monotonic()
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while b"ready" not in process.stderr.readline():

@@ -15,7 +15,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from rig import bag
+from rig import runs as bag
 from rig.channels import ImuChannel, WrenchChannel
 
 OPEN = """

@@ -9,9 +9,9 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from identify.tables import text_table  # noqa: E402
-from uq.campaign import prepare_setup, run_trials  # noqa: E402
-from uq.experiment import Experiment  # noqa: E402
+from identify.text_tables import text_table  # noqa: E402
+from uq.campaign.campaign import prepare_setup, run_trials  # noqa: E402
+from uq.experiment.experiment import Experiment  # noqa: E402
 
 MORE = {
     "the preset's": [],

@@ -4,25 +4,25 @@ Pure JAX on arrays in SI units; no files, no randomness, no global settings. Swi
 ``jax.config.update("jax_enable_x64", True)``.
 """
 
-from identify.admissible import Admissible, log_cholesky, pseudo_inertia
-from identify.alignment import Aligned
-from identify.bounds import Bound, bound
-from identify.centre import Attitudes, Centre
-from identify.consistency import Verdict, consistency
-from identify.estimator import EstimatorSpec
+from identify.diagnostics.consistency import Verdict, consistency
+from identify.estimators.admissible import Admissible, log_cholesky, pseudo_inertia
+from identify.estimators.repeatability import Pooling
+from identify.estimators.residual_trace import Trace
 from identify.identification import identify
-from identify.identification_result import Identification
-from identify.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
-from identify.inertial import Datum, InertialParameters, Principal, Tensor, principal_axes
-from identify.pooling import Pooling
+from identify.joint.cramer_rao_bound import Bound, bound
+from identify.joint.priors import Alignment
 from identify.precision import PrecisionWarning
-from identify.priors import Alignment
-from identify.regressor import omega_r, pi, wrench_regressor
-from identify.run import Rest, Run, RunError
-from identify.run_estimate import RunEstimate
-from identify.tare import Tare, subtract
-from identify.trace import Trace
-from identify.weak import within_bodies
+from identify.results.alignment import Aligned
+from identify.results.identification_result import Identification
+from identify.results.run_estimate import RunEstimate
+from identify.results.weak_components import within_bodies
+from identify.rigid_body.fixture import Tare, subtract
+from identify.rigid_body.inertia import COMPONENTS, Body, is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.rigid_body.inertial_parameters import Datum, InertialParameters, Principal, Tensor, principal_axes
+from identify.rigid_body.regressor import omega_r, pi, wrench_regressor
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.run import Rest, Run, RunError
+from identify.static.centre import Attitudes, Centre
 
 __all__ = [
     "COMPONENTS",

@@ -5,22 +5,22 @@ from typing import get_args
 
 import numpy as np
 
-from identify.centre_result import Centre
-from identify.estimate import Information, information, longest
-from identify.estimator import EstimatorSpec
-from identify.filters import motion_band
-from identify.gls import whitened
-from identify.identification_result import CgMotion, Identification, Method
-from identify.inertia import COMPONENTS
-from identify.joint_estimate import joint, specific_force_of, static_knowledge
-from identify.known_centre import with_centre
-from identify.offsets import OffsetChoice
-from identify.pool import Pooled, pool
+from identify.estimators.generalised_least_squares import whitened
+from identify.estimators.information import Information, information, longest
+from identify.estimators.offsets import OffsetChoice
+from identify.estimators.pooling import Pooled, pool
+from identify.joint.joint_estimator import joint, specific_force_of, static_knowledge
+from identify.joint.priors import Alignment
 from identify.precision import check_precision
-from identify.priors import Alignment
-from identify.run import Run, RunError
-from identify.run_estimate import run_estimate
-from identify.weak import within_bodies
+from identify.results.identification_result import CgMotion, Identification, Method
+from identify.results.run_estimate import run_estimate
+from identify.results.weak_components import within_bodies
+from identify.rigid_body.inertia import COMPONENTS
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import motion_band
+from identify.signals.run import Run, RunError
+from identify.static.centre_covariance import with_centre
+from identify.static.centre_result import Centre
 
 SHORTEST = 64
 """Samples from which the motion's band can be found."""
@@ -146,7 +146,7 @@ def _joint(
     cg_motion: CgMotion | None,
     gravity: float,
 ) -> Identification:
-    """Everything together; see :mod:`identify.joint_estimate`."""
+    """Everything together; see :mod:`identify.joint.joint_estimator`."""
     runs, r_cg, sigma_r_cg = _checked(runs, r_cg if centre is None else centre.r_cg, sigma_r_cg)
     warned = check_precision("float64")
     if warned:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 
 def refuse_existing(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

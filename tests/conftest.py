@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from uq.compiled import keep_compiled
+from uq.cli.compilation_cache import keep_compiled
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
     os.environ["INERTIA_CACHE"] = tempfile.mkdtemp(prefix="inertia-tests-")
@@ -48,7 +48,7 @@ def generator():
 
 @pytest.fixture(scope="session")
 def preset():
-    from uq.experiment import Experiment
+    from uq.experiment.experiment import Experiment
 
     return Experiment.load("barreto2016")
 
@@ -80,8 +80,10 @@ def lasting(experiment, seconds):
 @pytest.fixture(scope="module")
 def few_draws():
     """Recorded runs' declared sources by 500 draws, not 10,000: where their statistics are not what is tested."""
-    from uq.systematic import with_declared_sources
+    from uq.identification.systematic import with_declared_sources
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uq.recorded.with_declared_sources", partial(with_declared_sources, trials=500))
+        patch.setattr(
+            "uq.identification.identify_files.with_declared_sources", partial(with_declared_sources, trials=500)
+        )
         yield

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 
-from identify.estimator import EstimatorSpec
+from identify.signals.estimator_spec import EstimatorSpec
 from uq import montecarlo
-from uq.design_bound import design_bound
-from uq.design_limits import efforts
-from uq.design_reference import highest_frequency
-from uq.experiment import Experiment
+from uq.excitation.baseline import highest_frequency
+from uq.excitation.design_bound import design_bound
+from uq.excitation.rig_limits import efforts
+from uq.experiment.experiment import Experiment
 
 CASES = ("preset", "near-cubic body", "linuxcnc-genhexkins", "gyro ten times noisier")
 CUBIC = {

@@ -8,16 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from identify.dynamics import wrench
-from identify.frames import exponential
-from identify.gram import accumulate, solve
-from identify.in_band import in_band, low_pass, spline_of
-from identify.inertia import Body, pack
-from identify.joint import posterior
-from identify.joint_run import REACH, JointRun, Setting, fitted, joint_run, prepared
-from identify.priors import STATIC, Known
-from identify.run import Run
-from identify.trajectory import sample
+from identify.estimators.gram import accumulate, solve
+from identify.joint.gauss_newton import posterior
+from identify.joint.priors import STATIC, Known
+from identify.joint.single_run import REACH, JointRun, Setting, fitted, joint_run, prepared
+from identify.motion.trajectory import sample
+from identify.rigid_body.dynamics import wrench
+from identify.rigid_body.inertia import Body, pack
+from identify.rigid_body.rotation import exponential
+from identify.signals.band_limited_run import in_band, low_pass, spline_of
+from identify.signals.run import Run
 
 BAND = 1.553
 """Of T1 [Hz]: Ω + ε of the sphere."""
@@ -137,7 +137,7 @@ def _filtered_noise(rng, taps, factor, count, columns=6):
 
 @jax.jit
 def _ordinary(omega, force, moment, taps, r_cg):
-    from identify.differentiate import derivative
+    from identify.signals.differentiate import derivative
 
     inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
     sums = accumulate(omega[:, inner], derivative(omega, taps), force[:, inner], moment[:, inner])

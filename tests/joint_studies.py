@@ -3,12 +3,12 @@
 import dataclasses
 
 import numpy as np
-from joint_lab import Laboratory, random_body
 
-from identify.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from identify.joint_model import SLICES
-from identify.priors import Alignment
-from uq.sources import Source
+from identify.joint.joint_model import SLICES
+from identify.joint.priors import Alignment
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
+from tests.joint_lab import Laboratory, random_body
+from uq.sources.source import Source
 
 NAMES = (*COMPONENTS, "delay", "rotation 1", "rotation 2", "rotation 3", "r_cg 1", "r_cg 2", "r_cg 3")
 """What the laboratories' intervals are of."""

@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from identify.frames import exponential
-from identify.inertia import Body
-from identify.platform import Platform, Pose, Rod, Twist
+from identify.motion.stewart_platform import Platform, Pose, Rod, Twist
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.rotation import exponential
 
 NO_BODY = Body(jnp.array(0.0), jnp.zeros(3), jnp.zeros(6))
 NO_ROD = Rod(jnp.array(0.0), jnp.array(0.0), jnp.array(0.0))

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.centre import Attitudes, centre
+from identify.static.centre import Attitudes, centre
 
 GRAVITY = 9.81
 MASS, R_CG = 3.7, np.array([0.013, -0.027, 0.081])

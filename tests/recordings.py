@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 
-from rig import bag
+from rig import runs as bag
 from rig.channels import ImuChannel, WrenchChannel
 
 START = 1_700_000_000_000_000_000

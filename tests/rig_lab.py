@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import bag
+from rig import runs as bag
 from rig.channels import ImuChannel, WrenchChannel
 
 RIG = """
@@ -51,7 +51,7 @@ class Bench:
             {"name": "imu", "kind": "xsens", "options": {"rate": 400.0}, "baudrate": 921600, **common},
         ]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rig.emulator"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-m", "rig.record.emulator"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         self.tell(json.dumps(specs))
         self.ports = json.loads(self.process.stdout.readline())["ports"]
@@ -82,7 +82,7 @@ class Recording:
 
     def __init__(self, *arguments, wait=True, stdin=subprocess.PIPE, **options):
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        command = [sys.executable, "-m", "uq.cli", "record", *map(str, arguments)]
+        command = [sys.executable, "-m", "uq.cli.main", "record", *map(str, arguments)]
         self.process = subprocess.Popen(
             command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment, **options
         )

@@ -6,8 +6,8 @@ from functools import cache
 from importlib import resources
 
 from uq.barreto2016 import PaperResult
-from uq.campaign import montecarlo
-from uq.experiment import Experiment
+from uq.campaign.campaign import montecarlo
+from uq.experiment.experiment import Experiment
 
 
 def document():

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from uq.campaign import true_motion
-from uq.experiment import Experiment
+from uq.campaign.campaign import true_motion
+from uq.experiment.experiment import Experiment
 
 BODY = {
     "mass": "19.7 kg",

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import bag
-from rig.axes import rotation
+from rig import runs as bag
 from rig.channels import ImuChannel, WrenchChannel
-from uq.experiment import Experiment
-from uq.simulation import simulate
+from rig.inspection.axes import rotation
+from uq.campaign.simulation import simulate
+from uq.experiment.experiment import Experiment
 
 ROOT = Path(__file__).parent.parent
 T1 = tomllib.loads((ROOT / "docs" / "experiments" / "t1-10s.toml").read_text())

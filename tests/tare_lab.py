@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.centre import Attitudes, centre
-from identify.estimator import EstimatorSpec
 from identify.identification import identify
-from identify.inertial import InertialParameters
-from identify.tare import subtract
-from uq.simulation import simulate
-from uq.tare import lasting_errors, tared
+from identify.rigid_body.fixture import subtract
+from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.static.centre import Attitudes, centre
+from uq.campaign.simulation import simulate
+from uq.identification.tare import lasting_errors, tared
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)
 GRAVITY = 9.80665

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from uq.cli import COMMANDS
+from uq.cli.main import COMMANDS
 
 README = Path(__file__).parent.parent / "README.md"
 

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from identify.estimator import EstimatorSpec
-from identify.reach import UNITS
-from identify.run import Run
+from identify.estimators.admissible_range import UNITS
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.run import Run
 
 RATE = 100.0
 ROD = np.array([0.381, 0.0, 0.0, 0.019, 0.0, 0.379])

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from identify.inertia import MOMENTS, PRODUCTS
-from identify.tables import html_table, text_table
-from uq.campaign import GRAM_METRE, MonteCarloResult, Progress, Shown, Statistics, montecarlo
-from uq.checkpoint import Checkpoint
-from uq.experiment import Experiment
+from identify.rigid_body.inertia import MOMENTS, PRODUCTS
+from identify.text_tables import html_table, text_table
+from uq.campaign.campaign import GRAM_METRE, MonteCarloResult, Progress, Shown, Statistics, montecarlo
+from uq.experiment.experiment import Experiment
+from uq.trials.checkpoint import Checkpoint
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 
@@ -130,7 +130,7 @@ def paper(
 ) -> PaperResult:
     """Reproduce the source's simulated experiment: preset ``barreto2016``, trajectories T1 to T4, both estimators.
 
-    Arguments are those of :func:`uq.campaign.montecarlo`.
+    Arguments are those of :func:`uq.campaign.campaign.montecarlo`.
 
     Raises:
         ExperimentError: no trials.

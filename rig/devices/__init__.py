@@ -3,7 +3,7 @@
 from importlib import import_module
 
 from rig.devices.base import Device
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 REGISTRY = {
     "bota": "rig.devices.bota:Bota",

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from rig.devices.conversation import Conversation, Identity
 from rig.devices.parser import Parser
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 Measures = Literal["wrench", "imu", "values"]
 

@@ -13,7 +13,7 @@ from typing import ClassVar
 from rig.devices.base import Device, Emulator
 from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 FRAME = struct.Struct("<H6fIf")
 LENGTH = 37

@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 
 class Send(NamedTuple):

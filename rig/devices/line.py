@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from rig.devices.base import Device, Emulator, Measures
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 IMU = ("omega_x", "omega_y", "omega_z", "specific_force_x", "specific_force_y", "specific_force_z")

@@ -11,7 +11,7 @@ from typing import ClassVar
 from rig.devices.base import Device, Emulator
 from rig.devices.conversation import Conversation, Identity, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 STANDARD_GRAVITY = 9.80665  # m/s² per g, exactly (CGPM 1901)
 BASE, FORMAT, DATA = 0x01, 0x0C, 0x80

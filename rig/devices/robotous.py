@@ -12,7 +12,7 @@ from typing import ClassVar
 from rig.devices.base import Device, Emulator
 from rig.devices.conversation import Conversation, Identity, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 MODEL, SERIAL, FIRMWARE, GET_FILTER, SET_RATE, GET_RATE, ONE, START, STOP = 1, 2, 3, 8, 15, 16, 10, 11, 12
 KNOWN = frozenset([1, 2, 3, 6, 7, 8, 9, 10, 11, 15, 16, 18])

@@ -12,7 +12,7 @@ from typing import ClassVar
 from rig.devices.base import Device, Emulator
 from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.errors import RigError
+from rig.exceptions import RigError
 
 # Bytes of the items of group 1 by bit (VN-100 user manual, binary output groups).
 SIZES = (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8)

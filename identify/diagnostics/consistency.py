@@ -1,0 +1,260 @@
+"""The consistency verdict: what a run's residuals follow, and so what is likely wrong with the rig or its declaration.
+
+The residual moment is regressed on sets of signals that known causes make; each set less what the tensor and the
+offsets take of it, since the estimate has swallowed that part. A set is judged by a Wald test whose covariance allows
+for residuals that are correlated in time (Newey and West, doi:10.2307/1913610). The best by Schwarz's criterion
+(doi:10.1214/aos/1176344136) is named first; others only for what is left beside it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.diagnostics.residuals import Residuals, gyro_bias_columns, residuals
+from identify.diagnostics.spectral_lines import Line, line
+from identify.estimators.offsets import OffsetChoice
+from identify.signals.correlation_time import correlation_time, score_covariance
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.run import Run
+
+SIGNIFICANCE = 1e-5
+"""Chance that a clean run's residuals follow one set of signals by accident."""
+LEAST = 1e-3
+"""Smallest part of the residuals' variance that is worth a word."""
+GENERAL = {"attitude": ("centre of gravity",)}
+"""Sets that hold others: named only where they explain more than these by the factor ``BETTER``."""
+BETTER = 1.1
+ECHO = 0.1
+"""A further cause must explain this part of what the first explains: less may be what a linear picture of it leaves."""
+MOST = 3
+"""Causes that are named of one run."""
+SHORTEST = 32
+"""Samples below which nothing is judged."""
+FEWEST = 10.0
+"""Independent residuals a column that a set needs to be judged at all."""
+
+
+class Verdict(NamedTuple):
+    """What a run's residuals follow."""
+
+    cause: str
+    """Likely cause: delay, rotation, tensor, centre of gravity, attitude, gyro bias, air, drift or resonance; or
+    repeatability, where several runs scatter more or less than their residuals predict."""
+    axis: str
+    """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
+    share: float
+    """Part of the residuals' variance that it explains; of repeatability the scatter over the predicted one."""
+    text: str
+    """One line that says so."""
+    run: str = ""
+    """The run's name."""
+
+
+class Cause(NamedTuple):
+    """Signals that a cause makes of the residual moment."""
+
+    name: str
+    columns: Float[np.ndarray, "n 3 p"]
+
+
+class Fit(NamedTuple):
+    """How much of the residuals a cause explains."""
+
+    cause: Cause
+    coefficients: Float[np.ndarray, " p"]
+    standard_uncertainty: Float[np.ndarray, " p"]
+    explained: Float[np.ndarray, "n 3"]
+    """The part of the residual moment [N·m]."""
+    wald: float
+    """``βᵀ V⁻¹ β``, its expectation p where there is nothing."""
+    freedom: float
+    """Independent residuals less the columns."""
+
+    @property
+    def power(self) -> float:
+        """Sum of squares of the part that it explains [(N·m)²]."""
+        return float((self.explained**2).sum())
+
+    @property
+    def chance(self) -> float:
+        """Of as much without a cause."""
+        count = len(self.coefficients)
+        return float(scipy.stats.f.sf(self.wald / count, count, max(self.freedom, 1.0)))
+
+    @property
+    def criterion(self) -> float:
+        """Schwarz's criterion against no cause: above zero for it."""
+        return self.wald - len(self.coefficients) * float(np.log(max(self.freedom, 2.0)))
+
+
+def consistency(
+    run: Run,
+    estimator: EstimatorSpec,
+    r_cg: Float[np.ndarray, "3"],
+    inertia: Float[np.ndarray, "6"],
+    *,
+    offsets: OffsetChoice = "estimate",
+) -> tuple[Verdict, ...]:
+    """Return what a run's residuals follow; nothing where they are noise.
+
+    Args:
+        run: the run.
+        estimator: differentiator and filter.
+        r_cg: centre of gravity from Q, in B [m].
+        inertia: packed tensor about the centre of gravity that the runs gave [kg·m²].
+        offsets: how constant offsets were removed.
+    """
+    left = residuals(run, estimator, r_cg, inertia, offsets=offsets)
+    if len(left.t) < SHORTEST:
+        return ()
+    base = fitted_already(left)
+    rest = left.moment - (base @ (base.T @ left.moment.reshape(-1))).reshape(-1, 3)
+    total = float((rest**2).sum())
+    found = _followed(rest, causes(left, inertia), base) if total > 0 else []
+    plain = estimator.lowpass is None
+    whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
+    tone = line(whole.moment - _unfiltered(found, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
+    verdicts = [_verdict(fit, total, run.name) for fit in found]
+    return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
+
+
+def _followed(rest: np.ndarray, open_to: list[Cause], base: np.ndarray) -> list[Fit]:
+    """The causes that the residuals follow: the best one, then what is left beside it."""
+    found: list[Fit] = []
+    total = float((rest**2).sum())
+    while len(found) < MOST:
+        fits = [fit for cause in open_to if (fit := explain(rest, cause, base)) is not None]
+        fits = [fit for fit in fits if fit.chance < SIGNIFICANCE and fit.criterion > 0 and _matters(fit, found, total)]
+        if not fits:
+            break
+        best = max((fit for fit in fits if not _needless(fit, fits)), key=lambda fit: fit.criterion)
+        found.append(best)
+        base = _basis(np.concatenate([base, best.cause.columns.reshape(len(base), -1)], axis=1))
+        rest = rest - best.explained
+        open_to = [cause for cause in open_to if cause.name != best.cause.name]
+    return found
+
+
+OVER_BAND_OF_LINES = 1.5
+"""Part of the motion's band above which a line is sought: below, a cause that follows the motion looks the same."""
+
+
+def fitted_already(left: Residuals) -> Float[np.ndarray, "m q"]:
+    """Return a basis of what is no cause: the tensor's rows, and constants (offsets that were left in, too)."""
+    return _basis(np.concatenate([left.rows.reshape(-1, 6), np.tile(np.eye(3), (len(left.t), 1))], axis=1))
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span these, by their Gram matrix: two passes, as columns may be nearly dependent."""
+    for _ in range(2):
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        good = values > 1e-10 * values[-1]
+        columns = columns @ (vectors[:, good] / np.sqrt(values[good]))
+    return columns
+
+
+def _matters(fit: Fit, found: list[Fit], total: float) -> bool:
+    return fit.power / total > max(LEAST, ECHO * found[0].power / total if found else 0.0)
+
+
+def _needless(fit: Fit, others: list[Fit]) -> bool:
+    """Whether a set that holds another one explains hardly more than it."""
+    inside = [other.power for other in others if other.cause.name in GENERAL.get(fit.cause.name, ())]
+    return bool(inside) and fit.power < BETTER * max(inside)
+
+
+def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
+    """Return the causes that are looked for, each with the signals that it makes."""
+    n, unit = len(left.t), np.eye(3)
+    each = lambda signal: np.einsum("nk,ij->nikj", signal, unit).reshape(n, 3, 9)  # noqa: E731  every component on every axis
+    own = lambda signal: np.einsum("ni,ij->nij", signal, unit)  # noqa: E731  each component on its axis
+    crossed = lambda signal: np.stack([np.cross(e, signal) for e in unit], axis=2)  # noqa: E731
+    change = np.gradient(left.spin, 1 / left.rate, axis=0)
+    time = np.broadcast_to(2 * left.t[:, None] / max(left.t[-1], 1e-300) - 1, (n, 3))
+    found = [
+        Cause("delay", change[:, :, None]),
+        Cause("rotation", crossed(left.spin)),
+        Cause("tensor", left.rows * time[:, :, None]),
+        Cause("gyro bias", gyro_bias_columns(left, inertia)),
+        Cause("air", np.concatenate([own(left.omega), own(np.abs(left.omega) * left.omega)], axis=2)),
+        Cause("drift", own(time)),
+    ]
+    if np.abs(left.force).max() > 0:
+        found += [Cause("centre of gravity", crossed(left.force)), Cause("attitude", each(left.force))]
+    return found
+
+
+def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) -> Fit | None:
+    """Return what a cause explains of the residual moment beside what is in the base; None: nothing can be told.
+
+    Args:
+        moment: residual moment [N·m].
+        cause: its signals.
+        base: basis of what is fitted already, samples and axes flattened.
+    """
+    n, _, count = cause.columns.shape
+    columns = cause.columns.reshape(3 * n, count)
+    scale = np.sqrt((columns**2).mean(axis=0))
+    own = columns - base @ (base.T @ columns)
+    kept = np.sqrt((own**2).mean(axis=0)) > 1e-6 * scale
+    if not kept.any():
+        return None
+    values, vectors = np.linalg.eigh(own[:, kept].T @ own[:, kept] / np.outer(scale[kept], scale[kept]))
+    good = values > 1e-8 * values[-1]
+    back = vectors[:, good] / np.sqrt(values[good]) / scale[kept][:, None]
+    left, values = own[:, kept] @ back, moment.reshape(-1)
+    along = left.T @ values
+    after = (values - left @ along).reshape(n, 3)
+    time = correlation_time(after)
+    freedom = 3 * n / time - good.sum()
+    if freedom < FEWEST * good.sum():
+        return None
+    scores = (left.reshape(n, 3, -1) * after[:, :, None]).sum(axis=1)
+    covariance = score_covariance(scores, time)
+    wald = float(along @ np.linalg.solve(covariance, along)) if np.linalg.cond(covariance) < 1e12 else 0.0
+    coefficients, spread = np.zeros(count), np.full(count, np.inf)
+    coefficients[kept] = back @ along
+    spread[kept] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
+    return Fit(cause, coefficients, spread, (left @ along).reshape(n, 3), wald, freedom)
+
+
+def _unfiltered(found: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
+    """What the named causes explain of the residuals without the estimator's low-pass."""
+    again = {cause.name: cause.columns for cause in causes(whole, inertia)} if found else {}
+    total = np.zeros_like(whole.moment)
+    for fit in found:
+        total = total + again[fit.cause.name] @ fit.coefficients
+    return total
+
+
+SAID = {
+    "delay": "angular acceleration: as if the angular velocity came late by {} ms (delay)",
+    "rotation": "angular acceleration: as if the IMU were turned against the load cell by ({}) deg (rotation)",
+    "tensor": "angular acceleration: as that of a body whose tensor changes during the run (something moves)",
+    "gyro bias": "angular velocity: as if the gyro were off by ({}) mrad/s (gyro bias)",
+    "air": "angular velocity: as drag of the air or of a cable would",
+    "drift": "time: as a load cell would that drifts by ({}) N·m over the run (drift)",
+    "centre of gravity": "attitude: as if r_CG were off by ({}) mm (centre of gravity)",
+    "attitude": "attitude in a way that no error of r_CG explains (a cable, or the mass)",
+}
+SCALED = {"delay": 1e3, "rotation": 180 / np.pi, "gyro bias": -1e3, "drift": 2.0, "centre of gravity": 1e3}
+"""From a fit's coefficients to the figures that are said."""
+
+
+def _verdict(fit: Fit, total: float, name: str) -> Verdict:
+    of_axis = (fit.explained**2).sum(axis=0)
+    share, rms = float(of_axis.sum()) / total, float(np.sqrt(of_axis.sum() / len(fit.explained)))
+    cause = fit.cause.name
+    scale = SCALED.get(cause, 1.0)
+    pairs = zip(scale * fit.coefficients, abs(scale) * fit.standard_uncertainty, strict=True)
+    figures = ", ".join(f"{value:.2g} ± {sigma:.1g}" for value, sigma in pairs).replace("-", "−")
+    text = f"{name}: the residual moment follows the {SAID[cause].format(figures)}; {rms:.2g} N·m rms"
+    return Verdict(cause, f"b{int(np.argmax(of_axis)) + 1}", share, text, name)
+
+
+def _of_line(tone: Line, name: str) -> Verdict:
+    text = f"{name}: a line at {tone.frequency:.3g} Hz in the residual moment about b{tone.axis + 1} (resonance); "
+    return Verdict("resonance", f"b{tone.axis + 1}", tone.share, f"{text}{tone.rms:.2g} N·m rms", name)

@@ -1,0 +1,132 @@
+"""What a run's moment leaves unexplained, instant by instant, beside the signals that might explain it."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from identify.estimators.offsets import OffsetChoice, resting
+from identify.estimators.rows import kept, rows_of
+from identify.rigid_body.inertia import unpack
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import gaussian, motion_band
+from identify.signals.run import Run
+from identify.signals.weight_removal import upward
+
+OVER_BAND = 2.0
+"""Cut-off of the smoothing of explanatory signals over the motion's highest frequency."""
+
+
+class Residuals(NamedTuple):
+    """Residual moment about the centre of gravity and the signals beside it; samples first, in B, SI."""
+
+    t: Float[np.ndarray, " n"]
+    """From the run's first sample [s]."""
+    moment: Float[np.ndarray, "n 3"]
+    """``M - r × F - Ω i``, less the offset where one was removed [N·m]."""
+    rows: Float[np.ndarray, "n 3 6"]
+    """``Ω``, less its mean where offsets are estimated."""
+    spin: Float[np.ndarray, "n 3"]
+    """``Ω i``: the moment that the motion needs, smoothed [N·m]."""
+    force: Float[np.ndarray, "n 3"]
+    """As the motion makes it: weight along the upward direction, and mass times acceleration, fitted to it [N]."""
+    omega: Float[np.ndarray, "n 3"]
+    alpha: Float[np.ndarray, "n 3"]
+    """Smoothed [rad/s²]."""
+    rate: float
+    """Sample rate [Hz]."""
+    band: float
+    """Highest frequency of the motion [Hz]."""
+
+
+def residuals(
+    run: Run,
+    estimator: EstimatorSpec,
+    r_cg: Float[np.ndarray, "3"],
+    inertia: Float[np.ndarray, "6"],
+    *,
+    offsets: OffsetChoice = "estimate",
+    filtered: bool = True,
+) -> Residuals:
+    """Return a run's residuals about a tensor, in the rows that the estimator uses.
+
+    Args:
+        run: the run.
+        estimator: differentiator and filter.
+        r_cg: centre of gravity from Q, in B [m].
+        inertia: packed tensor about the centre of gravity [kg·m²].
+        offsets: how constant offsets were removed.
+        filtered: whether the estimator's low-pass acts.
+    """
+    estimator = estimator if filtered else replace(estimator, lowpass=None)
+    phi, force, moment = (np.asarray(signal) for signal in rows_of(run, estimator)[:3])
+    lost = estimator.lost(run.rate)
+    keep, half = kept(run, len(run.t) - lost), lost // 2
+    if offsets == "still":
+        force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
+    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
+    about_cg = moment.T - np.cross(r_cg, force.T)
+    spin = rows @ inertia
+    if offsets == "estimate":
+        rows, about_cg = rows - rows.mean(axis=0), about_cg - about_cg.mean(axis=0)
+    band = motion_band(run.omega, run.rate)
+    smooth = _Smoother(run.rate, OVER_BAND * band, len(keep))
+    left = about_cg - rows @ inertia
+    alpha = smooth(phi[ALPHA].T)
+    fitted = force_of_motion(force.T, upward_by_force(run, r_cg)[half + keep], phi[1:4].T, alpha)
+    return Residuals(run.t[half + keep] - run.t[0], left, rows, smooth(spin), fitted, phi[1:4].T, alpha, run.rate, band)
+
+
+def upward_by_force(run: Run, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
+    """Return the upward direction in B that gyro and force tell together: the load cell as an accelerometer.
+
+    The force's own noise is that of the residuals, which would seem to follow it; the gyro's integral is free of it.
+    Zeros where there is no force.
+    """
+    if not np.abs(run.force).max() > 0:
+        return np.zeros_like(run.force)
+    return upward(replace(run, specific_force=run.force, imu_position=np.asarray(r_cg, float)), r_cg, ())
+
+
+def force_of_motion(
+    force: Float[np.ndarray, "n 3"],
+    up: Float[np.ndarray, "n 3"],
+    omega: Float[np.ndarray, "n 3"],
+    alpha: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Return the force as weight and mass times acceleration of a point of the body, by least squares, less an offset.
+
+    Args:
+        force: measured [N].
+        up: upward direction in B.
+        omega: angular velocity [rad/s].
+        alpha: angular acceleration [rad/s²].
+    """
+    unit = np.eye(3)
+    lever = [np.cross(alpha, e) + np.cross(omega, np.cross(omega, e)) for e in unit]
+    columns = np.stack([up, *lever, *(np.broadcast_to(e, force.shape) for e in unit)], axis=2)
+    found = np.linalg.lstsq(columns.reshape(-1, 7), force.reshape(-1), rcond=1e-10)[0]
+    return columns[:, :, :4] @ found[:4]
+
+
+class _Smoother:
+    """A Gaussian low-pass that keeps the length; none where the run is too short for it."""
+
+    def __init__(self, rate: float, cutoff: float, count: int) -> None:
+        taps = gaussian(rate, cutoff)
+        self.taps = taps if 4 * len(taps) < count else np.ones(1)
+
+    def __call__(self, signal: np.ndarray) -> np.ndarray:
+        half = len(self.taps) // 2
+        padded = np.pad(signal, ((half, half), (0, 0)), mode="edge")
+        return np.stack([np.convolve(axis, self.taps, "valid") for axis in padded.T], axis=1)
+
+
+def gyro_bias_columns(left: Residuals, inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return what a bias of the angular velocity about each axis adds to ``Ω i``: ``e × I omega + omega × I e``."""
+    tensor = np.asarray(unpack(jnp.asarray(inertia)))
+    unit, momentum = np.eye(3), left.omega @ tensor
+    return np.stack([np.cross(e, momentum) + np.cross(left.omega, tensor @ e) for e in unit], axis=2)

@@ -1,0 +1,1 @@
+"""Gram sums, least squares, generalised least squares, offsets, admissible tensors, pooling."""

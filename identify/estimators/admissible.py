@@ -1,0 +1,223 @@
+"""Tensors that a body can have, by a smooth parametrisation; and what knowing this adds where data are weak.
+
+Any tensor of a body has second moments ``Σ = U Uᵀ`` with ``U`` upper triangular of positive diagonal, its logarithms
+and the rest free numbers (log-Cholesky; Rucker and Wensing 2022, doi:10.1109/LRA.2022.3186511); all ten parameters of a
+body have such a pseudo-inertia ``J = [[Σ_Q, m r], [m rᵀ, m]] = U Uᵀ``. A fit over them cannot leave what is possible.
+
+Where the plain estimate lies well inside, nothing is done: bounds would bias what they need not touch. Where it lies
+outside or within three standard uncertainties of the edge, or the motion says nothing of a component, the interval of a
+component is its range over all bodies whose distance ``Q`` from the data exceeds the least one by no more than k², k
+the coverage factor (Batlle, Patil, Stanley, Kuusela and Owhadi 2023, doi:10.48550/arXiv.2310.02461): the plain interval
+far from the edge; never empty, and never short for the reason that the estimate fell outside. Where a moment itself may
+vanish, as a needle's does, two bounds meet and that range is too short: it reaches down to the plain interval's end.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Array, Float
+
+from identify.estimators.admissible_range import (
+    SECOND_MOMENT,
+    Data,
+    ends,
+    nearest,
+    of_second_moment,
+    second_moment,
+    size,
+)
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS, pack
+
+NEAR = 3.0
+"""Standard uncertainties from the edge below which bounds matter."""
+CONTRADICTED = 4.0
+"""Standard uncertainties from any body beyond which the data are wrong, not weak."""
+ROUNDNESS = 0.02
+"""Weight of a round body in the fit: it moves it by less than a twentieth of its standard uncertainty."""
+
+
+class Admissible(NamedTuple):
+    """What being a body's tensor adds to what data say."""
+
+    inertia: Float[np.ndarray, "6"]
+    """Of a body [kg·m²]; where the data leave it open, of the roundest one."""
+    interval95: Float[np.ndarray, "6 2"]
+    """Range of each component [kg·m²]; infinite where nothing bounds it."""
+    determined: np.ndarray
+    """Which components the motion determines."""
+    plain: Float[np.ndarray, "6"]
+    """The plain estimate; zero along what the motion does not excite."""
+    plain_interval95: Float[np.ndarray, "6 2"]
+    """Its interval, of the components that are determined; NaN for the others."""
+    reason: str
+    """Why it was done."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of it; what is infinite or unknown is None."""
+        return {
+            "reason": self.reason,
+            "determined": dict(zip(COMPONENTS, map(bool, self.determined), strict=True)),
+            "plain_inertia": dict(zip(COMPONENTS, map(float, self.plain), strict=True)),
+            "plain_interval95": {
+                name: finite(pair) for name, pair in zip(COMPONENTS, self.plain_interval95, strict=True)
+            },
+        }
+
+
+def finite(content: Any) -> Any:
+    """Return content as JSON can hold it: arrays as lists, None for what is infinite or unknown."""
+    if isinstance(content, Mapping):
+        return {key: finite(value) for key, value in content.items()}
+    if isinstance(content, np.ndarray | list | tuple):
+        return [finite(value) for value in content]
+    if isinstance(content, float | np.floating):
+        return float(content) if np.isfinite(content) else None
+    return content
+
+
+def log_cholesky(free: Float[Array, "6"]) -> Float[Array, "6"]:
+    """Return the packed tensor of ``U = [[e^d1, s12, s13], [0, e^d2, s23], [0, 0, e^d3]]``, free = (d, s12, s23, s13).
+
+    ``Σ = U Uᵀ`` and ``I = tr(Σ) 1 - Σ`` [kg·m²]: a body's tensor whatever the six numbers are.
+    """
+    d1, d2, d3, s12, s23, s13 = free
+    zero = jnp.zeros_like(d1)
+    upper = jnp.array([[jnp.exp(d1), s12, s13], [zero, jnp.exp(d2), s23], [zero, zero, jnp.exp(d3)]])
+    moments = upper @ upper.T
+    return pack(jnp.trace(moments) * jnp.eye(3, dtype=moments.dtype) - moments)
+
+
+def pseudo_inertia(free: Float[Array, "10"]) -> Float[Array, "10"]:
+    """Return mass [kg], r_CG [m] and packed tensor about the CG [kg·m²] of ``(α, d1, d2, d3, s12, s23, s13, t)``.
+
+    ``J = U Uᵀ`` with ``U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]]``: a body
+    whatever the ten numbers are, with mass ``e^2α`` and its centre of gravity at ``t``.
+    """
+    mass = jnp.exp(2 * free[0])
+    return jnp.concatenate([mass[None], free[7:], mass * log_cholesky(free[1:7])])
+
+
+def free_of(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+    """Return the free numbers of a tensor that a body has: the inverse of :func:`log_cholesky`.
+
+    Raises:
+        ValueError: no body has it.
+    """
+    flipped = second_moment(np.asarray(inertia, float))[::-1, ::-1]
+    if not (np.linalg.eigvalsh(flipped) > 0).all():
+        raise ValueError("Argument `inertia` must be a body's tensor, but breaks the triangle inequality.")
+    upper = np.linalg.cholesky(flipped)[::-1, ::-1]
+    return np.array([*np.log(np.diag(upper)), upper[0, 1], upper[1, 2], upper[0, 2]])
+
+
+def fit(
+    body: Callable[[Float[Array, " p"]], Float[Array, " p"]],
+    estimate: Float[np.ndarray, " p"],
+    information: Float[np.ndarray, "p p"],
+    start: Float[np.ndarray, " p"],
+) -> Float[np.ndarray, " p"]:
+    """Return the parameters of the body nearest to an estimate.
+
+    Least ``½ (b - b̂)ᵀ W (b - b̂) + w (3 log(tr Σ / 3) - log det Σ)`` over the free numbers: the second term, zero for
+    a round body, keeps off the edge and chooses where the data do not. BFGS, in the metric of the start.
+
+    Args:
+        body: :func:`log_cholesky` or :func:`pseudo_inertia`.
+        estimate: the plain estimate of what ``body`` returns; its last six are the tensor.
+        information: inverse of its covariance, zero where the data say nothing.
+        start: free numbers to start from.
+
+    Raises:
+        ValueError: the fit does not converge.
+    """
+    with jax.enable_x64(True):
+        given = tuple(jnp.asarray(np.asarray(one, np.float64)) for one in (estimate, information, start))
+        free, converged = _fit(body, *given)
+        if not bool(converged):
+            raise ValueError("Argument `estimate` must be near a body's, but the fit did not converge.")
+        return np.asarray(body(free))
+
+
+@eqx.filter_jit
+def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, start: Array) -> tuple[Array, Array]:
+    def cost(free: Array) -> Array:
+        left = body(free) - estimate
+        return 0.5 * left @ information @ left + ROUNDNESS * roundness(body(free)[-6:])
+
+    slope = jax.jacobian(body)(start)
+    metric = slope.T @ information @ slope + ROUNDNESS * jnp.eye(len(start), dtype=start.dtype)
+    scale = 1 / jnp.sqrt(jnp.diag(metric))
+    root = jnp.linalg.cholesky(metric * jnp.outer(scale, scale))
+    to_free = lambda z: start + scale * jax.scipy.linalg.solve_triangular(root.T, z)  # noqa: E731
+    solver: optimistix.BFGS = optimistix.BFGS(rtol=1e-9, atol=1e-7)
+    found: optimistix.Solution = optimistix.minimise(
+        lambda z, _: cost(to_free(z)), solver, jnp.zeros_like(start), max_steps=2000, throw=False
+    )
+    return to_free(found.value), jnp.asarray(found.result == optimistix.RESULTS.successful)
+
+
+def roundness(inertia: Float[Array, "6"]) -> Float[Array, ""]:
+    """Return ``3 log(tr Σ / 3) - log det Σ``: zero for a body alike about all axes, infinite for a flat one."""
+    moments = jnp.tensordot(inertia, jnp.asarray(SECOND_MOMENT, inertia.dtype), axes=1)
+    return 3 * jnp.log(jnp.trace(moments) / 3) - jnp.linalg.slogdet(moments)[1]
+
+
+def margin(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> float:
+    """Return how many standard uncertainties a tensor lies inside what bodies have; negative outside."""
+    values, vectors = np.linalg.eigh(second_moment(inertia))
+    slopes = np.einsum("ak,iab,bk->ki", vectors, SECOND_MOMENT, vectors)
+    spread = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, covariance, slopes), 1e-300))
+    return float((values / spread).min())
+
+
+def admissible(
+    inertia: Float[np.ndarray, "6"],
+    covariance: Float[np.ndarray, "6 6"],
+    coverage_factor: Float[np.ndarray, "6"],
+    seen: Float[np.ndarray, "k 6"] | None = None,
+) -> Admissible | None:
+    """Return the tensor and the intervals that bodies allow; None where the data alone are strong enough, or wrong.
+
+    Args:
+        inertia: the plain estimate [kg·m²].
+        covariance: of it [(kg·m²)²].
+        coverage_factor: of its intervals, by component.
+        seen: orthonormal directions in the space of packed tensors that the data determine; None: all.
+    """
+    seen = np.eye(6) if seen is None else seen
+    exact = 1e-6 * np.abs(inertia).max()
+    covariance = covariance + exact**2 * np.eye(6)
+    inside = margin(inertia, covariance)
+    if len(seen) == 6 and inside >= NEAR:
+        return None
+    data = Data(inertia, seen.T @ np.linalg.inv(seen @ covariance @ seen.T) @ seen)
+    least = data.distance(nearest(data))
+    if least > CONTRADICTED**2:
+        return None
+    determined = np.abs(seen.T @ seen - np.eye(6)).max(axis=1) < 1e-3
+    half = np.where(determined, coverage_factor * np.sqrt(np.diag(covariance)), np.nan)
+    plain = np.stack([inertia - half, inertia + half], axis=1)
+    kept = len(seen) == 6 and inside > 0
+    value = inertia if kept else fit(log_cholesky, inertia, data.information, free_of(_inner(data)))
+    interval = ends(data, least + coverage_factor**2)
+    interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
+    return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside))
+
+
+def _inner(data: Data) -> np.ndarray:
+    """A body near the estimate, clear of the edge."""
+    values, vectors = np.linalg.eigh(second_moment(data.estimate))
+    return of_second_moment(vectors @ np.diag(np.maximum(values, 0.02 * size(data))) @ vectors.T)
+
+
+def _reason(determined: np.ndarray, inside: float) -> str:
+    if not determined.all():
+        return "the motion does not determine every component"
+    if inside <= 0:
+        return f"no body has the plain estimate, which lies {-inside:.1f} standard uncertainties outside"
+    return f"the plain estimate lies {inside:.1f} standard uncertainties inside what a body can have"

@@ -1,0 +1,132 @@
+"""Least squares from sums over samples: what a million rows leave behind is small.
+
+``Omega_R`` is linear in the features of :mod:`identify.rigid_body.regressor`, so ``ΩᵀΩ`` and ``Ωᵀ(M - r × F)`` of (10)
+follow from the sums of the features' products with themselves, with the force and with the moment. The sums add over
+blocks, devices and recorded runs. A constant offset of omega, force, moment or r acts on them exactly, without the
+samples.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+
+N_FEATURES = len(OMEGA_R_OF_FEATURES)
+
+_GRAM_TO_NORMAL = np.einsum("kji,lje->iekl", OMEGA_R_OF_FEATURES, OMEGA_R_OF_FEATURES)
+CONDITION_LIMIT = 1e12
+"""Condition number of the normal equations beyond which an estimate is reported as failed."""
+
+
+class Sums(NamedTuple):
+    """Sums over samples of products of the features. Add two of them to join their samples."""
+
+    gram: Float[Array, "k k"]
+    """Of the features with themselves; entry [0, 0] is the number of samples."""
+    force: Float[Array, "k 3"]
+    """Of the features with the force [N]."""
+    moment: Float[Array, "k 3"]
+    """Of the features with the moment about Q [N·m]."""
+
+
+class Estimate(NamedTuple):
+    """A least-squares estimate of the tensor from sums."""
+
+    inertia: Float[Array, "6"]
+    """Packed tensor about the centre of gravity [kg·m²]; NaN where the normal equations cannot be solved."""
+    condition: Float[Array, ""]
+    """Condition number of ``ΩᵀΩ`` in the Frobenius norm: at most six times the square of the regressor's own."""
+    ok: Bool[Array, ""]
+    """Whether the estimate is finite and the condition number below ``CONDITION_LIMIT``."""
+
+
+def accumulate(
+    omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]
+) -> Sums:
+    """Return the sums of one block of samples, component first."""
+    return sums_of(features(omega, alpha), force, moment)
+
+
+def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]) -> Sums:
+    """Return the sums of features (the thirteen, or those of several estimators) with themselves and the wrench."""
+    return Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
+
+
+def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Float[Array, "13 *n"]:
+    """Return the features of ``omega + offset`` from those of omega: linear in them, exact."""
+    one, w, squares, (w12, w13, w23), a = phi[:1], phi[1:4], phi[4:7], phi[7:10], phi[10:13]
+    b1, b2, b3 = offset
+    each = offset.reshape(3, *[1] * (phi.ndim - 1))
+    crossed = jnp.stack(
+        [
+            w12 + b1 * w[1] + b2 * w[0] + one[0] * b1 * b2,
+            w13 + b1 * w[2] + b3 * w[0] + one[0] * b1 * b3,
+            w23 + b2 * w[2] + b3 * w[1] + one[0] * b2 * b3,
+        ]
+    )
+    return jnp.concatenate([one, w + one * each, squares + 2 * each * w + one * each**2, crossed, a])
+
+
+def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
+    """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
+    return offset_features(jnp.eye(N_FEATURES, dtype=offset.dtype), offset)
+
+
+def with_offsets(sums: Sums, omega: Float[Array, "3"], force: Float[Array, "3"], moment: Float[Array, "3"]) -> Sums:
+    """Return the sums that would have come of samples with these constants added to omega, force and moment."""
+    totals = sums.gram[:, 0]
+    return Sums(
+        offset_features(offset_features(sums.gram, omega).T, omega),
+        offset_features(sums.force + jnp.outer(totals, force), omega),
+        offset_features(sums.moment + jnp.outer(totals, moment), omega),
+    )
+
+
+def normal_equations(sums: Sums, r_cg: Float[Array, "3"]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
+    """Return ``ΩᵀΩ`` and ``Ωᵀ(M - r × F)`` of (10)."""
+    matrix = jnp.einsum("iekl,kl->ie", _GRAM_TO_NORMAL.astype(sums.gram.dtype), sums.gram)
+    right = sums.moment - jnp.cross(r_cg, sums.force)
+    return matrix, jnp.einsum("kji,kj->i", OMEGA_R_OF_FEATURES.astype(right.dtype), right)
+
+
+def solve(sums: Sums, r_cg: Float[Array, "3"]) -> Estimate:
+    """Return the ordinary least-squares tensor (10) from sums.
+
+    Never raises, also inside a batch: what cannot be solved is NaN and ``ok`` is False.
+    """
+    return solve_normal(*normal_equations(sums, r_cg))
+
+
+def solve_normal(matrix: Float[Array, "6 6"], right: Float[Array, "6"]) -> Estimate:
+    """Return the tensor from its normal equations; what cannot be solved is NaN and ``ok`` is False."""
+    inverse, inertia = _inverse_and_solution(matrix, right)
+    condition = jnp.linalg.norm(matrix) * jnp.linalg.norm(inverse)
+    ok = jnp.all(jnp.isfinite(inertia)) & (condition < CONDITION_LIMIT)
+    return Estimate(jnp.where(ok, inertia, jnp.nan), condition, ok)
+
+
+@jax.custom_jvp
+def _inverse_and_solution(
+    matrix: Float[Array, "6 6"], right: Float[Array, "6"]
+) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
+    """By elimination: a positive definite matrix needs no pivots, and plain arithmetic is fast in a batch; else NaN."""
+    table = jnp.concatenate([matrix, jnp.eye(6, dtype=matrix.dtype), right[:, None]], axis=1)
+    definite = jnp.ones((), bool)
+    for k in range(6):
+        definite &= table[k, k] > 0
+        row = table[k] / table[k, k]
+        table = (table - jnp.outer(table[:, k], row)).at[k].set(row)
+    table = jnp.where(definite, table, jnp.nan)
+    return table[:, 6:12], table[:, 12]
+
+
+@_inverse_and_solution.defjvp
+def _of_changes(primals, tangents):
+    """Derivatives of every order are products of the solution's own parts, cheaper than those of the factorisation."""
+    inverse, inertia = _inverse_and_solution(*primals)
+    matrix, right = tangents
+    return (inverse, inertia), (-inverse @ matrix @ inverse, inverse @ (right - matrix @ inertia))

@@ -1,0 +1,108 @@
+"""A load cell's constant offsets: what the data tell of them, with what uncertainty.
+
+Equation (5) sees ``M - r × F``, so of six constants it tells three: the moment's offset less ``r ×`` the force's. They
+come out of the regression along with the tensor, or out of the body's rest, where ``M - r × F`` is zero whatever the
+attitude. Mass and an accelerometer tell the force's offset too, ``F - m f``, and with it the moment's about Q.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
+from identify.rigid_body.rotation import specific_force_at
+from identify.signals.run import Rest, Run, RunError
+from identify.signals.segments import Stretch
+
+OffsetChoice = Literal["estimate", "still", "none"]
+"""Where constant offsets come from."""
+BLOCK = 1.0
+"""Seconds of rest whose means count as independent."""
+
+
+class Offsets(NamedTuple):
+    """A load cell's constants as (5) sees them: a constant force acts only through its moment about the CG."""
+
+    moment: np.ndarray
+    """Constant part of ``M - r × F`` [N·m]: the moment's offset less ``r ×`` the force's."""
+    covariance: np.ndarray
+    """Its covariance from noise, (3, 3) [(N·m)²]; the uncertainty of r comes on top."""
+    force: np.ndarray
+    """Mean force that went with it [N], through which r acts on it."""
+
+
+def estimated(
+    phi: np.ndarray,
+    force: np.ndarray,
+    moment: np.ndarray,
+    r_cg: np.ndarray,
+    inertia: np.ndarray,
+    covariance: np.ndarray,
+    of_mean: np.ndarray,
+) -> Offsets:
+    """What the rows' means leave when the tensor is known: it takes the tensor's covariance along."""
+    rows = np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi)
+    return Offsets(moment - np.cross(r_cg, force) - rows @ inertia, of_mean + rows @ covariance @ rows.T, force)
+
+
+def rested(rest: Rest, r_cg: np.ndarray) -> Offsets:
+    """At rest ``M - r × F`` is zero, whatever the attitude."""
+    about_cg = np.hstack([-np.asarray(cross_matrix(jnp.asarray(r_cg))), np.eye(3)])
+    return Offsets(rest.moment - np.cross(r_cg, rest.force), about_cg @ rest.covariance @ about_cg.T, rest.force)
+
+
+def resting(run: Run) -> Rest:
+    """Return what the load cell reads at rest.
+
+    Raises:
+        RunError: the run holds none.
+    """
+    if run.rest is None:
+        raise RunError(
+            f"{run.name} holds no rest to take the offsets from: record a second of it before or after the motion, or "
+            "have them estimated"
+        )
+    return run.rest
+
+
+def rest_of(run: Run, stretches: Sequence[Stretch]) -> Rest | None:
+    """Return what the load cell reads over some stretches of rest of a run; None: fewer than two seconds of it.
+
+    The covariance comes from the scatter of the means of one second each, which holds noise and slow drift.
+    """
+    size = max(round(BLOCK * run.rate), 1)
+    means: list[np.ndarray] = []
+    wrench = np.hstack([run.force, run.moment])
+    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    for stretch in stretches:
+        first, last = np.searchsorted(run.t - run.t[0], [stretch.start, stretch.stop + 0.5 / run.rate])
+        blocks = [slice(k, k + size) for k in range(int(first), int(last) - size + 1, size)]
+        means += [wrench[block].mean(axis=0) for block in blocks if usable[block].all()]
+    if len(means) < 2:
+        return None
+    mean = np.mean(means, axis=0)
+    free = max(len(means) - 1, 1)
+    covariance = np.einsum("ni,nj->ij", means - mean, means - mean) / free / len(means)
+    return Rest(mean[:3], mean[3:], covariance, len(means) * BLOCK)
+
+
+def force_offset(run: Run, r_cg: np.ndarray, mass: float | None) -> np.ndarray | None:
+    """Return the mean of ``F - m f`` [N], f the specific force at the centre of gravity; None: one of them is missing.
+
+    An offset of the accelerometer counts times the mass.
+    """
+    if mass is None or run.specific_force is None:
+        return None
+    position = np.zeros(3) if run.imu_position is None else run.imu_position
+    alpha = np.gradient(run.omega, run.t, axis=0)
+    at_cg = specific_force_at(run.specific_force, run.omega, alpha, r_cg - position)
+    left = run.force - mass * at_cg
+    return np.concatenate([left[part] for part in run.used()]).mean(axis=0)
+
+
+def uncertainty(offsets: Offsets, sigma_r_cg: np.ndarray) -> np.ndarray:
+    """Return the standard uncertainty of ``M - r × F``'s constant on each axis [N·m]: noise, and that of r."""
+    of_centre = np.asarray(cross_matrix(jnp.asarray(offsets.force))) * sigma_r_cg
+    return np.sqrt(np.diag(offsets.covariance) + (of_centre**2).sum(axis=1))

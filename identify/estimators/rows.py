@@ -1,0 +1,92 @@
+"""A run's samples as rows of the regression: which instants count, and both sides behind the same filter."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from identify.signals.differentiate import derivative
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import apply
+from identify.signals.run import Run, RunError
+
+SPLINE_REACH = 3
+"""Samples beside a gap that the interpolation across it touches."""
+
+
+class Rows(NamedTuple):
+    """Features, force and moment of the instants that count, component first."""
+
+    phi: Float[Array, "13 n"]
+    force: Float[Array, "3 n"]
+    """[N]."""
+    moment: Float[Array, "3 n"]
+    """About Q [N·m]."""
+    stretches: tuple[slice, ...]
+    """Instants that follow one another without a gap."""
+    instants: Int[np.ndarray, " n"]
+    """Where they stand among the run's."""
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "n 3 6"]:
+        """``Omega_R`` of each instant."""
+        return np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, np.asarray(self.phi), optimize=True)
+
+
+def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
+    """Return a run's rows behind an estimator's differentiator and filter.
+
+    Raises:
+        RunError: the run is too short for the estimator, or its rate too low for the band.
+    """
+    try:
+        taps, smoothing, needed = (
+            estimator.taps(run.rate),
+            estimator.filter_taps(run.rate),
+            estimator.lost(run.rate) + 3,
+        )
+    except ValueError as error:
+        raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
+    if len(run.t) < needed:
+        raise RunError(
+            f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
+            f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
+        )
+    signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
+    phi, force, moment = _filtered(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
+    keep = kept(run, phi.shape[1])
+    if len(keep) < 3:
+        raise RunError(
+            f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
+        )
+    breaks = np.concatenate([[0], np.flatnonzero(np.diff(keep) > 1) + 1, [len(keep)]])
+    stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(breaks))
+    half = (len(run.t) - phi.shape[1]) // 2
+    return Rows(phi[:, keep], force[:, keep], moment[:, keep], stretches, half + keep)
+
+
+def kept(run: Run, rows: int) -> np.ndarray:
+    """Return the positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
+    if run.missing is None:
+        return np.arange(rows)
+    half = (len(run.t) - rows) // 2
+    reach = half + SPLINE_REACH
+    touched = np.convolve(run.missing.astype(float), np.ones(2 * reach + 1), "same") > 0.5
+    return np.flatnonzero(~touched[half : half + rows])
+
+
+@jax.jit
+def _filtered(
+    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"], taps: Array, smoothing: Array
+) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:
+    """Features, force and moment of the instants that have a derivative, all through the same filter."""
+    inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
+    phi = features(omega[:, inner], derivative(omega, taps))
+    if smoothing.shape[0] == 1:
+        return phi, force[:, inner], moment[:, inner]
+    filtered = apply(jnp.concatenate([phi, force[:, inner], moment[:, inner]]), smoothing)
+    return filtered[:13], filtered[13:16], filtered[16:]

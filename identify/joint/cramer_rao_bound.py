@@ -1,0 +1,136 @@
+"""The hybrid Cramér–Rao bound: what no estimator can beat, given the noise and what is known beforehand.
+
+The inverse of the samples' Fisher information plus the precision of the priors, over every unknown that is left free
+(van Trees, Detection, Estimation, and Modulation Theory I, 2.4.3). For priors drawn anew in each experiment it bounds
+the mean square of the errors. The true angular velocity counts as known once smoothed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from identify.joint.gauss_newton import information
+from identify.joint.joint_model import SIZES, SLICES, SpecificForce
+from identify.joint.priors import STATIC, Alignment, Known, Prior
+from identify.joint.single_run import REACH, Setting, prepared, whitener
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
+from identify.signals.band_limited_run import in_band
+from identify.signals.run import Run
+from identify.text_tables import html_table, text_table
+
+GRAM_METRE = 1e3
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The least covariance that an unbiased estimate can have."""
+
+    free: tuple[str, ...]
+    """The unknowns that count as free; all others count as known."""
+    covariance: np.ndarray
+    """Of all unknowns, in the order of :data:`identify.joint.joint_model.SLICES`; zero for what is known."""
+    prior_share: Mapping[str, np.ndarray]
+    """By unknown: how much of each variance comes from what is known beforehand, 1 where the samples say nothing."""
+
+    def standard_uncertainty(self, name: str) -> np.ndarray:
+        """Return the least standard uncertainty of an unknown, such as ``inertia``, ``r_cg``, ``delay``, in SI."""
+        return np.sqrt(np.diag(self.covariance)[SLICES[name]])
+
+    @property
+    def three_sigma(self) -> tuple[float, float]:
+        """Three standard uncertainties [kg·m²], average of the three moments and of the three products."""
+        three = 3 * self.standard_uncertainty("inertia")
+        return float(three[list(MOMENTS)].mean()), float(three[list(PRODUCTS)].mean())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the bound in SI."""
+        return {
+            "free": list(self.free),
+            "inertia": dict(zip(COMPONENTS, self.standard_uncertainty("inertia").tolist(), strict=True)),
+            "standard_uncertainty": {name: self.standard_uncertainty(name).tolist() for name in self.free},
+            "prior_share": {name: share.tolist() for name, share in self.prior_share.items()},
+        }
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows: three standard uncertainties of the tensor in g·m²."""
+        three = 3 * GRAM_METRE * self.standard_uncertainty("inertia")
+        return ["g·m²", *COMPONENTS], [["3σ at least", *(f"{value:.3f}" for value in three)]]
+
+    def _title(self) -> str:
+        return f"Hybrid Cramér–Rao bound; free: {', '.join(self.free)}"
+
+    def __repr__(self) -> str:
+        return "\n".join([self._title(), text_table(*self.rows())])
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption=self._title())
+
+
+def bound(
+    run: Run,
+    body: Body,
+    *,
+    band: float,
+    noise: np.ndarray,
+    gyro_noise: np.ndarray,
+    static_covariance: np.ndarray,
+    alignment: Alignment,
+    specific_force: SpecificForce = "still",
+    gravity: float = 9.80665,
+) -> Bound:
+    """Return the bound of an experiment.
+
+    Args:
+        run: its signals without errors.
+        body: the body that made them.
+        band: highest frequency of the motion [Hz].
+        noise: standard deviation of one sample's white noise: force [N], moment [N·m], shape (6,).
+        gyro_noise: that of the gyro [rad/s], shape (3,).
+        static_covariance: of mass, r_CG and the offsets of force and moment beforehand, (10, 10) [kg, m, N, N·m].
+        alignment: standard uncertainties of delay, rotation, gyro's zero and tilt beforehand; 0: known.
+        specific_force: where it comes from; an accelerometer counts as free of noise, but for its zero.
+        gravity: local gravity [m/s²].
+
+    Raises:
+        RunError: the run is too short.
+    """
+    static = np.concatenate([[float(body.mass)], np.asarray(body.r_cg_from_q), np.zeros(6)])
+    scale = float(np.abs(np.asarray(body.inertia)).max())
+    setting = Setting({STATIC: Known(static, static_covariance)}, alignment, band, specific_force, gravity, scale)
+    reach = abs(alignment.delay) + REACH * alignment.sigma_delay
+    rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
+    position = np.zeros(3) if run.imu_position is None else run.imu_position
+    model, known = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), position, setting)
+    theta = np.array(known.mean)
+    theta[SLICES["inertia"]] = body.inertia
+    return _of_information(
+        known, _information(model, known, _whitener(body, noise, rows.factor, specific_force), theta)
+    )
+
+
+def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: SpecificForce) -> np.ndarray:
+    """For the rows' noise; without a specific force, that of the measured force comes with the lever r."""
+    covariance = np.diag(np.square(noise)) / factor
+    if specific_force != "none":
+        return whitener(covariance)
+    arm = np.cross(np.asarray(body.r_cg_from_q), np.eye(3)).T
+    return whitener(covariance[3:, 3:] + arm @ covariance[:3, :3] @ arm.T)
+
+
+def _information(model: Any, known: Prior, white: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    z = np.linalg.lstsq(np.asarray(known.root), theta - np.asarray(known.mean), rcond=None)[0]
+    return np.asarray(eqx.filter_jit(information)(model, known, jnp.asarray(white), jnp.asarray(z)))
+
+
+def _of_information(known: Prior, samples: np.ndarray) -> Bound:
+    root, precision = np.asarray(known.root), np.diag(np.asarray(known.counted))
+    inverse = np.linalg.inv(samples + precision)
+    covariance, of_prior = root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T
+    total = np.diag(covariance)
+    free = tuple(name for name in SIZES if (total[SLICES[name]] > 0).any())
+    shares = {name: (np.diag(of_prior) / np.where(total > 0, total, 1.0))[SLICES[name]] for name in free}
+    return Bound(free, covariance, shares)

@@ -1,0 +1,99 @@
+"""The joint estimate of one run: the most probable unknowns, given its samples and what was known before.
+
+Gauss–Newton on whitened residuals and priors (maximum a posteriori); the covariance is the inverse of the information
+at the solution. Every function takes one run; ``vmap`` it over runs of one length.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax
+import numpy as np
+import optimistix
+from jaxtyping import Array, Bool, Float
+
+from identify.joint.joint_jacobian import linearised
+from identify.joint.joint_model import Model, kinematics, residuals, unknowns
+from identify.joint.priors import Prior
+
+TOLERANCE = 1e-3
+"""Of the solution, in standard uncertainties known beforehand."""
+ROUGH = 1e-1
+"""Tolerance of a solution that only shows the noise."""
+MOST_STEPS = 30
+
+
+class Fit(NamedTuple):
+    """The solution of one run."""
+
+    z: Float[Array, " free"]
+    """The solution; ``prior.theta(z)`` are the unknowns."""
+    of_data: Float[Array, "free free"]
+    """Information of the samples on z."""
+    residuals: Float[Array, "rows n"]
+    """Measured less predicted [N], [N·m]."""
+    steps: Float[Array, ""]
+    converged: Bool[Array, ""]
+
+
+@eqx.filter_jit
+def solve(
+    model: Model,
+    prior: Prior,
+    whitener: Float[Array, "rows rows"],
+    start: Float[Array, " free"],
+    tolerance: Any = TOLERANCE,
+) -> Fit:
+    """Return the most probable unknowns.
+
+    Args:
+        model: the run.
+        prior: what is known beforehand.
+        whitener: W with ``W C Wᵀ = 1``, C the covariance of one instant's rows.
+        start: z to start from.
+        tolerance: of the solution, in standard uncertainties known beforehand.
+    """
+
+    @jax.custom_jvp
+    def whitened(z):
+        x = unknowns(prior.theta(z))
+        return (whitener @ residuals(model, x, kinematics(model, x))).T.ravel()
+
+    @whitened.defjvp
+    def _in_closed_form(primals, tangents):
+        value, rows = _whitened(model, prior, whitener, *primals)
+        return value, rows @ tangents[0]
+
+    solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
+    found: Any = optimistix.least_squares(
+        lambda z, _: (whitened(z), prior.counted * z), solver, start, max_steps=MOST_STEPS, throw=False
+    )
+    value, rows = _whitened(model, prior, whitener, found.value)
+    left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
+    steps = jnp.asarray(found.stats["num_steps"]).astype(start.dtype)
+    return Fit(found.value, rows.T @ rows, left, steps, jnp.asarray(found.result == optimistix.RESULTS.successful))
+
+
+def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:
+    """Residuals in units of their noise, instant by instant, and their derivatives by z."""
+    left, jacobian = linearised(model, prior.theta(z))
+    rows = (whitener @ jacobian).reshape(-1, jacobian.shape[2]) @ prior.root
+    return (whitener @ left).T.ravel(), rows
+
+
+def information(
+    model: Model, prior: Prior, whitener: Float[Array, "rows rows"], z: Float[Array, " free"]
+) -> Float[Array, "free free"]:
+    """Return the information of the samples on z."""
+    rows = _whitened(model, prior, whitener, z)[1]
+    return rows.T @ rows
+
+
+def posterior(fit: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covariance of the unknowns, (count, count), and the part of it that the priors' errors cause."""
+    of_data, counted, root = (np.asarray(x) for x in (fit.of_data, prior.counted, prior.root))
+    inverse = np.linalg.inv(of_data + np.diag(counted))
+    of_prior = inverse @ np.diag(counted) @ inverse
+    return root @ inverse @ root.T, root @ of_prior @ root.T

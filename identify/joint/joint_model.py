@@ -1,0 +1,218 @@
+"""What load cell and IMU would say of a body, as a function of everything that is not known: the joint model.
+
+Rows are (4) and (5) at the load cell's instants, with the motion of the IMU taken ``delay`` later and turned into the
+load cell's frame. The specific force f at the centre of gravity comes from one of three:
+
+- ``still``: the centre of gravity is at rest, f is opposite to gravity, whose direction follows from the gyro;
+- ``accelerometer``: f is what the accelerometer reads, carried to the centre of gravity;
+- ``none``: f is not known; (5) alone counts, with the measured force in it.
+"""
+
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.rigid_body.dynamics import acceleration_at
+from identify.rigid_body.inertia import unpack
+from identify.rigid_body.regressor import cross_matrix
+from identify.rigid_body.rotation import exponential
+from identify.signals.band_limited_run import InBand, cell_of, evaluate
+
+SpecificForce = Literal["still", "accelerometer", "none"]
+"""Where the specific force at the centre of gravity comes from."""
+WANDER = 3
+"""Terms of the slow wander of the attitude that the gyro's white noise causes."""
+SIZES = {
+    "inertia": 6, "mass": 1, "r_cg": 3, "force_offset": 3, "moment_offset": 3, "gyro_bias": 3, "tilt": 2, "delay": 1,
+    "rotation": 3, "accelerometer_bias": 3, "force_drift": 3, "moment_drift": 3, "wander": 3 * WANDER,
+}  # fmt: skip
+"""The unknowns in their order, and how many numbers each is."""
+_ENDS = np.cumsum(list(SIZES.values()))
+SLICES = {name: slice(int(end) - size, int(end)) for (name, size), end in zip(SIZES.items(), _ENDS, strict=True)}
+"""Where each stands among all of them."""
+COUNT = int(_ENDS[-1])
+
+
+class Unknowns(NamedTuple):
+    """Everything that a run may leave unknown, SI units."""
+
+    inertia: Float[Array, "6"]
+    """Packed tensor about the centre of gravity, in B [kg·m²]."""
+    mass: Float[Array, "1"]
+    """Mass [kg]."""
+    r_cg: Float[Array, "3"]
+    """Centre of gravity from Q, in B [m]."""
+    force_offset: Float[Array, "3"]
+    """Constant that the load cell adds to the force [N]."""
+    moment_offset: Float[Array, "3"]
+    """The same of the moment about Q [N·m]."""
+    gyro_bias: Float[Array, "3"]
+    """Constant that the gyro adds, in its own axes [rad/s]."""
+    tilt: Float[Array, "2"]
+    """Rotation of the vertical at the first node, about two axes at right angles to it [rad]."""
+    delay: Float[Array, "1"]
+    """The IMU's sample is that of so long before its stamp [s]."""
+    rotation: Float[Array, "3"]
+    """Rotation vector of the rotation from the IMU's axes to B [rad]."""
+    accelerometer_bias: Float[Array, "3"]
+    """Constant that the accelerometer adds, in its own axes [m/s²]."""
+    force_drift: Float[Array, "3"]
+    """Change of the force's offset from the run's start to its end [N]."""
+    moment_drift: Float[Array, "3"]
+    """The same of the moment's [N·m]."""
+    wander: Float[Array, "9"]
+    """Amplitudes of the gyro's slow noise, three axes of each term [rad/s^0.5]; as its white noise's density."""
+
+
+class Model(eqx.Module):
+    """A run's rows and what is needed to predict them."""
+
+    rows: InBand
+    up: Float[Array, "3"]
+    """Direction opposite to gravity at the first node, in the IMU's axes, about which ``tilt`` is."""
+    gravity: Float[Array, ""]
+    """Local gravity [m/s²]."""
+    imu_position: Float[Array, "3"]
+    """The accelerometer, from Q, in B [m]."""
+    specific_force: SpecificForce = eqx.field(static=True)
+
+
+def unknowns(theta: Float[Array, " count"]) -> Unknowns:
+    """Return the unknowns of a flat vector."""
+    return Unknowns(*(theta[part] for part in SLICES.values()))
+
+
+class Kinematics(NamedTuple):
+    """The body's motion at the rows' instants, in B, and what it takes to differentiate it."""
+
+    omega: Float[Array, "3 n"]
+    """Angular velocity [rad/s]."""
+    alpha: Float[Array, "3 n"]
+    """Angular acceleration [rad/s²]."""
+    specific_force: Float[Array, "3 n"] | None
+    """At the centre of gravity [m/s²]; None: not known."""
+    own: Float[Array, "9 n"]
+    """Angular velocity, its derivative and specific force, where known, in the IMU's axes."""
+    rates: Float[Array, "9 n"]
+    """Their derivatives by time."""
+    attitude: Float[Array, "nodes 3 3"] | None
+    """From the IMU's axes at each node to those at the first, where it is integrated."""
+
+
+def kinematics(model: Model, x: Unknowns) -> Kinematics:
+    """Return the motion that the IMU tells, ``delay`` later and turned into B."""
+    rows, turn = model.rows, exponential(x.rotation)
+    t = rows.t + x.delay[0]
+    value, slope, second = evaluate(rows.motion, rows.step, t)
+    spin = value[:3] - slow_terms(rows, rows.t, x)
+    attitude = None
+    if model.specific_force == "still":
+        attitude = attitude_at_nodes(rows, x)
+        up = _vertical(model, x, attitude, t)
+        force, force_rate = model.gravity * up, model.gravity * jnp.cross(up, spin, axis=0)
+    elif model.specific_force == "accelerometer":
+        force, force_rate = value[3:] - x.accelerometer_bias[:, None], slope[3:]
+    else:
+        force = force_rate = jnp.zeros_like(spin)
+    own, rates = jnp.concatenate([spin, slope[:3], force]), jnp.concatenate([slope[:3], second[:3], force_rate])
+    omega, alpha, at_imu = turn @ own[:3], turn @ own[3:6], turn @ own[6:]
+    if model.specific_force == "accelerometer":
+        at_imu = at_imu + _carried(omega, alpha, x.r_cg - model.imu_position)
+    return Kinematics(omega, alpha, None if model.specific_force == "none" else at_imu, own, rates, attitude)
+
+
+def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "rows n"]:
+    """Return measured less predicted: force and moment (6 rows), or the moment about the centre of gravity (3).
+
+    [N], [N·m]; zero where a row must not be used.
+    """
+    rows = model.rows
+    along = progress(rows)
+    force = rows.force - x.force_offset[:, None] - jnp.outer(x.force_drift, along)
+    moment = rows.moment - x.moment_offset[:, None] - jnp.outer(x.moment_drift, along)
+    tensor = unpack(x.inertia)
+    moment = moment - tensor @ motion.alpha - jnp.cross(motion.omega, tensor @ motion.omega, axis=0)
+    if motion.specific_force is None:
+        return rows.used[None] * (moment - levered(x.r_cg, force))
+    predicted = x.mass[0] * motion.specific_force
+    return rows.used[None] * jnp.concatenate([force - predicted, moment - levered(x.r_cg, predicted)])
+
+
+def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
+    """Return ``arm × force``."""
+    return cross_matrix(arm) @ force
+
+
+def progress(rows: InBand) -> Float[Array, " n"]:
+    """Return how far the run has come, from -1/2 to 1/2."""
+    return rows.t / rows.duration - 0.5
+
+
+def _carried(omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], arm: Float[Array, "3"]) -> Float[Array, "3 n"]:
+    return jax.vmap(acceleration_at, in_axes=(None, 1, 1), out_axes=1)(arm, omega, alpha)
+
+
+def slow_basis(rows: InBand, t: Float[Array, " n"]) -> Float[Array, "terms n"]:
+    """Return one and the rates of the Karhunen–Loève terms of a random walk over the run."""
+    half_waves = jnp.asarray((np.arange(WANDER) + 0.5) * np.pi / rows.duration, t.dtype)
+    return jnp.concatenate(
+        [jnp.ones_like(t)[None], float(np.sqrt(2 / rows.duration)) * jnp.cos(jnp.outer(half_waves, t))]
+    )
+
+
+def slow_terms(rows: InBand, t: Float[Array, " n"], x: Unknowns) -> Float[Array, "3 n"]:
+    """Return the gyro's bias and slow noise [rad/s], in its own axes."""
+    return jnp.concatenate([x.gyro_bias[None], x.wander.reshape(WANDER, 3)]).T @ slow_basis(rows, t)
+
+
+def _vertical(model: Model, x: Unknowns, attitude: Float[Array, "nodes 3 3"], t: Float[Array, " n"]) -> Array:
+    """Direction opposite to gravity in the IMU's axes at some instants, (3, n)."""
+    start = vertical_at_start(model, x.tilt)
+    return seen_later(model.rows, x, attitude, t, jnp.broadcast_to(start, (len(t), 3))).T
+
+
+def vertical_at_start(model: Model, tilt: Float[Array, "2"]) -> Float[Array, "3"]:
+    """Return the direction opposite to gravity in the IMU's axes at the first node."""
+    return exponential(_tilt_axes(model.up) @ tilt) @ model.up
+
+
+def seen_later(
+    rows: InBand, x: Unknowns, attitude: Float[Array, "nodes 3 3"], t: Float[Array, " n"], vectors: Float[Array, "n 3"]
+) -> Float[Array, "n 3"]:
+    """Return vectors, in the IMU's axes at the first node, as the IMU sees them at some instants."""
+    cell = cell_of(rows.motion, rows.step, t)
+    at_node = jnp.einsum("nij,ni->nj", attitude[cell], vectors)
+    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(
+        _turn(rows, x, cell, t - rows.step * cell.astype(t.dtype)), at_node
+    )
+
+
+def _tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:
+    """Two axes at right angles to a direction: x and y where it is vertical."""
+    first = jnp.cross(jnp.where(jnp.abs(up[1]) < 0.9, jnp.array([0.0, 1.0, 0.0]), jnp.array([0.0, 0.0, 1.0])), up)
+    first = first / jnp.linalg.norm(first)
+    return jnp.stack([first, jnp.cross(up, first)], axis=1)
+
+
+def attitude_at_nodes(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
+    """Return the rotations from the IMU's axes at each node to those at the first."""
+    cells = rows.motion.shape[1]
+    turns = jax.vmap(exponential)(_turn(rows, x, jnp.arange(cells), jnp.full(cells, rows.step)))
+    return jnp.concatenate([jnp.eye(3, dtype=turns.dtype)[None], jax.lax.associative_scan(jnp.matmul, turns)])
+
+
+def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points, as in `trajectory`."""
+
+    def omega(fraction: float) -> Array:
+        value = rows.motion[0, cell, :3]
+        for piece in rows.motion[1:, :, :3]:
+            value = value * (fraction * since)[:, None] + piece[cell]
+        return value - slow_terms(rows, rows.step * cell.astype(since.dtype) + fraction * since, x).T
+
+    first, second = omega(0.5 - np.sqrt(3) / 6), omega(0.5 + np.sqrt(3) / 6)
+    return since[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * since**2)[:, None] * jnp.cross(first, second)

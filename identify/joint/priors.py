@@ -1,0 +1,135 @@
+"""What is known of a run's unknowns beforehand: means and covariances, as the joint estimate takes them.
+
+Unknowns are written ``theta = mean + root @ z``: with a prior, z is standard normal; without one (the tensor), z is
+free. What is known exactly has no column, so it is neither estimated nor costs anything.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER
+from identify.signals.run import RunError
+
+STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
+"""What static poses tell, in the order of their covariance."""
+
+
+class Known(NamedTuple):
+    """Mean and covariance of some unknowns."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What is known of the IMU against the load cell, and of both sensors' slow errors; SI units."""
+
+    delay: float = 0.0
+    """The IMU's sample is that of so long before its stamp [s]."""
+    sigma_delay: float = 0.02
+    """Standard uncertainty of ``delay`` [s]; 0: known."""
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Rotation vector of the rotation from the IMU's axes, as declared, to B [rad]."""
+    sigma_rotation: float | tuple[float, float, float] = float(np.radians(5))
+    """Standard uncertainty of ``rotation`` on each axis [rad]; 0: known."""
+    sigma_gyro_bias: float | tuple[float, float, float] = 0.02
+    """Standard uncertainty of the gyro's zero [rad/s]."""
+    sigma_tilt: float | None = None
+    """Standard uncertainty of the attitude at the start, which is level [rad]; None: unknown, the force tells it."""
+    sigma_accelerometer_bias: float | tuple[float, float, float] = 0.3
+    """Standard uncertainty of the accelerometer's zero [m/s²]."""
+    sigma_force_drift: float | tuple[float, float, float] = 0.0
+    """Standard uncertainty of a linear change of the force's offset over a run [N]."""
+    sigma_moment_drift: float | tuple[float, float, float] = 0.0
+    """The same of the moment's [N·m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        for name, value in vars(self).items():
+            numbers = np.atleast_1d(np.asarray(0.0 if value is None else value, float))
+            if not np.isfinite(numbers).all() or (name.startswith("sigma") and (numbers < 0).any()):
+                raise RunError(
+                    f"{name} of the alignment is {value!r}: give finite numbers, uncertainties not below zero"
+                )
+            if len(numbers) not in (1, 3) or (len(numbers) == 3 and name in ("delay", "sigma_delay", "sigma_tilt")):
+                raise RunError(f"{name} of the alignment has {len(numbers)} numbers: give one, or one an axis")
+
+
+class Prior(eqx.Module):
+    """Everything known beforehand, for one run."""
+
+    mean: Float[Array, " count"]
+    root: Float[Array, "count free"]
+    counted: Float[Array, " free"]
+    """1 where z is standard normal, 0 where nothing is known."""
+
+    def theta(self, z: Float[Array, " free"]) -> Float[Array, " count"]:
+        """Return the unknowns of z."""
+        return self.mean + self.root @ z
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the unknowns beforehand, (count, count); zero for what is flat."""
+        root = np.asarray(self.root) * np.asarray(self.counted)
+        return root @ root.T
+
+
+def prior(
+    blocks: Mapping[tuple[str, ...], Known],
+    alignment: Alignment,
+    *,
+    gyro_density: np.ndarray,
+    scale: float,
+    wander: bool = True,
+) -> Prior:
+    """Return the prior of one run.
+
+    Args:
+        blocks: mean and covariance of mass, r_CG, offsets of force and moment; what is known together, in one block.
+        alignment: what is known of the IMU.
+        gyro_density: density of the gyro's white noise on each axis [rad/s^0.5].
+        scale: order of magnitude of the tensor [kg·m²].
+        wander: whether the attitude is integrated, so that the gyro's noise makes it wander.
+    """
+    sigma = {
+        "inertia": scale,
+        "gyro_bias": alignment.sigma_gyro_bias,
+        "tilt": (1.0 if alignment.sigma_tilt is None else alignment.sigma_tilt) if wander else 0.0,
+        "delay": alignment.sigma_delay,
+        "rotation": alignment.sigma_rotation,
+        "accelerometer_bias": 0.0 if wander else alignment.sigma_accelerometer_bias,
+        "force_drift": alignment.sigma_force_drift,
+        "moment_drift": alignment.sigma_moment_drift,
+        "wander": np.tile(gyro_density, WANDER) if wander else 0.0,
+    }
+    mean, spread = np.zeros(COUNT), np.zeros((COUNT, COUNT))
+    mean[SLICES["delay"]], mean[SLICES["rotation"]] = alignment.delay, alignment.rotation
+    for name, value in sigma.items():
+        spread[SLICES[name], SLICES[name]] = np.diag(np.broadcast_to(value, SIZES[name]))
+    for names, known in blocks.items():
+        where = indices(names)
+        mean[where] = known.mean
+        spread[np.ix_(where, where)] = _root(known.covariance)
+    free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
+    counted = (free >= SIZES["inertia"]).astype(float)
+    return Prior(jnp.asarray(mean), jnp.asarray(spread[:, free]), jnp.asarray(counted))
+
+
+def indices(names: Iterable[str]) -> np.ndarray:
+    """Return where some unknowns stand among all."""
+    return np.concatenate([np.arange(COUNT)[SLICES[name]] for name in names])
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A matrix whose product with its transpose is a covariance that may be singular; zero columns where it is."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept = values > 1e-12
+    return scale[:, None] * vectors * np.where(kept, np.sqrt(np.maximum(values, 0)), 0.0)

@@ -1,0 +1,296 @@
+"""One run's joint estimate from its samples: start, noise, solution."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.estimators.least_squares import excitation
+from identify.joint.gauss_newton import ROUGH, TOLERANCE, Fit, posterior, solve
+from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
+from identify.joint.priors import Alignment, Known, Prior, prior
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix, features
+from identify.rigid_body.rotation import exponential
+from identify.signals.band_limited_run import PASSED, InBand, evaluate, in_band, low_pass
+from identify.signals.filters import noise_level
+from identify.signals.run import Run, RunError
+
+DELAYS_PER_PERIOD = 16
+"""Starts of the delay that are tried, a period of the motion."""
+SAFE_PHASE = 1.0
+"""Phase of the motion [rad], three standard uncertainties of the delay, below which none needs to be tried."""
+LEAST_NOISE = 1e-5
+"""Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
+REACH = 4.0
+"""Standard uncertainties of the delay that a run's ends leave room for."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a joint estimate is told beside the runs."""
+
+    blocks: Mapping[tuple[str, ...], Known]
+    """Mass, r_CG, offsets of force and moment; what is known together, in one block."""
+    alignment: Alignment
+    band: float
+    """Highest frequency of the motion [Hz]."""
+    specific_force: SpecificForce
+    gravity: float
+    """Local gravity [m/s²]."""
+    scale: float = 1.0
+    """Order of magnitude of the tensor [kg·m²]."""
+    noise: np.ndarray | None = None
+    """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: the residuals tell it."""
+
+
+@dataclass(frozen=True)
+class JointRun:
+    """One run's joint estimate."""
+
+    run: Run
+    model: Model
+    prior: Prior
+    fit: Fit
+    noise: np.ndarray
+    """Covariance of one sample's rows, were its noise white: force [N] and moment [N·m], or moment alone."""
+    gyro_noise: np.ndarray
+    """Standard deviation of the gyro's white noise [rad/s]."""
+
+    @property
+    def theta(self) -> np.ndarray:
+        """The most probable unknowns, flat."""
+        return np.asarray(self.prior.theta(self.fit.z))
+
+    def posterior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the covariance of the unknowns and the part of it that the priors' errors cause."""
+        return posterior(self.fit, self.prior)
+
+
+def joint_run(run: Run, setting: Setting) -> JointRun:
+    """Estimate all unknowns of one run together.
+
+    The noise of each axis is taken from the samples' fourth differences first, then from what the first solution
+    leaves in the motion's band.
+
+    Raises:
+        RunError: the run is too short, it has no solution, or its delay is beyond what it leaves room for.
+    """
+    model, known, gyro_noise = prepare(run, setting)
+    _check_excitation(run, model, setting, gyro_noise)
+    raw = _raw_noise(run, model, known) if setting.noise is None else np.diag(np.square(setting.noise))
+    fit, left = fitted(model, known, raw / model.rows.factor, setting, run.name)
+    return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
+
+
+def fitted(model: Model, known: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
+    """Return the solution of a run, and the covariance of one row's noise that it was weighed with.
+
+    Args:
+        model: the run.
+        known: what is known beforehand.
+        noise: covariance of one row's noise, (rows, rows): declared, or a first guess.
+        setting: what else is told; with ``setting.noise`` the covariance is kept.
+        name: what messages call the run.
+    """
+    start, tolerance = jnp.asarray(_start(model, known, setting)), TOLERANCE if setting.noise is not None else ROUGH
+    first = solve(model, known, jnp.asarray(whitener(noise)), start, jnp.asarray(tolerance))
+    _check(name, model, known, first)
+    if setting.noise is not None:
+        return first, noise
+    left = noise_of(first, known, model)
+    fit = solve(model, known, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
+    _check(name, model, known, fit)
+    return fit, left
+
+
+def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
+    """Return the run's model, what is known of it beforehand, and its gyro's noise [rad/s]."""
+    alignment, kind = setting.alignment, setting.specific_force
+    reach = abs(alignment.delay) + REACH * alignment.sigma_delay
+    rows = in_band(run, setting.band, reach=reach, accelerometer=kind == "accelerometer")
+    gyro = np.maximum(noise_level(*(run.omega[part] for part in run.used())), LEAST_NOISE * _size(run.omega))
+    position = np.zeros(3) if run.imu_position is None else run.imu_position
+    return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
+
+
+def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
+    """Return the model of decimated rows, and what is known beforehand."""
+    alignment, kind = setting.alignment, setting.specific_force
+    known = prior(setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still")
+    to_imu = np.asarray(exponential(jnp.asarray(alignment.rotation, float))).T
+    up, gravity = jnp.asarray(to_imu[:, 2]), jnp.asarray(float(setting.gravity))
+    model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
+    if kind == "still" and alignment.sigma_tilt is None:
+        up = jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment)))
+        model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
+    return model, known
+
+
+def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.ndarray) -> None:
+    """Refuse a run that by itself does not tell the tensor."""
+    phi = _features(model.rows, np.eye(3), setting.alignment.delay)
+    tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi).reshape(-1, 6)
+    noise = float(model.rows.used.sum()) * noise_in_alpha(run.rate, model.rows, gyro_noise, np.eye(3))
+    verdict = excitation(tensor.T @ tensor, noise)
+    if not verdict.identifiable.all():
+        names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
+        raise RunError(
+            f"the motion in {run.name} by itself does not identify {names}: rotate about more axes, or faster"
+        )
+
+
+def noise_in_alpha(rate: float, rows: InBand, gyro_noise: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return what white noise of the gyro adds to ``Ωᵀ W Ω`` of one row, expected, through alpha alone, (6, 6)."""
+    taps = low_pass(rate, rows.band, rows.factor)
+    slope = np.gradient(taps) * rate if len(taps) > 1 else np.array([rate / 2] * 2)
+    parts = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
+    return np.einsum("k,kji,jl,kle->ie", gyro_noise**2 * (slope**2).sum(), parts, weight, parts)
+
+
+def whitener(covariance: np.ndarray) -> np.ndarray:
+    """Return W with ``W C Wᵀ = 1``."""
+    return np.linalg.inv(np.linalg.cholesky(covariance))
+
+
+def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
+    """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
+
+    Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
+    fit has taken of the residuals (its effective number of unknowns) is put back.
+    """
+    spectrum = np.fft.rfft(np.asarray(fit.residuals), axis=1)
+    share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
+    bins = max(int(share * (spectrum.shape[1] - 1)), 1)
+    inside = spectrum[:, 1 : bins + 1]
+    taken = np.trace(np.linalg.solve(np.asarray(fit.of_data) + np.diag(known.counted), np.asarray(fit.of_data)))
+    freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
+    level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
+    size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
+    level = level + np.diag(size**2) / model.rows.factor
+    return level if model.specific_force != "still" else np.diag(np.diag(level))
+
+
+def _check(name: str, model: Model, known: Prior, fit: Fit) -> None:
+    theta = np.asarray(known.theta(fit.z))
+    if not (np.isfinite(theta).all() and bool(fit.converged)):
+        raise RunError(
+            f"the joint estimate of {name} does not converge: check signs, frames and what is declared of the "
+            "centre of gravity's motion, or use the method source"
+        )
+    delay = float(theta[SLICES["delay"]][0])
+    if abs(delay) > model.rows.reach:
+        raise RunError(
+            f"the delay of {name} comes to {1e3 * delay:.3g} ms, beyond what is declared of it: declare its "
+            "standard uncertainty wider, or check the clocks"
+        )
+
+
+def _size(signal: np.ndarray | Array) -> float:
+    return float(np.sqrt(np.mean(np.square(np.asarray(signal)))))
+
+
+def _raw_noise(run: Run, model: Model, known: Prior) -> np.ndarray:
+    """Covariance of one sample's rows from the fourth differences."""
+    parts = run.used()
+    level = [
+        np.maximum(noise_level(*(signal[part] for part in parts)), LEAST_NOISE * _size(signal))
+        for signal in (run.force, run.moment)
+    ]
+    if model.specific_force == "still":
+        return np.diag(np.concatenate(level) ** 2)
+    x = unknowns(known.mean)
+    arm = np.asarray(cross_matrix(jnp.asarray(x.r_cg)))
+    if model.specific_force == "none":
+        return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
+    assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
+    accelerometer = np.maximum(noise_level(*(run.specific_force[part] for part in parts)), 1e-6)
+    lever = float(x.mass[0]) * np.concatenate([np.eye(3), arm])
+    return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
+
+
+def _start(model: Model, known: Prior, setting: Setting) -> np.ndarray:
+    """Where to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
+    theta, alignment = np.array(known.mean), setting.alignment
+    delays = np.array([alignment.delay])
+    if 2 * np.pi * model.rows.band * 3 * alignment.sigma_delay > SAFE_PHASE:
+        delays = tried_delays(model.rows.band, alignment)
+    turn = np.asarray(exponential(jnp.asarray(alignment.rotation, float)))
+    tried = [_plain(model.rows, turn, delay) for delay in delays]
+    best = int(np.argmin([misfit for _, misfit in tried]))
+    theta[SLICES["delay"]], theta[SLICES["inertia"]] = delays[best], tried[best][0]
+    if model.specific_force == "still":
+        theta[SLICES["gyro_bias"]] = _start_bias(model, turn.T, alignment)
+    found, *_ = np.linalg.lstsq(np.asarray(known.root), theta - np.asarray(known.mean), rcond=None)
+    return found
+
+
+@eqx.filter_jit
+def _spline(rows: InBand, delay: Array) -> tuple[Array, Array, Array]:
+    return evaluate(rows.motion, rows.step, rows.t + delay)
+
+
+def _evaluate(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    found = _spline(rows, jnp.asarray(delay, float))
+    return tuple(np.asarray(one) for one in found)  # type: ignore[return-value]
+
+
+def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
+    """Return the delays to start from [s], within three standard uncertainties of what is declared."""
+    half = 3 * alignment.sigma_delay
+    count = max(int(np.ceil(2 * half * DELAYS_PER_PERIOD * band)), 2)
+    return alignment.delay + np.linspace(-half, half, count + 1 - count % 2)
+
+
+def _features(rows: InBand, turn: np.ndarray, delay: float) -> np.ndarray:
+    """The regressor's features of the motion, (13, n); zero where a row must not be used."""
+    value, slope, _ = _evaluate(rows, delay)
+    found = features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))
+    return np.asarray(found) * np.asarray(rows.used)
+
+
+def _plain(rows: InBand, turn: np.ndarray, delay: float) -> tuple[np.ndarray, float]:
+    """Tensor and misfit of (7) by ordinary least squares with r and a constant free: a correlation of M and motion."""
+    used, phi = np.asarray(rows.used), _features(rows, turn, delay)
+    force, moment = np.asarray(rows.force) * used, np.asarray(rows.moment) * used
+    tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi)
+    lever, one = -np.einsum("jkl,kn->jnl", _LEVI_CIVITA, force), np.einsum("jk,n->jnk", np.eye(3), used)
+    matrix = np.concatenate([tensor, lever, one], axis=2).reshape(-1, 12)
+    normal, right = matrix.T @ matrix, matrix.T @ moment.ravel()
+    found = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    return found[:6], float((moment**2).sum() - right @ found)
+
+
+_LEVI_CIVITA = -np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
+"""With ``(a × b)_j = -Σ E[j, k, l] a_k b_l``."""
+
+
+def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
+    """The gyro's bias that turns gravity as the force turns: ``γ' + omega × γ = bias × γ``, γ = F/|F|, integrated."""
+    rows = model.rows
+    up = to_imu @ np.asarray(rows.force)
+    up = (up / np.linalg.norm(up, axis=0)).T
+    omega = _evaluate(rows, alignment.delay)[0][:3].T
+    integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
+    hat = np.asarray(jax.vmap(cross_matrix)(jnp.asarray(up)))
+    turned = -rows.interval * np.cumsum(hat, axis=0)
+    matrix = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2).reshape(-1, 6)
+    sigma = np.maximum(np.broadcast_to(alignment.sigma_gyro_bias, 3), 1e-9)
+    ridge = np.diag(np.concatenate([(0.01 / sigma) ** 2, np.zeros(3)]))
+    return np.linalg.solve(matrix.T @ matrix + ridge, matrix.T @ (up + integral).ravel())[:3]
+
+
+def _up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """Direction opposite to gravity at the first node: the mean of the force, turned back to it."""
+    x = unknowns(jnp.zeros(COUNT))._replace(gyro_bias=jnp.asarray(bias))
+    attitude = np.asarray(_attitude(model.rows, x))[model.rows.at_rows]
+    mean = np.einsum("nij,jn->i", attitude, to_imu @ np.asarray(model.rows.force))
+    return mean / np.linalg.norm(mean)
+
+
+@eqx.filter_jit
+def _attitude(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
+    return attitude_at_nodes(rows, x)

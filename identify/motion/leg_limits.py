@@ -1,0 +1,204 @@
+"""What a platform does on a trajectory: poses, legs and forces at many instants, and how they stand to its limits."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.motion.stewart_platform import Legs, Platform, Pose, Twist, forces, joint_angles, legs
+from identify.motion.trajectory import Trajectory, acceleration_of, attitude
+from identify.rigid_body.dynamics import acceleration_at, wrench
+from identify.rigid_body.inertia import Body
+
+LEG_QUANTITIES = {"length": "m", "speed": "m/s", "acceleration": "m/s^2", "force": "N", "joint_angle": "rad"}
+"""What is limited of each leg, in SI."""
+
+
+class PlatformMotion(NamedTuple):
+    """A platform's motion, instants first."""
+
+    t: Float[Array, " n"]
+    """Time [s]."""
+    pose: Pose
+    """Position of OMB, (n, 3), and attitude, (n, 3, 3)."""
+    twist: Twist
+    """Velocity and acceleration of OMB in A; omega and alpha in B; (n, 3) each."""
+
+
+@eqx.filter_jit
+def platform_motion(
+    platform: Platform, trajectory: Trajectory, t: Float[Array, " n"], still_from_omb: Float[Array, "3"]
+) -> PlatformMotion:
+    """Return the motion of a platform that carries out a trajectory, level and at home at the first instant.
+
+    Equation (12) rotated into A and integrated twice, in closed form, so nothing drifts: the point that keeps still is
+    at ``p + R s``, hence ``p = home + s - R s``; a trajectory of its own displacement adds it.
+
+    Args:
+        platform: for its home.
+        trajectory: rotation, and displacement of the point that carries it.
+        t: instants [s], uniform.
+        still_from_omb: the point s that the rotation keeps still, from OMB, in B [m]: the centre of gravity, or zero.
+    """
+    omega, alpha = jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
+    rotation = attitude(trajectory, t)
+    to_a = lambda vectors: jnp.einsum("nij,nj->ni", rotation, vectors)  # noqa: E731
+    own = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(-still_from_omb, omega, alpha)
+    moved = jax.vmap(trajectory.displacement)(t)
+    speed = jax.vmap(lambda at: jax.jvp(trajectory.displacement, (at,), (jnp.ones_like(at),))[1])(t)
+    lever = jnp.broadcast_to(still_from_omb, omega.shape)
+    position: Array = (jnp.asarray(platform.home) + still_from_omb)[None] - to_a(lever) + moved
+    velocity = to_a(jnp.cross(omega, -lever)) + speed
+    acceleration = to_a(own) + jax.vmap(lambda at: acceleration_of(trajectory, at))(t)
+    return PlatformMotion(t, Pose(position, rotation), Twist(velocity, omega, acceleration, alpha))
+
+
+class Effort(NamedTuple):
+    """What a motion asks of platform, load cell, gyro and body, instants first."""
+
+    legs: Legs
+    """(n, 6) each."""
+    force: Float[Array, "n 6"]
+    """Along each leg [N]."""
+    joint_angle: Float[Array, "n 6"]
+    """The larger of the angles at a leg's two joints, from home [rad]."""
+    cell_force: Float[Array, "n 3"]
+    """On the load cell [N]."""
+    cell_moment: Float[Array, "n 3"]
+    """The same about Q [N·m]."""
+    omega: Float[Array, "n 3"]
+    """Angular velocity [rad/s]."""
+    body_acceleration: Float[Array, " n"]
+    """Of the body's centre of gravity, without gravity [m/s²]."""
+
+
+@eqx.filter_jit
+def effort(
+    platform: Platform, body: Body, r_cg_from_omb: Float[Array, "3"], motion: PlatformMotion, gravity: Float[Array, ""]
+) -> Effort:
+    """Return what a motion asks for.
+
+    Args:
+        platform: geometry and moving masses.
+        body: the body, its centre of gravity from Q.
+        r_cg_from_omb: the same from OMB, in B [m].
+        motion: of the platform.
+        gravity: local gravity [m/s²].
+    """
+    carried = Body(body.mass, r_cg_from_omb, body.inertia)
+
+    def one(pose: Pose, twist: Twist):
+        base, top = joint_angles(platform, pose)
+        own = acceleration_at(r_cg_from_omb, twist.omega, twist.alpha)
+        acceleration = pose.rotation.T @ twist.acceleration + own
+        on_body = wrench(body, twist.omega, twist.alpha, acceleration + gravity * pose.rotation[2])
+        return (
+            legs(platform, pose, twist),
+            forces(platform, carried, pose, twist, gravity),
+            jnp.maximum(base, top),
+            on_body.force,
+            on_body.moment,
+            jnp.linalg.norm(acceleration),
+        )
+
+    found, force, angle, cell_force, cell_moment, acceleration = jax.vmap(one)(motion.pose, motion.twist)
+    return Effort(found, force, angle, cell_force, cell_moment, motion.twist.omega, acceleration)
+
+
+class Limits(NamedTuple):
+    """What a rig can do; infinite where nothing limits."""
+
+    length: Float[np.ndarray, "6 2"]
+    """Shortest and longest each leg may be [m]."""
+    speed: Float[np.ndarray, "6"]
+    """Of each leg, either way [m/s]."""
+    acceleration: Float[np.ndarray, "6"]
+    """Of each leg, either way [m/s²]."""
+    force: Float[np.ndarray, "6"]
+    """Along each leg, either way [N]."""
+    joint_angle: Float[np.ndarray, ""]
+    """Of the joints from home [rad]."""
+    cell_force: Float[np.ndarray, "3"]
+    """Rated force of the load cell on each axis [N]."""
+    cell_moment: Float[np.ndarray, "3"]
+    """Rated moment of the load cell on each axis [N·m]."""
+    gyro_range: Float[np.ndarray, ""]
+    """Of the gyro, on each axis [rad/s]."""
+    body_acceleration: Float[np.ndarray, ""]
+    """That the body bears, without gravity [m/s²]."""
+    bandwidth: float
+    """Highest frequency of the platform's command [Hz]."""
+
+    @classmethod
+    def none(cls) -> "Limits":
+        """Return no limits at all."""
+        free, six, three = np.array(np.inf), np.full(6, np.inf), np.full(3, np.inf)
+        ends = np.stack([np.zeros(6), six], axis=1)
+        return cls(ends, six, six, six, free, three, three, free, free, np.inf)
+
+
+def needs(found: Effort, bandwidth: float = np.inf) -> Limits:
+    """Return the tightest limits of the legs under which a motion can be run; sensors and body are left free."""
+    largest = lambda values: np.abs(np.asarray(values)).max(axis=0)  # noqa: E731
+    length = np.asarray(found.legs.length)
+    return Limits.none()._replace(
+        length=np.stack([length.min(axis=0), length.max(axis=0)], axis=1),
+        speed=largest(found.legs.speed),
+        acceleration=largest(found.legs.acceleration),
+        force=largest(found.force),
+        bandwidth=bandwidth,
+    )
+
+
+def shares(found: Effort, limits: Limits) -> dict[str, Float[Array, "n k"]]:
+    """Return by quantity how much of its limit a motion uses at each instant: 1 is the limit; k legs or axes."""
+    return {name: jnp.abs(value) for name, value in signed_shares(found, limits).items()}
+
+
+def signed_shares(found: Effort, limits: Limits) -> dict[str, Any]:
+    """Return the same with the quantities' signs, smooth in time. A length counts from the middle of its range."""
+    low, high = limits.length.T
+    finite = np.isfinite(high)
+    middle, half = np.where(finite, (low + high) / 2, 0.0), np.where(finite, (high - low) / 2, np.inf)
+    return {
+        "length": (found.legs.length - middle[None]) / half[None],
+        "speed": found.legs.speed / limits.speed[None],
+        "acceleration": found.legs.acceleration / limits.acceleration[None],
+        "force": found.force / limits.force[None],
+        "joint_angle": found.joint_angle / limits.joint_angle,
+        "cell_force": found.cell_force / limits.cell_force[None],
+        "cell_moment": found.cell_moment / limits.cell_moment[None],
+        "gyro_range": found.omega / limits.gyro_range,
+        "body_acceleration": found.body_acceleration[:, None] / limits.body_acceleration,
+    }
+
+
+class Peak(NamedTuple):
+    """Where a motion uses most of a limit."""
+
+    quantity: str
+    """Name in :func:`shares`."""
+    share: float
+    """Of the limit; above 1 it is exceeded."""
+    part: int
+    """Leg or axis, from 0."""
+    t: float
+    """When [s]."""
+
+    def __str__(self) -> str:
+        where = f"leg {self.part + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.part + 1}"
+        return f"{self.quantity.replace('_', ' ')} of {where} at {self.t:.3f} s: {100 * self.share:.1f} % of its limit"
+
+
+def peaks(found: Effort, limits: Limits, t: Float[Array, " n"]) -> list[Peak]:
+    """Return each limited quantity's largest use, the largest first."""
+    listed = []
+    for name, share in shares(found, limits).items():
+        values = np.asarray(share)
+        instant, index = np.unravel_index(int(np.argmax(values)), values.shape)
+        if values[instant, index] > 0:
+            listed.append(Peak(name, float(values[instant, index]), int(index), float(t[instant])))
+    return sorted(listed, key=lambda peak: -peak.share)

@@ -1,0 +1,219 @@
+"""The result of identification: the tensor with its uncertainty, as text, tables and result.json."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+
+from identify.diagnostics.consistency import Verdict
+from identify.estimators.admissible import Admissible, finite
+from identify.estimators.offsets import OffsetChoice
+from identify.estimators.repeatability import Pooling
+from identify.results.alignment import Aligned, alignment_notes
+from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
+from identify.rigid_body.fixture import Tare
+from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component, principal_axes
+from identify.rigid_body.rotation import exponential
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.text_tables import decimals, fixed, html_table, text_table
+
+CgMotion = Literal["still"]
+"""How the centre of gravity moves, where that is declared."""
+Method = Literal["source", "gls", "joint"]
+"""Estimators: the source's, generalised least squares, and the joint estimate."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The inertia tensor about the centre of gravity, in the body frame, from one or more runs. SI units."""
+
+    inertia: np.ndarray
+    """Packed tensor [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual variance."""
+    bias: np.ndarray
+    """Expected mean error from white gyro noise and the differentiator's gain; not subtracted [kg·m²]."""
+    covariance: np.ndarray
+    """Of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
+    interval95: np.ndarray
+    """Coverage interval of 95 % about ``inertia``, (6, 2) [kg·m²]."""
+    r_cg: np.ndarray
+    """Centre of gravity from Q that was used, in B [m]."""
+    sigma_r_cg: np.ndarray
+    """Its standard uncertainty [m]."""
+    mass: float | None
+    """Mass [kg], when stated."""
+    estimator: EstimatorSpec
+    runs: tuple[RunEstimate, ...]
+    warnings: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    diagnostics: Mapping[str, Any] = field(repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    offsets: OffsetChoice = "estimate"
+    """Where the load cell's constant offsets come from."""
+    pooling: Pooling | None = None
+    """Type A: what residuals and the scatter between runs and mountings say."""
+    budget: Mapping[str, np.ndarray] | None = None
+    """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
+    consistency: tuple[Verdict, ...] = ()
+    """What the residuals follow, run by run."""
+    mass_uncertainty: float | None = None
+    """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
+    cg_inertia_covariance: np.ndarray | None = None
+    """Between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
+    cg_covariance: np.ndarray | None = None
+    """Of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
+    mass_covariance: np.ndarray | None = None
+    """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
+    datum: Datum | None = None
+    """A frame in which the result is also wanted."""
+    tare: Tare | None = field(default=None, repr=False)
+    """What was taken off; None: nothing."""
+    method: Method = "source"
+    """How it was estimated; see :func:`identify`."""
+    delay: Aligned | None = None
+    """How much the IMU is late, where that was estimated [s]."""
+    rotation: Aligned | None = None
+    """Rotation from the IMU's axes, as declared, to B, where that was estimated [rad]."""
+
+    seen: np.ndarray | None = None
+    """Directions in the space of packed tensors that the motion determines, one a row; None: all."""
+    admissible: Admissible | None = None
+    """What bodies allow, where the data are weak, with the plain estimate beside it; None: they are strong enough."""
+
+    @property
+    def parameters(self) -> InertialParameters:
+        """The ten parameters with their covariance, about the centre of gravity, from Q, in B."""
+        covariance = np.zeros((10, 10))
+        covariance[0, 0] = np.nan if self.mass is None else (self.mass_uncertainty or 0.0) ** 2
+        covariance[1:4, 1:4] = np.diag(self.sigma_r_cg**2) if self.cg_covariance is None else self.cg_covariance
+        covariance[4:, 4:] = self.covariance
+        if self.cg_inertia_covariance is not None:
+            covariance[1:4, 4:] = self.cg_inertia_covariance
+            covariance[4:, 1:4] = self.cg_inertia_covariance.T
+        if self.mass_covariance is not None:
+            covariance[0, 1:] = covariance[1:, 0] = self.mass_covariance
+        return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
+
+    @property
+    def _measured(self) -> InertialParameters:
+        """What stood on the load cell: with the fixture, where one was taken off."""
+        return self.parameters if self.tare is None else self.tare.whole
+
+    @property
+    def taken_off(self) -> np.ndarray:
+        """What a fixture adds to each run's own tensor, which is that of all that stood on the load cell [kg·m²]."""
+        return self._measured.inertia - self.inertia
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of each component [kg·m²]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of result.json, in kg·m² and SI."""
+        content = {
+            "unit": "kg*m^2",
+            "about": "CG",
+            "frame": "body",
+            "inertia": by_component(self.inertia),
+            "bias": by_component(self.bias),
+            "standard_uncertainty": by_component(self.standard_uncertainty),
+            "interval95": {
+                name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)
+            },
+            "covariance": self.covariance.tolist(),
+            "principal": principal_axes(self.inertia, self.covariance).to_dict(),
+            **self._elsewhere(),
+            "tare": None if self.tare is None else self.tare.to_dict(),
+            "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
+            "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
+            "method": self.method,
+            "delay": {"value": 0.0, "estimated": False} if self.delay is None else self.delay.to_dict(),
+            "rotation": _rotation_content(self.rotation),
+            "offsets": {
+                "method": self.offsets,
+                "about": "CG",
+                **offsets_content(self.runs, self._measured.standard_uncertainty[1:4], self._measured.r_cg),
+            },
+            "runs": [
+                {
+                    "file": run.file,
+                    "sha256": run.sha256,
+                    "inertia": by_component(run.inertia) if run.alone else None,
+                    "standard_uncertainty": by_component(run.standard_uncertainty) if run.alone else None,
+                    "samples": run.samples,
+                    "rate": run.rate,
+                    "residual": run.residual.tolist(),
+                    "correlation_time": run.correlation_time,
+                    "mounting": run.mounting,
+                    "parts": [list(part) for part in run.parts],
+                    "parts_found": run.found,
+                    "left_out": dict(run.left_out),
+                }
+                for run in self.runs
+            ],
+            "pooling": None if self.pooling is None else self.pooling.to_dict(),
+            "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
+            "consistency": [verdict._asdict() for verdict in self.consistency],
+            "warnings": list(self.warnings),
+            "assumptions": list(self.assumptions),
+            "admissible": None if self.admissible is None else self.admissible.to_dict(),
+            "diagnostics": dict(self.diagnostics),
+            "provenance": dict(self.provenance),
+        }
+        return {key: finite(value) for key, value in content.items()}
+
+    def _elsewhere(self) -> dict[str, Any]:
+        """What result.json says of other points and frames; null where the mass is not known."""
+        known, datum = self.mass is not None, self.datum
+        return {
+            "about_q": self.parameters.about().to_dict() if known else None,
+            "about_datum": None if datum is None else self.parameters.in_datum(datum).to_dict(),
+        }
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the summary, in g·m²."""
+        head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
+        columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
+        rows = []
+        for name, value, bias, uncertainty, (low, high) in columns:
+            digits = max(decimals(1e3 * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
+            figures = [fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
+            rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
+        return head, rows
+
+    def _title(self) -> str:
+        runs = f"{len(self.runs)} run{'s' if len(self.runs) > 1 else ''}"
+        return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
+
+    def __repr__(self) -> str:
+        return "\n".join([self._title(), text_table(*self.rows()), *self._notes()])
+
+    def _notes(self) -> list[str]:
+        used = [run.used for run in self.runs if run.used]
+        warnings = [f"warning: {text}" for text in self.warnings]
+        axes = principal_axes(self.inertia, self.covariance).note
+        return [
+            *used,
+            *alignment_notes(self.delay, self.rotation),
+            *([] if self.tare is None else [self.tare.without(self.parameters)]),
+            *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
+            *warnings,
+            *([] if axes is None else [f"principal axes: {axes}"]),
+            *(f"assumed: {text}" for text in self.assumptions),
+        ]
+
+    def _repr_html_(self) -> str:
+        listed = "".join(f"<li>{escape(text)}</li>" for text in self._notes())
+        return f"{html_table(*self.rows(), caption=self._title())}<ul>{listed}</ul>"
+
+
+def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
+    """The rotation matrix, and how its rotation vector was estimated."""
+    if rotation is None:
+        return {"value": np.eye(3).tolist(), "estimated": False}
+    matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
+    return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}

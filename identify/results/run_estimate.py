@@ -1,0 +1,104 @@
+"""One run's own estimate, what was used of it, and its load cell's offsets."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from identify.estimators.information import Information
+from identify.estimators.offsets import Offsets, force_offset, uncertainty
+from identify.estimators.residual_trace import Trace
+
+MOST_NOTES = 3
+"""Runs of whose offsets a result speaks; result.json holds all."""
+
+
+@dataclass(frozen=True)
+class RunEstimate:
+    """One run's own estimate."""
+
+    file: str
+    sha256: str | None
+    inertia: np.ndarray
+    """Packed tensor [kg·m²]."""
+    standard_uncertainty: np.ndarray
+    """From the run's residuals [kg·m²]."""
+    samples: int
+    rate: float
+    """Sample rate [Hz]."""
+    residual: np.ndarray
+    """Standard deviation of the residual moment on each axis [N·m]."""
+    correlation_time: float
+    """Of the residuals [s]."""
+    offsets: Offsets | None
+    """Constants of the load cell that were removed; None: not asked for."""
+    alone: bool
+    """Whether this run identifies the whole tensor by itself."""
+    parts: tuple[tuple[float, float], ...] = ()
+    """From when to when it was used [s]; none: it is whole."""
+    found: bool = False
+    """Whether these were found where it moves, not named."""
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    """How many samples were left out, by reason."""
+    overview: np.ndarray | None = None
+    """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s]."""
+    force_offset: np.ndarray | None = None
+    """The force's offset [N]; None where neither mass nor accelerometer tell it."""
+    mounting: str | None = None
+    """Name of the mounting of the body; None: not said."""
+    weight: float = 1.0
+    """Inverse of the rows' effective noise variance, which weighs it among the runs [(N·m)⁻²]."""
+    trace: Trace | None = field(default=None, repr=False)
+    """Residuals and motion, for figures; None: not kept."""
+
+    @property
+    def used(self) -> str | None:
+        """What was used and what was left out, in words; None: all of it."""
+        parts = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in self.parts)
+        out = ", ".join(f"{count:,} samples {reason}" for reason, count in self.left_out.items() if count)
+        how = ", found where it moves" if self.found else ""
+        words = [f"used from {parts}{how}"] * bool(parts) + [f"left out: {out}"] * bool(out)
+        return f"{self.file}: {'; '.join(words)}" if words else None
+
+
+def run_estimate(part: Information, r_cg: np.ndarray, mass: float | None) -> RunEstimate:
+    """Return what a run says by itself; ``mass`` [kg], where stated, tells the force's offset."""
+    run = part.run
+    return RunEstimate(
+        run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
+        part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()), run.parts,
+        run.found, run.left_out, run.overview, None if part.offsets is None else force_offset(run, r_cg, mass),
+        run.mounting, part.weight, part.trace,
+    )  # fmt: skip
+
+
+def offsets_content(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray, r_cg: np.ndarray) -> dict[str, Any]:
+    """Return what result.json says of the runs' offsets, one entry a run [N, N·m]."""
+
+    def listed(values: np.ndarray | None) -> list[float] | None:
+        return None if values is None else values.tolist()
+
+    def at_q(run: RunEstimate) -> np.ndarray | None:
+        if run.offsets is None or run.force_offset is None:
+            return None
+        return run.offsets.moment + np.cross(r_cg, run.force_offset)
+
+    return {
+        "moment": [listed(run.offsets and run.offsets.moment) for run in runs],
+        "moment_standard_uncertainty": [listed(run.offsets and uncertainty(run.offsets, sigma_r_cg)) for run in runs],
+        "force": [listed(run.force_offset) for run in runs],
+        "moment_about_q": [listed(at_q(run)) for run in runs],
+    }
+
+
+def offset_notes(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> list[str]:
+    """Return a line for each run, of a few, with its offsets."""
+    return [_note(run, run.offsets, sigma_r_cg) for run in runs if run.offsets is not None and len(runs) <= MOST_NOTES]
+
+
+def _note(run: RunEstimate, offsets: Offsets, sigma_r_cg: np.ndarray) -> str:
+    pairs = zip(offsets.moment, uncertainty(offsets, sigma_r_cg), strict=True)
+    moment = ", ".join(f"{value:.3f} ± {sigma:.3f}" for value, sigma in pairs)
+    force = "" if run.force_offset is None else f", force ({', '.join(f'{x:.2f}' for x in run.force_offset)}) N"
+    return f"{run.file}: offsets removed: moment about the CG ({moment}) N·m{force}"

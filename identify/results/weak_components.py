@@ -1,0 +1,123 @@
+"""What a weak run leaves open, in words: which components, and why."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.estimators.admissible import Admissible, admissible, margin
+from identify.estimators.admissible_range import PAIRS, UNITS
+from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import COMPONENTS
+from identify.signals.run import Run, RunError
+
+ONE_AXIS = 1e-3
+"""Part of the angular velocity's power below which an axis counts as not turned about."""
+WIDE = 0.5
+"""Half an interval over the geometric mean of its two moments from which a component counts as hardly known."""
+
+
+def covariance_of(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
+    """Return the covariance of a result: of what is not determined, that of a rectangle; NaN where nothing bounds it.
+
+    A quantity of which nothing is known but that it lies in an interval (GUM 4.3.7).
+    """
+    open_ended = ~bounded.determined
+    found = covariance.copy()
+    found[open_ended] = found[:, open_ended] = 0.0
+    width = np.ptp(bounded.interval95, axis=1)
+    found[open_ended, open_ended] = np.where(np.isfinite(width), width**2 / 12, np.nan)[open_ended]
+    return found
+
+
+def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identification:
+    """Return a result with the tensor and the intervals that bodies allow, where data are weak; else unchanged.
+
+    Args:
+        result: a plain estimate.
+        runs: what it was made of.
+
+    Raises:
+        RunError: what the motion determines is no body's.
+    """
+    runs = [runs] if isinstance(runs, Run) else list(runs)
+    sigma = np.maximum(result.standard_uncertainty, 1e-300)
+    factor = np.maximum(np.ptp(result.interval95, axis=1) / 2 / sigma, 1.0)
+    found = admissible(result.inertia, result.covariance, factor, result.seen)
+    if found is None:
+        if result.seen is not None:
+            raise RunError(f"what {runs[0].name} determines is no body's: check signs, frames and r_CG")
+        return replace(result, warnings=(*result.warnings, *_impossible(result), *_hardly_known(result)))
+    bounded = replace(
+        result,
+        inertia=found.inertia,
+        bias=np.where(found.determined, result.bias, np.nan),
+        covariance=covariance_of(found, result.covariance),
+        interval95=found.interval95,
+        admissible=found,
+    )
+    said = _undetermined(found, result.covariance, runs) if not found.determined.all() else _changed(found)
+    return replace(bounded, warnings=(*result.warnings, said, *_hardly_known(bounded)))
+
+
+def _impossible(result: Identification) -> list[str]:
+    if margin(result.inertia, result.covariance) >= 0:
+        return []
+    return ["no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"]
+
+
+def _changed(found: Admissible) -> str:
+    moved = (found.inertia != found.plain).any()
+    what = "the estimate is that of the nearest body" if moved else "it is kept"
+    return f"{found.reason}: {what}, intervals hold bodies only"
+
+
+def _hardly_known(result: Identification) -> list[str]:
+    determined = np.ones(6, bool) if result.admissible is None else result.admissible.determined
+    moments = np.abs(result.inertia[[0, 3, 5]])
+    scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
+    wide = determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
+    names = [name for name, one in zip(COMPONENTS, wide, strict=True) if one]
+    advice = "half the interval is more than half the moments there; record for longer, or rotate about more axes"
+    return [f"{', '.join(names)} hardly known: {advice}"] if names else []
+
+
+def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
+    names = [name for name, known in zip(COMPONENTS, bounded.determined, strict=True) if not known]
+    ranges = [
+        _range(name, *ends)
+        for name, ends, known in zip(COMPONENTS, 1e3 * bounded.interval95, bounded.determined, strict=True)
+        if not known
+    ]
+    return (
+        f"{', '.join(names)} not determined: {_motion(bounded, covariance, runs)}; bodies with the rest have "
+        f"{', '.join(ranges)}; rotate about more axes"
+    )
+
+
+def _range(name: str, low: float, high: float) -> str:
+    if np.isfinite([low, high]).all():
+        return f"{name} from {low:.3g} to {high:.3g} g·m²"
+    if np.isfinite(low) or np.isfinite(high):
+        return f"{name} {'above' if np.isfinite(low) else 'below'} {low if np.isfinite(low) else high:.3g} g·m²"
+    return f"{name} anywhere"
+
+
+def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
+    """How the body turns, and what is known about the one axis."""
+    omega = np.concatenate([run.omega[part] for run in runs for part in run.used()])
+    power, axes = np.linalg.eigh(omega.T @ omega)
+    if power[1] < ONE_AXIS * power[2]:
+        axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
+        about = np.einsum("a,iab,b->i", axis, UNITS, axis)
+        value, sigma = 1e3 * about @ bounded.plain, 1e3 * np.sqrt(about @ covariance @ about)
+        known = f"about which its moment is {value:.4g} ± {sigma:.2g} g·m²"
+        return f"the body turns about one axis only, {_vector(axis)}, {known}"
+    if power[0] < ONE_AXIS * power[2]:
+        return f"the body turns about axes of one plane only, across {_vector(axes[:, 0])}"
+    return "the motion is too slow or too brief"
+
+
+def _vector(axis: np.ndarray) -> str:
+    return f"({', '.join(f'{x + 0.0:.2f}' for x in np.round(axis, 2))})"

@@ -1,0 +1,102 @@
+"""A body without the fixture that it was measured with: mass, centre of gravity and tensor subtracted.
+
+With w the whole, p the part and b the body left, all from Q in B:
+
+    m_b = m_w - m_p,   m_b r_b = m_w r_w - m_p r_p,   I_b = I_w + m_w S(r_w - r_b) - I_p - m_p S(r_p - r_b)
+
+where ``S(d) = |d|² 1 - d dᵀ`` (Huygens–Steiner), each tensor about its own centre of gravity.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.exceptions import RunError
+from identify.rigid_body.inertia import parallel_axis
+from identify.rigid_body.inertial_parameters import InertialParameters, propagated
+from identify.text_tables import with_error
+
+
+@dataclass(frozen=True)
+class Tare:
+    """What was taken off an identified body."""
+
+    fixture: InertialParameters
+    """The fixture with the load cell's own moving plate."""
+    whole: InertialParameters
+    """Body and fixture together."""
+    runs: tuple[tuple[str, str | None], ...] = ()
+    """Name and SHA-256 of the fixture's runs; none: it was stated."""
+    provenance: Mapping[str, Any] | None = None
+    """Of the fixture's result."""
+
+    def without(self, body: InertialParameters) -> str:
+        """Return mass and centre of gravity of the body that is left, in words."""
+        u = body.standard_uncertainty
+        r = ", ".join(with_error(1e3 * x, 1e3 * s) for x, s in zip(body.r_cg, u[1:4], strict=True))
+        mass = with_error(body.mass, float(u[0]))
+        return f"without the fixture of {self.fixture.mass:.4g} kg: mass {mass} kg, centre of gravity ({r}) mm"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of it."""
+        return {
+            "method": "runs" if self.runs else "stated",
+            "fixture": self.fixture.to_dict(),
+            "with_fixture": self.whole.to_dict(),
+            "runs": [{"file": name, "sha256": digest} for name, digest in self.runs],
+            "provenance": None if self.provenance is None else dict(self.provenance),
+        }
+
+
+def subtract(
+    whole: InertialParameters, part: InertialParameters, cross: Float[np.ndarray, "10 10"] | None = None
+) -> InertialParameters:
+    """Return the body that is left when a part is taken off, with its covariance (JCGM 102, 6.2.1.3).
+
+    Args:
+        whole: body and fixture together.
+        part: the fixture, with the load cell's own moving plate.
+        cross: covariance of the whole's ten parameters (rows) with the part's (columns); None: nothing in common.
+
+    Raises:
+        RunError: a mass is not known, or the part is not lighter than the whole.
+    """
+    check(whole, part)
+    between = np.zeros((10, 10)) if cross is None else cross
+    spread = np.block([[whole.covariance, between], [between.T, part.covariance]])
+    values, covariance = propagated(left_over, np.concatenate([whole.values, part.values]), spread)
+    return InertialParameters(float(values[0]), values[1:4], values[4:], covariance)
+
+
+def check(whole: InertialParameters, part: InertialParameters) -> None:
+    """See that a part can be taken off.
+
+    Raises:
+        RunError: a mass is not known, or the part is not lighter than the whole.
+    """
+    for what, one in (("body with its fixture", whole), ("fixture", part)):
+        if not np.isfinite(one.mass):
+            raise RunError(
+                f"no mass of the {what}: a tare needs both masses; find them from static poses, or state them"
+            )
+    if part.mass >= whole.mass:
+        raise RunError(
+            f"the fixture has {part.mass:.6g} kg, the body with it {whole.mass:.6g} kg: check which run is which"
+        )
+
+
+def left_over(both: Float[Array, "20"]) -> Float[Array, "10"]:
+    """Return the ten parameters of what is left, from those of the whole and of the part."""
+    (mass, r_cg, inertia), (own, r_own, inertia_own) = _split(both[:10]), _split(both[10:])
+    left = mass - own
+    r_left = (mass * r_cg - own * r_own) / left
+    tensor = parallel_axis(inertia, mass, r_cg - r_left) - parallel_axis(inertia_own, own, r_own - r_left)
+    return jnp.concatenate([left[None], r_left, tensor])
+
+
+def _split(ten: Float[Array, "10"]) -> tuple[Array, Array, Array]:
+    return ten[0], ten[1:4], ten[4:]

@@ -1,0 +1,230 @@
+"""Mass, centre of gravity and tensor of a body as one measured quantity: about another point, in another frame.
+
+What is derived from the ten parameters takes their whole covariance along (JCGM 102, 6.2), by autodiff.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from identify.exceptions import RunError
+from identify.rigid_body.inertia import COMPONENTS, parallel_axis, principal, rotate
+from identify.rigid_body.rotation import exponential
+
+PARAMETERS = ("mass", "cg_x", "cg_y", "cg_z", *COMPONENTS)
+"""The order of the covariance: kg, m, kg·m²."""
+LARGEST_ANGLE = 0.2
+"""Standard uncertainty of a principal axis [rad] beyond which it counts as not determined: 95 % are ±23°."""
+
+
+class Tensor(NamedTuple):
+    """A packed tensor with its uncertainty."""
+
+    inertia: np.ndarray
+    """Packed tensor [kg·m²]."""
+    covariance: np.ndarray
+    """Its covariance, (6, 6) [(kg·m²)²]."""
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of each component [kg·m²]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of it, in kg·m²."""
+        return {
+            "inertia": by_component(self.inertia),
+            "standard_uncertainty": by_component(self.standard_uncertainty),
+            "covariance": self.covariance.tolist(),
+        }
+
+
+class Principal(NamedTuple):
+    """Principal moments and axes with their uncertainty, to first order in the tensor's."""
+
+    moments: np.ndarray
+    """Principal moments, ascending [kg·m²]."""
+    axes: np.ndarray
+    """Their axes in B, the rows of a right-handed rotation."""
+    standard_uncertainty: np.ndarray
+    """Of the moments [kg·m²]."""
+    angles: np.ndarray
+    """Standard uncertainty of the turn of the axes about each of them [rad]; infinite where moments are equal."""
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Whether each axis is: neither turn that would move it is uncertain by more than ``LARGEST_ANGLE``."""
+        known = self.angles <= LARGEST_ANGLE
+        return np.array([known[1] & known[2], known[2] & known[0], known[0] & known[1]])
+
+    @property
+    def note(self) -> str | None:
+        """Which axes are not determined, in words; None: all are."""
+        lost = [f"{k + 1}" for k in range(3) if not self.determined[k]]
+        if not lost:
+            return None
+        alike = "all three moments are" if len(lost) == 3 else f"the moments {' and '.join(lost)} are"
+        return f"{alike} alike within their uncertainty: the axes {', '.join(lost)} are not determined"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of them; the angle of a turn that is not determined is null."""
+        angles = [float(angle) if angle <= LARGEST_ANGLE else None for angle in self.angles]
+        return {
+            "moments": self.moments.tolist(),
+            "axes": self.axes.tolist(),
+            "standard_uncertainty": self.standard_uncertainty.tolist(),
+            "axes_standard_uncertainty": angles,
+            "axes_determined": self.determined.tolist(),
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True)
+class Datum:
+    """A frame fixed to the body, D, in which results are wanted."""
+
+    rotation: np.ndarray
+    """R with components in D = R · components in B."""
+    position: np.ndarray
+    """Its origin from Q, in B [m]."""
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((6, 6)))
+    """Of a small turn about the axes of D [rad] and of ``position`` [m], (6, 6)."""
+
+
+@dataclass(frozen=True)
+class InertialParameters:
+    """The ten parameters of a rigid body with their covariance. SI units."""
+
+    mass: float
+    """Mass [kg]; NaN: not stated."""
+    r_cg: np.ndarray
+    """Centre of gravity from the frame's origin, in the frame [m]; of a result: from Q, in B."""
+    inertia: np.ndarray
+    """Packed tensor about the centre of gravity [kg·m²]."""
+    covariance: np.ndarray
+    """Of the ten in the order of ``PARAMETERS``, (10, 10); rows of an unknown mass hold NaN on the diagonal."""
+
+    @property
+    def values(self) -> np.ndarray:
+        """The ten parameters in the order of ``PARAMETERS``."""
+        return np.concatenate([[self.mass], self.r_cg, self.inertia])
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of the ten parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def tensor(self) -> Tensor:
+        """The tensor about the centre of gravity."""
+        return Tensor(self.inertia, self.covariance[4:, 4:])
+
+    @property
+    def principal(self) -> Principal:
+        """Principal moments and axes about the centre of gravity."""
+        return principal_axes(self.inertia, self.covariance[4:, 4:])
+
+    def about(self, point: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> Tensor:
+        """Return the tensor about a point (Huygens–Steiner).
+
+        Args:
+            point: from the frame's origin, in the frame [m]; the default is the origin: Q of a result.
+            covariance: of the point, (3, 3) [m²]; None: it is exact.
+
+        Raises:
+            RunError: the mass is not known.
+        """
+        self._need_mass("tensor about another point")
+        start = np.concatenate([self.values, np.asarray(point, float)])
+        spread = _block(self.covariance, np.zeros((3, 3)) if covariance is None else np.asarray(covariance, float))
+        return Tensor(*propagated(lambda x: parallel_axis(x[4:10], x[0], x[10:] - x[1:4]), start, spread))
+
+    def in_frame(
+        self, rotation: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None
+    ) -> "InertialParameters":
+        """Return the parameters in another frame of the body, the tensor still about the centre of gravity.
+
+        Args:
+            rotation: R with new components = R · components now, (3, 3).
+            origin: of the new frame, from that of this one, in this one [m].
+            covariance: of a small turn about the new axes [rad] and of ``origin`` [m], (6, 6); None: they are exact.
+        """
+        turn = jnp.asarray(np.asarray(rotation, float))
+        start = np.concatenate([self.values[1:], np.zeros(3), np.asarray(origin, float)])
+        known = np.nan_to_num(self.covariance) if np.isnan(self.mass) else self.covariance
+        spread = _block(known, np.zeros((6, 6)) if covariance is None else np.asarray(covariance, float))
+
+        def moved(x):
+            turned = exponential(x[10:13]) @ turn
+            return jnp.concatenate([x[:1], turned @ (x[1:4] - x[13:]), rotate(x[4:10], turned)])
+
+        mass = 0.0 if np.isnan(self.mass) else self.mass
+        values, covariance = propagated(moved, np.concatenate([[mass], start]), spread)
+        covariance[0, 0] = self.covariance[0, 0]
+        return InertialParameters(self.mass, values[1:4], values[4:], covariance)
+
+    def in_datum(self, datum: Datum) -> "InertialParameters":
+        """Return the parameters in a declared frame, with the uncertainty of its pose."""
+        return self.in_frame(datum.rotation, datum.position, datum.covariance)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of them; the tensor about the origin is null where the mass is not known."""
+        known, u = bool(np.isfinite(self.mass)), self.standard_uncertainty
+        return {
+            "mass": {"value": self.mass, "standard_uncertainty": float(u[0])} if known else None,
+            "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": u[1:4].tolist()},
+            "about_cg": self.tensor.to_dict(),
+            "about_origin": self.about().to_dict() if known else None,
+        }
+
+    def _need_mass(self, what: str) -> None:
+        if not np.isfinite(self.mass):
+            raise RunError(f"the {what} needs the mass: state it, or find it from static poses")
+
+
+def by_component(values: np.ndarray) -> dict[str, float]:
+    """Return the six values of a packed tensor by their names."""
+    return dict(zip(COMPONENTS, map(float, values), strict=True))
+
+
+def principal_axes(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> Principal:
+    """Return principal moments and axes with their uncertainty.
+
+    In the principal axes a small change of the tensor moves moment i by its entry ii, and turns the axes i and j by its
+    entry ij over the difference of their moments. Of moments that are alike within their uncertainty neither the axes
+    nor which of the two is larger can be told; the larger then comes out too large on average.
+
+    Args:
+        inertia: packed tensor [kg·m²].
+        covariance: its covariance [(kg·m²)²].
+    """
+    moments, axes = map(np.asarray, principal(jnp.asarray(inertia)))
+    _, turned = propagated(lambda x: rotate(x, jnp.asarray(axes)), inertia, covariance)
+    spread = np.sqrt(np.diag(turned))
+    gaps = np.abs(np.array([moments[1] - moments[2], moments[2] - moments[0], moments[0] - moments[1]]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        angles = np.where(gaps > 0, spread[[4, 2, 1]] / gaps, np.inf)
+    return Principal(moments, axes, spread[[0, 3, 5]], angles)
+
+
+def propagated(
+    function: Callable[[jnp.ndarray], jnp.ndarray], at: np.ndarray, covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a function's value and covariance: ``J V Jᵀ`` (JCGM 102, 6.2.1.3), J by autodiff."""
+    point = jnp.asarray(at)
+    jacobian = np.asarray(jax.jacobian(function)(point))
+    return np.array(function(point)), jacobian @ covariance @ jacobian.T
+
+
+def _block(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """The covariance of two quantities that have nothing in common."""
+    n, m = len(first), len(second)
+    whole = np.zeros((n + m, n + m))
+    whole[:n, :n], whole[n:, n:] = first, second
+    return whole

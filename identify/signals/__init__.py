@@ -1,0 +1,1 @@
+"""Sampled signals of a run: resampling, differentiation, filters, spectra, segments that move or rest."""

@@ -1,0 +1,107 @@
+"""From recorded attitudes to the angular velocity: a smoothing fit on the unit quaternions, and the noise it leaves.
+
+Over a short window the four components of the quaternion are fitted by polynomials (Savitzky–Golay); with the fit's
+value q and slope q̇ at its middle, ``omega = 2 vec(q* q̇) / |q|²`` in the body frame.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.signals.differentiate import matched, savitzky_golay
+from identify.signals.filters import motion_band
+from identify.signals.run import RunError
+
+TOLERANCE = 1e-3
+"""Departure of a quaternion's norm from 1 that counts as rounding."""
+ORDER = 4
+"""Degree of the fit."""
+
+
+def smoother(half: int, order: int = ORDER) -> np.ndarray:
+    """Return the taps of the fit's value at its middle, for ``2 half + 1`` points."""
+    steps = np.arange(-half, half + 1) / half
+    powers = np.polynomial.legendre.legvander(steps, order)
+    at_middle = np.polynomial.legendre.legvander(np.zeros(1), order)[0]
+    return at_middle @ np.linalg.pinv(powers)
+
+
+def differentiator(
+    signal: Float[np.ndarray, "n k"], rate: float, name: str, *, band: float | None = None
+) -> np.ndarray:
+    """Return the taps of the smoothing differentiator that is matched to the band of uniform samples.
+
+    Args:
+        signal: attitudes or angles.
+        rate: sample rate [Hz].
+        name: what messages call it.
+        band: highest frequency of the motion [Hz], where it is known; None: as the signal shows.
+
+    Raises:
+        RunError: too few samples, or the rate is too low for the motion.
+    """
+    if len(signal) < 64:
+        raise RunError(f"{len(signal)} samples of {name}: give 64 or more, to be differentiated")
+    band = motion_band(signal, rate) if band is None else band
+    try:
+        taps = matched(rate, band)
+    except ValueError:
+        raise RunError(
+            f"{name} has {rate:.4g} Hz, too slow for its motion of {band:.3g} Hz: record faster, or move slower"
+        ) from None
+    longest = (len(signal) - 1) // 8
+    return taps if len(taps) <= longest else savitzky_golay(rate, 2 * longest + 1, ORDER)
+
+
+def attitude_band(quaternion: Float[np.ndarray, "n 4"], rate: float, band: float | None) -> float | None:
+    """Return the highest frequency [Hz] of the quaternion's components during a motion of this band [Hz].
+
+    A body that turns at W rad/s moves them at W / 4π Hz, about which its motion modulates them.
+    """
+    if band is None:
+        return None
+    step = max(round(rate / (8 * band)), 1)
+    chord = np.linalg.norm(quaternion[step:] - quaternion[:-step], axis=1).max(initial=0.0)
+    return band + 2 * chord * rate / step / (4 * np.pi)
+
+
+def continuous(quaternion: Float[np.ndarray, "n 4"], name: str) -> Float[np.ndarray, "n 4"]:
+    """Return unit quaternions (x, y, z, w) without jumps of sign.
+
+    Raises:
+        RunError: one is not of unit length.
+    """
+    norm = np.linalg.norm(quaternion, axis=1)
+    bad = ~(np.abs(norm - 1) <= TOLERANCE)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise RunError(f"the quaternion of {name} at sample {k} has the norm {norm[k]:.6g}: its norm must be 1")
+    unit = quaternion / norm[:, None]
+    steps = np.sign(np.einsum("ni,ni->n", unit[1:], unit[:-1]))
+    signs = np.concatenate([[1.0], np.cumprod(np.where(steps == 0, 1.0, steps))])
+    return unit * signs[:, None]
+
+
+def angular_velocity(
+    quaternion: Float[np.ndarray, "n 4"], taps: Float[np.ndarray, " h"]
+) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray, "3"]]:
+    """Return the angular velocity in the body frame [rad/s], and the white noise of the attitude on its axes [rad].
+
+    Args:
+        quaternion: from the body frame to a frame at rest, (x, y, z, w), uniform samples without jumps of sign.
+        taps: of the differentiator [1/s]; as many samples at either end have no derivative, m = n - 2h.
+    """
+    half = len(taps)
+    slope_taps = np.concatenate([-taps[::-1], [0.0], taps])
+    value, slope = (
+        np.stack([np.convolve(part, kernel[::-1], "valid") for part in quaternion.T], axis=1)
+        for kernel in (smoother(half), slope_taps)
+    )
+    omega = 2 * _vector(value, slope) / (value**2).sum(axis=1, keepdims=True)
+    inner = quaternion[2:-2]
+    fourth = 2 * _vector(inner, np.diff(quaternion, 4, axis=0))
+    return omega, np.sqrt(np.mean(fourth**2, axis=0) / 70)
+
+
+def _vector(q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The vector part of ``q* p``."""
+    return q[:, 3:] * p[:, :3] - p[:, 3:] * q[:, :3] - np.cross(q[:, :3], p[:, :3])

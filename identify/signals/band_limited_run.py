@@ -1,0 +1,168 @@
+"""A run reduced to its motion's band: a few thousand instants that hold all that the samples say of it.
+
+A motion of band B moves the wrench up to 2B (products of omega). Load cell and gyro pass through one flat low-pass and
+are then decimated, the load cell to a few samples a period and the motion to many, so that a quintic spline between its
+samples is exact to rounding. White noise stays white in the band: a decimated sample's is ``sigma / sqrt(factor)``.
+"""
+
+from math import factorial
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float, Int
+
+from identify.signals.run import Run, RunError
+
+ROWS_PER_PERIOD = 10.0
+"""Samples of the load cell that are kept, a period of the motion's highest frequency."""
+NODES_PER_PERIOD = 30.0
+"""The same of the motion, between which it is interpolated."""
+PASSED = 2.5
+"""How far the low-pass is flat, in units of the motion's band."""
+ATTENUATION = 140.0
+"""Of the low-pass [dB]; its gain is 1 within 1e-7."""
+FEWEST_ROWS = 24
+DEGREE = 5
+"""Of the spline."""
+
+
+class InBand(eqx.Module):
+    """Decimated signals of a run, component first."""
+
+    t: Float[Array, " n"]
+    """Instants of the load cell's rows from the first node on [s]."""
+    force: Float[Array, "3 n"]
+    """Force on the body at Q [N]."""
+    moment: Float[Array, "3 n"]
+    """Moment on the body about Q [N·m]."""
+    used: Float[Array, " n"]
+    """1 where a row counts, 0 where it must not be used."""
+    motion: Float[Array, "degree cells channels"]
+    """Quintic spline of the angular velocity [rad/s] and, where there is one, the specific force [m/s²]."""
+    step: float = eqx.field(static=True)
+    """Seconds from node to node."""
+    stride: int = eqx.field(static=True)
+    """Nodes from row to row."""
+    first: int = eqx.field(static=True)
+    """The node of the first row."""
+    factor: int = eqx.field(static=True)
+    """Samples from row to row."""
+    band: float = eqx.field(static=True)
+    """Highest frequency of the motion [Hz]."""
+
+    @property
+    def interval(self) -> float:
+        """Seconds from row to row."""
+        return self.step * self.stride
+
+    @property
+    def at_rows(self) -> slice:
+        """The nodes of the rows."""
+        return slice(self.first, self.first + (len(self.t) - 1) * self.stride + 1, self.stride)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first node to the last."""
+        return self.step * self.motion.shape[1]
+
+    @property
+    def reach(self) -> float:
+        """The largest delay that the ends of the run leave room for [s]."""
+        return (self.first - 1) * self.step
+
+
+def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False) -> InBand:
+    """Reduce a run to its motion's band.
+
+    Args:
+        run: the run.
+        band: highest frequency of the motion [Hz].
+        reach: the largest delay of the motion against the load cell to allow for [s].
+        accelerometer: whether the specific force is a part of the motion.
+
+    Raises:
+        RunError: the run is too short for that.
+    """
+    fine, stride = _factors(run.rate, band)
+    taps = low_pass(run.rate, band, fine * stride)
+    margin = int(np.ceil(reach * run.rate / fine)) + 1
+    rows = ((len(run.t) - len(taps)) // fine - 2 * margin) // stride + 1
+    if len(run.t) < len(taps) or rows < FEWEST_ROWS:
+        raise RunError(
+            f"{run.name} lasts {run.t[-1] - run.t[0]:.3g} s, too short for the joint estimate of a motion of "
+            f"{band:.3g} Hz: record for longer, or use the method source"
+        )
+    first, step = margin * fine, fine / run.rate
+    wrench = _decimated(np.hstack([run.force, run.moment])[first:], taps, fine * stride)[:rows]
+    motion = np.hstack([run.omega, run.specific_force]) if accelerometer else run.omega  # type: ignore[list-item]
+    usable = _usable(run, len(taps))[first :: fine * stride][:rows]
+    return InBand(
+        jnp.asarray(step * np.arange(margin, margin + rows * stride, stride)),
+        jnp.asarray(wrench[:, :3].T), jnp.asarray(wrench[:, 3:].T), jnp.asarray(usable),
+        jnp.asarray(spline_of(_decimated(motion, taps, fine), step)), float(step), stride, margin, fine * stride,
+        float(band),
+    )  # fmt: skip
+
+
+def _factors(rate: float, band: float) -> tuple[int, int]:
+    """Samples from node to node, and nodes from row to row."""
+    fine = max(int(rate / (NODES_PER_PERIOD * band)), 1)
+    return fine, max(int(rate / fine / (ROWS_PER_PERIOD * band)), 1)
+
+
+def low_pass(rate: float, band: float, factor: int) -> np.ndarray:
+    """A Kaiser low-pass, flat over what is kept and closed where decimation would fold noise onto it."""
+    if factor == 1:
+        return np.ones(1)
+    passed, closed = PASSED * band, rate / factor - PASSED * band
+    width = 2 * (closed - passed) / rate
+    count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
+    return scipy.signal.firwin(
+        count, (passed + closed) / 2, window=("kaiser", scipy.signal.kaiser_beta(ATTENUATION)), fs=rate
+    )
+
+
+def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
+    """Filtered samples, every ``factor``-th, from the first on that has all its neighbours."""
+    count = (len(samples) - len(taps)) // factor + 1
+    padded = samples[: (count - 1) * factor + len(taps)]
+    skipped = -(len(taps) - 1) % factor  # so that the first complete sum is one of those kept
+    kept = scipy.signal.upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
+    start = (len(taps) - 1 + skipped) // factor
+    return np.ascontiguousarray(kept[start : start + count])
+
+
+def _usable(run: Run, taps: int) -> np.ndarray:
+    """1 for each filtered sample that no sample reaches which must not be used."""
+    if run.missing is None:
+        return np.ones(len(run.t) - taps + 1)
+    return (np.convolve(run.missing, np.ones(taps), "valid") < 0.5).astype(float)
+
+
+def spline_of(nodes: np.ndarray, step: float) -> np.ndarray:
+    """Return the coefficients (degree + 1, cells, channels) of the interpolating spline, highest power of [s] first."""
+    t = step * np.arange(len(nodes))
+    spline = scipy.interpolate.make_interp_spline(t, nodes, k=DEGREE)
+    return np.stack([spline.derivative(k)(t[:-1]) / factorial(k) for k in range(DEGREE, -1, -1)])
+
+
+def evaluate(
+    motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]
+) -> tuple[Float[Array, "channels n"], Float[Array, "channels n"], Float[Array, "channels n"]]:
+    """Return the spline, its slope and its second derivative at some instants [s] between the nodes."""
+    cell = cell_of(motion, step, t)
+    since = (t - step * cell.astype(t.dtype))[:, None]
+    pieces = motion[:, cell]
+    value, slope, half_second = jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0])
+    for piece in pieces:
+        half_second = half_second * since + slope
+        slope = slope * since + value
+        value = value * since + piece
+    return value.T, slope.T, 2 * half_second.T
+
+
+def cell_of(motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]) -> Int[Array, " n"]:
+    """Return the node at or before each instant."""
+    return jnp.clip(jnp.floor(t / step).astype(int), 0, motion.shape[1] - 1)

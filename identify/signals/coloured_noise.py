@@ -1,0 +1,45 @@
+"""Noise of an angular velocity that is not white, because it was made by differentiating angles."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import response
+
+
+class ShapedNoise(NamedTuple):
+    """Noise of an angular velocity that a differentiator made of white noise in angles."""
+
+    sigma: Float[np.ndarray, "3"]
+    """Standard deviation of the white noise on each axis [rad]."""
+    taps: Float[np.ndarray, " h"]
+    """The differentiator's taps [1/s]."""
+    rate: float
+    """Its sample rate [Hz]."""
+
+    def alpha(self, estimator: EstimatorSpec, rate: float) -> Float[np.ndarray, "3"]:
+        """Return the standard deviation of the rows' alpha on each axis [rad/s²], behind the estimator's filters.
+
+        The white spectrum through three gains, summed up to the lower of the two Nyquist frequencies.
+
+        Args:
+            estimator: what differentiates the angular velocity once more, and filters.
+            rate: the run's sample rate [Hz].
+        """
+        highest = min(rate, self.rate) / 2
+        frequency = (np.arange(20_000) + 0.5) / 20_000 * highest
+        gain = _slope(self.taps, self.rate, frequency) * _slope(estimator.taps(rate), rate, frequency)
+        passed = response(estimator.filter_taps(rate), rate, frequency)
+        return self.sigma * float(np.sqrt(np.mean((gain * passed) ** 2) * highest / (self.rate / 2)))
+
+    def turned(self, rotation: Float[np.ndarray, "3 3"]) -> "ShapedNoise":
+        """Return the noise on other axes."""
+        return self._replace(sigma=np.sqrt(rotation**2 @ self.sigma**2))
+
+
+def _slope(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
+    """The magnitude of a differentiator's response [1/s]."""
+    lags = np.arange(1, len(taps) + 1) / rate
+    return 2 * np.sin(2 * np.pi * np.multiply.outer(frequency, lags)) @ taps

@@ -1,0 +1,254 @@
+"""A run: one uniformly sampled, aligned time series of wrench and motion, simulated or recorded."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
+
+from identify.exceptions import RunError
+from identify.signals.coloured_noise import ShapedNoise
+from identify.signals.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
+
+__all__ = ["Rest", "Run", "RunError"]
+
+
+NOTHING = (np.array([]), np.array([]))
+"""No bad instants of either sensor."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What a load cell reads while the body rests on it, over some stretches."""
+
+    force: Float[np.ndarray, "3"]
+    """Mean force [N]."""
+    moment: Float[np.ndarray, "3"]
+    """Mean moment about Q [N·m]."""
+    covariance: Float[np.ndarray, "6 6"]
+    """Of the two means, from their scatter."""
+    seconds: float
+    """How long it rested, all together [s]."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Force, moment and angular velocity at common, uniform instants, samples first, all in the body frame B."""
+
+    t: Float[np.ndarray, " n"]
+    """Instants [s]."""
+    force: Float[np.ndarray, "n 3"]
+    """Force on the body at Q [N]."""
+    moment: Float[np.ndarray, "n 3"]
+    """Moment on the body about Q [N·m]."""
+    omega: Float[np.ndarray, "n 3"]
+    """Angular velocity [rad/s]."""
+    name: str = "run"
+    """What messages and results call it: a file name, if it has one."""
+    sha256: str | None = None
+    """Hash of the file it was read from."""
+    missing: Bool[np.ndarray, " n"] | None = None
+    """Instants that must not be used: inside a gap of a sensor, beside a bad sample, outside the parts; None: none."""
+    warnings: tuple[str, ...] = field(default=())
+    """What a reader of the result should know of the data."""
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    """How many samples were left out, by reason."""
+    parts: tuple[tuple[float, float], ...] = ()
+    """From when to when the run was cut [s]; none: it is whole."""
+    found: bool = False
+    """Whether the parts were found, not named."""
+    overview: Float[np.ndarray, "m 2"] | None = None
+    """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s], for a figure."""
+    specific_force: Float[np.ndarray, "n 3"] | None = None
+    """What the accelerometer reads, in B [m/s²]; None: there is none."""
+    imu_position: Float[np.ndarray, "3"] | None = None
+    """The accelerometer, from Q, in B [m]; None: not known, taken as Q."""
+    rest: Rest | None = None
+    """What the load cell reads while the body rests; None: not asked for."""
+    noise: ShapedNoise | None = None
+    """The angular velocity's noise, where it was differentiated; None: it is white."""
+    mounting: str | None = None
+    """Name of the mounting of the body that the run was made with; None: not said."""
+    about: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """What the recording says of its day and its instruments."""
+    sensor_rates: tuple[float, float] | None = None
+    """Rates of wrench and angular velocity before they were brought together [Hz]; None: the run's own."""
+
+    @property
+    def rate(self) -> float:
+        """Sample rate [Hz]."""
+        return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
+
+    @classmethod
+    def from_arrays(
+        cls, t: ArrayLike, force: ArrayLike, moment: ArrayLike, omega: ArrayLike, *, name: str = "run"
+    ) -> "Run":
+        """Build a run from samples at common instants.
+
+        Args:
+            t: instants [s], increasing, shape (n,). Resampled when they are not uniform.
+            force: force on the body at Q, in B [N], shape (n, 3).
+            moment: moment on the body about Q, in B [N·m], shape (n, 3).
+            omega: angular velocity in B [rad/s], shape (n, 3).
+            name: what to call the run.
+
+        Raises:
+            RunError: a wrong shape, fewer than two samples, a value that is not finite, time that does not increase.
+        """
+        return cls.from_channels(t, force, moment, t, omega, name=name)
+
+    @classmethod
+    def from_channels(
+        cls,
+        t_wrench: ArrayLike,
+        force: ArrayLike,
+        moment: ArrayLike,
+        t_imu: ArrayLike,
+        omega: ArrayLike,
+        *,
+        name: str = "run",
+        sha256: str | None = None,
+        specific_force: ArrayLike | None = None,
+        bad: tuple[np.ndarray, np.ndarray] = NOTHING,
+    ) -> "Run":
+        """Build a run from a load cell and an IMU that sample at their own instants of the same clock.
+
+        Both are brought to uniform instants of the interval that they share, at the lower of the two rates, by cubic
+        splines; where they share uniform instants already, samples are kept as they are. Where one rate is more than a
+        fifth above the other, both pass through the same flat low-pass below half the lower rate first.
+
+        Args:
+            t_wrench: instants of the wrench [s], shape (n,).
+            force: force on the body at Q, in B [N], shape (n, 3).
+            moment: moment on the body about Q, in B [N·m], shape (n, 3).
+            t_imu: instants of the angular velocity [s], shape (m,).
+            omega: angular velocity in B [rad/s], shape (m, 3).
+            name: what to call the run.
+            sha256: hash of its file.
+            specific_force: what the accelerometer reads, in B, at the instants of the angular velocity [m/s²].
+            bad: instants of the wrench, and of the angular velocity, near which nothing must be used [s].
+
+        Raises:
+            RunError: as :meth:`from_arrays`, or the two share no interval.
+        """
+        at, wrench = _checked(name, "wrench", t_wrench, force=force, moment=moment)
+        more = {} if specific_force is None else {"specific force": specific_force}
+        at_imu, motion = _checked(name, "angular velocity", t_imu, omega=omega, **more)
+        if np.array_equal(at, at_imu) and is_uniform(at) and not any(map(np.size, bad)):
+            return cls(at, wrench[0], wrench[1], motion[0], name, sha256, specific_force=motion[1] if more else None)
+        start, stop = max(at[0], at_imu[0]), min(at[-1], at_imu[-1])
+        if stop <= start:
+            raise RunError(
+                f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
+                f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
+            )
+        intervals = [interval(times) for times in (at, at_imu)]
+        step, unequal = max(intervals), max(intervals) > UNEQUAL * min(intervals)
+        sensors = {"wrench": at, "angular velocity": at_imu}
+        warnings = [
+            text for sensor, times in sensors.items() for text in (*gaps(sensor, times), *jitter(sensor, times))
+        ]
+        columns = [np.hstack(wrench), np.hstack(motion)]
+        reach = 0.0
+        if unequal:
+            times, columns, reach = below(0.5 / step, [at, at_imu], columns, intervals, name)
+            at_wrench, at_motion = times
+            start, stop = max(t[0] for t in times), min(t[-1] for t in times)
+        else:
+            at_wrench, at_motion = at, at_imu
+        t = start + step * np.arange(int((stop - start) / step * (1 + 1e-9)) + 1)
+        if len(t) < 2:
+            raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
+        gap = in_gap(at, t, reach) | in_gap(at_imu, t, reach)
+        near_bad = beside(bad[0], t, intervals[0] + reach) | beside(bad[1], t, intervals[1] + reach)
+        of_wrench, of_motion = interpolate(at_wrench, columns[0], t), interpolate(at_motion, columns[1], t)
+        missing = gap | near_bad
+        return cls(
+            t,
+            of_wrench[:, :3],
+            of_wrench[:, 3:],
+            of_motion[:, :3],
+            name,
+            sha256,
+            missing if missing.any() else None,
+            tuple(warnings),
+            {"in a gap": int(gap.sum())} if gap.any() else {},
+            specific_force=of_motion[:, 3:] if more else None,
+            sensor_rates=(1 / intervals[0], 1 / intervals[1]),
+        )
+
+    def between(self, start: float, stop: float) -> "Run":
+        """Return the part of the run from ``start`` to ``stop`` [s].
+
+        Raises:
+            RunError: fewer than two samples lie between.
+        """
+        keep = (self.t >= start) & (self.t <= stop)
+        if keep.sum() < 2:
+            raise RunError(
+                f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
+            )
+        names = ("t", "force", "moment", "omega", "specific_force", "missing")
+        signals = {name: getattr(self, name)[keep] for name in names if getattr(self, name) is not None}
+        return replace(self, **signals, parts=((start, stop),))
+
+    def within(self, parts: Iterable[tuple[float, float]]) -> "Run":
+        """Return the run with all left out that lies outside the parts, each from one instant to another [s].
+
+        Nothing is joined: differentiators and filters do not reach across what is left out.
+
+        Raises:
+            RunError: fewer than two samples lie within a part.
+        """
+        parts = tuple(sorted((float(start), float(stop)) for start, stop in parts))
+        for start, stop in parts:
+            self.between(start, stop)
+        cut = self.between(parts[0][0], parts[-1][1])
+        inside = np.any([(cut.t >= start) & (cut.t <= stop) for start, stop in parts], axis=0)
+        missing = ~inside if cut.missing is None else ~inside | cut.missing
+        outside = {"outside the part": len(self.t) - int(inside.sum())}
+        left_out = {**self.left_out, **outside} if outside["outside the part"] else self.left_out
+        return replace(cut, missing=missing if missing.any() else None, parts=parts, left_out=left_out)
+
+    def used(self) -> list[slice]:
+        """Return the stretches of samples without one that must not be used."""
+        if self.missing is None:
+            return [slice(0, len(self.t))]
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (~self.missing).astype(np.int8), [0]])))
+        return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+    def __repr__(self) -> str:
+        return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
+
+
+def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tuple[np.ndarray, list[np.ndarray]]:
+    t = np.asarray(t, float)
+    if t.ndim != 1:
+        raise RunError(f"times of the {channel} in {name} have shape {t.shape}: give one number a sample")
+    if len(t) < 2:
+        raise RunError(f"fewer than two samples of the {channel} in {name}: record for longer")
+    arrays = []
+    for signal, values in (("time", t), *signals.items()):
+        values = np.asarray(values, float)
+        if signal != "time" and values.shape != (len(t), 3):
+            raise RunError(
+                f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components a sample"
+            )
+        bad = ~np.isfinite(values.reshape(len(t), -1)).all(axis=1)
+        if bad.any():
+            raise RunError(
+                f"{signal} in {name} is not finite at sample {int(np.argmax(bad))} ({int(bad.sum())} such samples): "
+                "remove them first"
+            )
+        arrays.append(values)
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0))
+        how = "runs backwards" if steps[k] < 0 else "stands still"
+        raise RunError(
+            f"time of the {channel} in {name} {how} at sample {k + 1} ({t[k]:.9g} s, then {t[k + 1]:.9g} s): "
+            "use the other clock or repair the recording"
+        )
+    return t, arrays[1:]

@@ -1,0 +1,205 @@
+"""Still and moving stretches of a recording, and which of the moving ones tell of the tensor. Plain arrays, SI units.
+
+A recording holds more than its experiment: the body is mounted, poses are held, a start fails, something knocks. What
+moves is told from what rests by the angular velocity, smoothed so that vibration and white noise do not count, about
+the gyro's bias, over half a second. Which of the moving stretches count is a question of information: how much of
+``ΩᵀΩ`` a stretch holds against how badly the wrench in it fits ANY body (hands do not).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Bool, Float
+
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features, pi
+
+SMOOTHING = 0.1
+"""Moving average that takes vibration and noise off [s]."""
+WINDOW = 0.5
+"""Over which motion is judged [s]."""
+PART_OF_MOTION = 0.03
+"""Angular velocity that counts as rest, as a part of the run's typical one."""
+SLOWEST = 0.02
+"""Angular velocity that counts as motion in any run [rad/s]: no inertia is felt below."""
+LARGEST_BIAS = 0.1
+"""Of a gyro at rest [rad/s]."""
+PAUSE = 1.0
+"""Rest that parts two stretches of motion [s]."""
+MISFIT = 1e-4
+"""Part of the largest motion's variance of moment that counts as explained."""
+
+
+STEADY = 3.0
+"""Variation of a steady signal over that of its quietest quarter, at most."""
+PER_SAMPLE = 4.0
+"""Thinned-out samples that count as one independent."""
+
+
+class Stretch(NamedTuple):
+    """From one instant to another [s], counted from the first sample's."""
+
+    start: float
+    stop: float
+
+    @property
+    def seconds(self) -> float:
+        """Its duration [s]."""
+        return self.stop - self.start
+
+
+def moving(rate: float, omega: Float[np.ndarray, "n 3"]) -> tuple[Stretch, ...]:
+    """Return the stretches in which the body moves; pauses shorter than a second do not part them.
+
+    Args:
+        rate: sample rate [Hz].
+        omega: angular velocity [rad/s].
+    """
+    moves = _filled(_moves(rate, omega), round(PAUSE * rate))
+    return _stretches(rate, moves)
+
+
+def still(
+    rate: float, omega: Float[np.ndarray, "n 3"], *others: Float[np.ndarray, "n 3"], shortest: float = 1.0
+) -> tuple[Stretch, ...]:
+    """Return the stretches in which the body rests and the other signals are steady.
+
+    Steady is what varies within half a second no more than three times as much as it does in a quiet quarter of the
+    rest: a hand on the body is not.
+
+    Args:
+        rate: sample rate [Hz].
+        omega: angular velocity [rad/s].
+        others: signals that must be steady too: force, moment, specific force.
+        shortest: shortest stretch to return [s].
+    """
+    rests = ~_moves(rate, omega)
+    for signal in (omega, *others) if rests.any() else ():
+        spread = _mean_and_spread(rate, signal)[1]
+        quiet = np.quantile(spread[rests], 0.25)
+        rests = rests & (spread <= STEADY * quiet + 1e-12 * np.abs(signal).max())
+        if not rests.any():
+            break
+    return tuple(stretch for stretch in _stretches(rate, rests) if stretch.seconds >= shortest)
+
+
+def decisive(
+    rate: float,
+    omega: Float[np.ndarray, "n 3"],
+    force: Float[np.ndarray, "n 3"],
+    moment: Float[np.ndarray, "n 3"],
+    stretches: Sequence[Stretch],
+) -> tuple[Stretch, ...]:
+    """Return the stretches that tell of the tensor, in the order of time.
+
+    Each is weighed by its ``ΩᵀΩ`` over the square of the variance that the best rigid body leaves of its moment: noise
+    would count once, but what no body explains misleads. Kept are those that weigh at least a third of the best one,
+    and as many more, best first, as hold half of what all of them know of the direction that they know least: three
+    motions about one axis each stay together.
+
+    Args:
+        rate: sample rate [Hz].
+        omega: angular velocity [rad/s].
+        force: on the body at a point that stays [N].
+        moment: on the body about this point [N·m].
+        stretches: to choose from.
+    """
+    if len(stretches) < 2:
+        return tuple(stretches)
+    step = _thinning(rate, omega, stretches)
+    coarse = [scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line") for signal in (omega, force, moment)]
+    columns = _columns(rate / step, *coarse[:2])
+    parts = [(_cut(columns, rate / step, one), _cut(coarse[2], rate / step, one)) for one in stretches]
+    largest = max(float(values.var(axis=0).sum()) for _, values in parts)
+    known = [_information(*part, MISFIT * largest) for part in parts]
+    weight = np.array([np.trace(one) for one in known])
+    order = list(np.argsort(-weight))
+    enough = 0.5 * np.linalg.eigvalsh(sum(known))[0]
+    chosen = [k for k in order if 3 * weight[k] >= weight[order[0]]]
+    for k in order[len(chosen) :]:
+        if np.linalg.eigvalsh(sum(known[j] for j in chosen))[0] >= enough:
+            break
+        chosen.append(k)
+    return tuple(stretches[k] for k in sorted(chosen))
+
+
+def _moves(rate: float, omega: np.ndarray) -> Bool[np.ndarray, " n"]:
+    """Which samples belong to motion."""
+    mean, spread = _mean_and_spread(rate, omega)
+    speed = np.sqrt(np.maximum(((mean - _bias(mean, spread)) ** 2).sum(axis=1) + spread**2, 0))
+    typical = np.sqrt((speed**4).sum() / max((speed**2).sum(), 1e-300))
+    floor = min(4 * float(np.quantile(speed, 0.1)), SLOWEST)
+    return speed > max(PART_OF_MOTION * typical, floor)
+
+
+def _mean_and_spread(rate: float, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the smoothed signal about each sample, over the window: mean (n, 3) and standard deviation (n,)."""
+    n = len(signal)
+    smooth = _average(signal - signal.mean(axis=0), min(n, round(SMOOTHING * rate)))
+    mean, square = (_average(part, min(n, round(WINDOW * rate))) for part in (smooth, smooth**2))
+    return mean + signal.mean(axis=0), np.sqrt(np.maximum(square - mean**2, 0).sum(axis=1))
+
+
+def _average(signal: np.ndarray, width: int) -> np.ndarray:
+    return scipy.ndimage.uniform_filter1d(signal, max(width, 1), axis=0, mode="reflect")
+
+
+def _bias(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """The gyro's bias, where it is seen at rest; zero where it is not [rad/s]."""
+    quiet = (spread <= min(2 * np.quantile(spread, 0.1), SLOWEST)) & (np.linalg.norm(mean, axis=1) < LARGEST_BIAS)
+    return np.median(mean[quiet], axis=0) if quiet.any() else np.zeros(3)
+
+
+def _filled(mask: np.ndarray, longest: int) -> np.ndarray:
+    """The mask with inner gaps below ``longest`` samples closed."""
+    filled = mask.copy()
+    for start, stop in _runs(~mask):
+        if start > 0 and stop < len(mask) and stop - start < longest:
+            filled[start:stop] = True
+    return filled
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """First and one past last sample of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+def _stretches(rate: float, mask: np.ndarray) -> tuple[Stretch, ...]:
+    return tuple(Stretch(start / rate, (stop - 1) / rate) for start, stop in _runs(mask))
+
+
+def _cut(signal: np.ndarray, rate: float, stretch: Stretch) -> np.ndarray:
+    return signal[round(stretch.start * rate) : round(stretch.stop * rate) + 1]
+
+
+def _thinning(rate: float, omega: np.ndarray, stretches: Sequence[Stretch]) -> int:
+    """By how much to thin out the samples: to sixteen times the band of the longest stretch's motion."""
+    longest = _cut(omega, rate, max(stretches, key=lambda one: one.seconds))
+    frequency, power = scipy.signal.welch(longest, fs=rate, nperseg=min(len(longest), max(round(4 * rate), 8)), axis=0)
+    share = np.cumsum(power.sum(axis=1)) / max(power.sum(), 1e-300)
+    band = max(float(frequency[np.searchsorted(share, 0.99)]), 1.0)
+    return max(int(rate / (16 * band)), 1)
+
+
+def _columns(rate: float, omega: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """The regressor of the moment about the point over tensor and centre of gravity (7), (n, 3, 9)."""
+    alpha = np.gradient(omega, 1 / rate, axis=0)
+    phi = np.asarray(features(jnp.asarray(omega.T), jnp.asarray(alpha.T)))
+    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
+    return np.concatenate([rows, np.asarray(jax.vmap(pi)(jnp.asarray(force)))], axis=2)
+
+
+def _information(columns: np.ndarray, moment: np.ndarray, least: float) -> np.ndarray:
+    """``ΩᵀΩ`` of one stretch over the squared variance of the moment that no rigid body explains, (6, 6)."""
+    if len(moment) < 4:
+        return np.zeros((6, 6))
+    rows, values = columns - columns.mean(axis=0), (moment - moment.mean(axis=0)).reshape(-1)
+    flat = rows.reshape(-1, 9)
+    left = values - flat @ np.linalg.lstsq(flat, values, rcond=None)[0]
+    independent = len(values) / PER_SAMPLE
+    variance = left @ left / len(values) * independent / max(independent - 9, 1.0)
+    return np.einsum("nji,nje->ie", rows[:, :, :6], rows[:, :, :6]) / max(variance, least, 1e-150) ** 2

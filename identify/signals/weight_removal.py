@@ -1,0 +1,86 @@
+"""The body's weight in the body's frame, where a driver has removed it from the wrench: put back by attitude.
+
+Gravity's direction in B follows the gyro, ``ḣ = -(omega - b) × h``. Over minutes the gyro's bias b would turn it by a
+radian, so b and the first direction are fitted to the accelerometer, whose motion averages out; without one, b is the
+gyro's mean at rest and the first direction is the level's.
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.rigid_body.rotation import exponential, specific_force_at
+from identify.signals.run import Run, RunError
+from identify.signals.segments import Stretch
+
+ROUNDS = 3
+"""Linear steps to the bias: it turns a run by a radian at most."""
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Stretch]) -> Float[np.ndarray, "n 3"]:
+    """Return the unit vector that points up, in B, at every instant of a run.
+
+    Args:
+        run: the whole run; level at its first instant where it has no accelerometer.
+        r_cg: centre of gravity from Q, in B [m].
+        rests: stretches of rest, for the gyro's bias where there is no accelerometer.
+
+    Raises:
+        RunError: neither accelerometer nor rest.
+    """
+    if run.specific_force is not None:
+        return _by_accelerometer(run, run.specific_force, r_cg)
+    if not rests:
+        raise RunError(
+            f"{run.name} tells nothing of the attitude, without accelerometer and without rest: the removed weight "
+            "cannot be put back; record a second of rest, level, before the motion"
+        )
+    still = np.concatenate([run.omega[(run.t - run.t[0] >= s.start) & (run.t - run.t[0] <= s.stop)] for s in rests])
+    return _turned(run, still.mean(axis=0)) @ UP
+
+
+def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarray:
+    """Least squares over direction and bias: ``f ≈ R_BA (u - u × C b)`` with ``C = ∫R_AB dt``."""
+    position = np.zeros(3) if run.imu_position is None else run.imu_position
+    alpha = np.gradient(run.omega, run.t, axis=0)
+    reading = specific_force_at(force, run.omega, alpha, r_cg - position)
+    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    bias, up = np.zeros(3), UP
+    for _ in range(ROUNDS):
+        to_body = _turned(run, bias)
+        up = (to_body[usable].transpose(0, 2, 1) @ reading[usable, :, None]).mean(axis=0)[:, 0]
+        turned = np.cumsum(to_body.transpose(0, 2, 1), axis=0) / run.rate
+        columns = np.concatenate([to_body, -to_body @ _cross(up) @ turned], axis=2)[usable].reshape(-1, 6)
+        found = np.linalg.lstsq(columns, reading[usable].reshape(-1), rcond=1e-8)[0]
+        up, bias = found[:3], bias + found[3:]
+    return _turned(run, bias) @ (up / np.linalg.norm(up))
+
+
+def _turned(run: Run, bias: np.ndarray) -> np.ndarray:
+    """Attitudes R_BA from the gyro less its bias, (n, 3, 3), the first one the identity."""
+    w = run.omega - bias
+    step = 1 / run.rate
+    turns = step / 2 * (w[1:] + w[:-1]) + step**2 / 12 * np.cross(w[:-1], w[1:])
+    return np.asarray(_attitudes(jnp.asarray(turns))).transpose(0, 2, 1)
+
+
+@jax.jit
+def _attitudes(turns: Float[Array, "n 3"]) -> Float[Array, "m 3 3"]:
+    """The products of the turns, R_AB."""
+
+    def advance(rotation, one):
+        rotation = rotation @ one
+        return rotation, rotation
+
+    first = jnp.eye(3, dtype=turns.dtype)
+    _, rest = jax.lax.scan(advance, first, jax.vmap(exponential)(turns))
+    return jnp.concatenate([first[None], rest])
+
+
+def _cross(vector: np.ndarray) -> np.ndarray:
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

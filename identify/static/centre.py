@@ -1,0 +1,170 @@
+"""Mass, centre of gravity and constant offsets of the load cell, from static poses.
+
+At rest (4) leaves ``F = m f + F0`` and ``M = r × m f + M0``, where f is the specific force in the body frame (what a
+perfect accelerometer reads, opposite to gravity): linear in ``(m, F0)`` and in ``(m r, M0)``.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from identify.exceptions import RunError
+from identify.static.centre_result import PARAMETERS, UNITS, Centre
+from identify.static.gain_check import GainCheck, gain_check
+from identify.static.pose_fit import EXACT, LINEAR, Attitudes, Fit, fit, foreseen
+
+__all__ = ["PARAMETERS", "UNITS", "Attitudes", "Centre", "centre", "foreseen_covariance"]
+
+LEAST_TILT = 0.02
+"""Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
+LARGE_RESIDUAL = 0.03
+"""Residual force, as a part of the weight, that is worth a warning."""
+UNEVEN = 5.0
+"""How much worse one direction of the centre of gravity is told than another, to be worth a warning."""
+SMALL = 1e-9
+"""Uncertainty of a centre of gravity that no poses reach [m]."""
+ORDER = (0, 4, 5, 6, 1, 2, 3, 7, 8, 9)
+"""Where the ten parameters stand in the linear (m, F0, m r, M0)."""
+
+
+def centre(
+    force: ArrayLike,
+    moment: ArrayLike,
+    specific_force: ArrayLike,
+    *,
+    attitudes: Attitudes = EXACT,
+    mass: tuple[float, float] | None = None,
+    name: str = "the poses",
+) -> Centre:
+    """Estimate mass, centre of gravity and offsets from static poses by least squares.
+
+    Ordinary least squares with the residuals' covariance across force and moment; ``r = (m r) / m``, and the covariance
+    follows by the law of propagation (GUM 5.1.2; JCGM 102 6.2), with Welch and Satterthwaite's degrees of freedom.
+
+    A mass from a scale is one more observation, unless the load cell's own contradicts it: then the mass is the
+    scale's, and centre and offsets are those of the load cell alone, whose gain leaves ``(m r) / m`` as it is.
+
+    Args:
+        force: mean force on the body, in B [N], shape (n, 3).
+        moment: mean moment on the body about Q, in B [N·m], shape (n, 3).
+        specific_force: opposite to gravity, in B [m/s²], shape (n, 3); its length is local gravity.
+        attitudes: how far the direction of ``specific_force`` may be off.
+        mass: from a scale, with its standard uncertainty [kg].
+        name: what messages call the data.
+
+    Raises:
+        RunError: wrong shapes, fewer than three poses, poses too much alike, a mass that is not positive.
+    """
+    F, M, f = (np.asarray(x, float) for x in (force, moment, specific_force))
+    _check(F, M, f, name)
+    gravity = float(np.linalg.norm(f, axis=1).mean())
+    found = fit(F, M, f, attitudes)
+    if found.values[0] <= 0:
+        raise RunError(
+            f"the force in {name} points along gravity (mass {found.values[0]:.4g} kg): the wrench is that on the "
+            "other side, or the attitude is upside down; correct recording.wrench or the attitude's declaration"
+        )
+    check = None if mass is None else _checked(found, mass)
+    if check is not None and not check.contradicts:
+        found = fit(F, M, f, attitudes, mass=mass)
+    values, by = _parameters(found)
+    covariance, lasting = by @ found.covariance @ by.T, by @ found.lasting
+    degrees = found.degrees_of_freedom[list(ORDER)]
+    if mass is not None and check is not None and check.contradicts:
+        values[0], degrees[0] = mass[0], np.inf
+        covariance[0], covariance[:, 0] = 0.0, 0.0
+        covariance[0, 0] = mass[1] ** 2
+        lasting[0] = 0.0
+    result = Centre(
+        float(values[0]), values[1:4], values[4:7], values[7:], covariance, found.residuals, degrees, gravity,
+        gain=check, largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
+    )  # fmt: skip
+    return _warned(result)
+
+
+def foreseen_covariance(
+    specific_force: ArrayLike, mass: float, r_cg: ArrayLike, scatter: ArrayLike, attitudes: Attitudes = EXACT
+) -> np.ndarray:
+    """Return the covariance of the ten parameters that static poses promise before they are measured.
+
+    Args:
+        specific_force: of the poses, opposite to gravity, in B [m/s²], shape (n, 3), n at least 3.
+        mass: as far as it is known [kg].
+        r_cg: centre of gravity from Q, as far as it is known, in B [m], shape (3,).
+        scatter: covariance of each pose's mean force and moment [N², N²·m, N²·m²], shape (6, 6).
+        attitudes: how far the direction of ``specific_force`` may be off.
+
+    Returns:
+        Covariance in the order of ``PARAMETERS``, shape (10, 10); its figures mean nothing where the poses do not
+        determine the centre of gravity.
+    """
+    values = np.zeros(LINEAR)
+    values[0], values[4:7] = mass, mass * np.asarray(r_cg, float)
+    found = foreseen(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
+    _, by = _parameters(found)
+    return by @ found.covariance @ by.T
+
+
+def _checked(found: Fit, mass: tuple[float, float]) -> GainCheck:
+    factor = float(scipy.stats.t.ppf(0.975, found.degrees_of_freedom[0]))
+    return gain_check(*mass, float(found.values[0]), float(np.sqrt(found.covariance[0, 0])), factor)
+
+
+def _warned(result: Centre) -> Centre:
+    """The centre with what is to be warned of."""
+    warnings = []
+    share = result.residual[0] / (result.mass * result.gravity)
+    if share >= LARGE_RESIDUAL:
+        warnings.append(
+            f"the force's residuals are {100 * share:.2g} % of the weight: "
+            "check the rotations of load cell and attitude"
+        )
+    axes, along = result.directions
+    ratio = along[2] / max(along[0], SMALL)
+    if ratio > UNEVEN:
+        worst = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−")
+        warnings.append(
+            f"the poses tell the centre of gravity {ratio:.1f} times worse along ({worst}), to "
+            f"{1e3 * along[2]:.2g} mm, than across: tilt further, or about more axes"
+        )
+    if result.gain is not None and not result.gain.within:
+        apart = "; the mass is the scale's, centre and offsets are the load cell's alone"
+        warnings.append(f"{result.gain.verdict}{apart if result.gain.contradicts else ''}: check its calibration")
+    return replace(result, warnings=tuple(warnings))
+
+
+def _largest_tilt(f: np.ndarray) -> float:
+    """The largest angle [rad] between a pose's specific force and their mean; half a turn where the mean vanishes."""
+    up = f / np.linalg.norm(f, axis=1, keepdims=True)
+    mean = up.mean(axis=0)
+    length = np.linalg.norm(mean)
+    return float(np.arccos(np.clip(up @ mean / length, -1, 1)).max()) if length > 1e-6 else float(np.pi)
+
+
+def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
+    for what, values in (("force", F), ("moment", M), ("specific force", f)):
+        if values.ndim != 2 or values.shape != (len(F), 3):
+            raise RunError(f"{what} of {name} has shape {values.shape}: give ({len(F)}, 3), three components a pose")
+        if not np.isfinite(values).all():
+            bad = int(np.argmax(~np.isfinite(values).all(axis=1)))
+            raise RunError(f"{what} of {name} is not finite at pose {bad + 1}: correct or remove it")
+    if len(f) < 3:
+        raise RunError(f"{len(f)} poses in {name}: give three or more, tilted about two axes")
+    spread = np.linalg.svd(f - f.mean(axis=0), compute_uv=False) / (np.linalg.norm(f, axis=1).mean() * np.sqrt(len(f)))
+    if spread[1] < LEAST_TILT:
+        raise RunError(
+            f"the poses of {name} are too much alike to tell the centre of gravity from the offsets (gravity turns by "
+            f"{np.degrees(spread[1]):.2g}° in its second direction): tilt the body about two axes"
+        )
+
+
+def _parameters(found: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """The ten parameters, and their derivatives with respect to (m, F0, m r, M0)."""
+    mass, r_cg = found.values[0], found.values[4:7] / found.values[0]
+    by = np.eye(10)[list(ORDER)]
+    by[1:4] /= mass
+    by[1:4, 0] = -r_cg / mass
+    values = np.concatenate([[mass], r_cg, found.values[1:4], found.values[7:]])
+    return values, by

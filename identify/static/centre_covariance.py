@@ -1,0 +1,37 @@
+"""A tensor that was identified with the centre of gravity of static poses: their covariance in full."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.results.identification_result import Identification
+from identify.static.centre_result import Centre
+
+
+def with_centre(result: Identification, centre: Centre) -> Identification:
+    """Return a result whose centre of gravity and mass are those of static poses, with their joint covariance.
+
+    With B = dI/dr of the least squares the tensor's covariance holds ``B V Bᵀ``, V the centre's (3, 3); it had only V's
+    diagonal. The tensor is correlated with the centre by ``B V`` and with the mass by ``B cov(r, m)``.
+
+    Args:
+        result: identified with ``r_cg`` and the diagonal of the covariance of this centre.
+        centre: mass and centre of gravity with their covariance.
+    """
+    variance = np.square(result.sigma_r_cg)
+    known = np.zeros((3, 6)) if result.cg_inertia_covariance is None else result.cg_inertia_covariance
+    by_centre = np.divide(known, variance[:, None], out=np.zeros_like(known), where=variance[:, None] > 0).T
+    spread = centre.covariance[1:4, 1:4]
+    covariance = result.covariance + by_centre @ (spread - np.diag(variance)) @ by_centre.T
+    wider = np.sqrt(np.diag(covariance) / np.maximum(np.diag(result.covariance), 1e-300))
+    half = np.diff(result.interval95, axis=1)[:, 0] / 2 * np.where(np.diag(result.covariance) > 0, wider, 1.0)
+    with_mass = centre.covariance[0, 1:4]
+    return replace(
+        result,
+        covariance=covariance,
+        interval95=np.stack([result.inertia - half, result.inertia + half], axis=1),
+        mass_uncertainty=float(centre.standard_uncertainty[0]),
+        cg_covariance=spread,
+        cg_inertia_covariance=spread @ by_centre.T,
+        mass_covariance=np.concatenate([with_mass, by_centre @ with_mass]),
+    )

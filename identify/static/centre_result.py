@@ -1,0 +1,295 @@
+"""Mass, centre of gravity and offsets that static poses told: the result, and how it is read back."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy
+
+from identify.exceptions import RunError
+from identify.static.gain_check import GainCheck
+from identify.text_tables import html_table, text_table, with_error
+
+PARAMETERS = (
+    "mass", "cg_x", "cg_y", "cg_z",
+    "force_offset_x", "force_offset_y", "force_offset_z", "moment_offset_x", "moment_offset_y", "moment_offset_z",
+)  # fmt: skip
+"""The order of a centre's covariance: kg, m, N, N·m."""
+UNITS = ("kg", *("m",) * 3, *("N",) * 3, *("N*m",) * 3)
+KIND = "inertia centre"
+VERSION = 1
+"""Of the content of centre.json."""
+
+
+@dataclass(frozen=True)
+class Centre:
+    """Mass and centre of gravity of a body with its fixture, and the load cell's offsets; SI units, body frame."""
+
+    mass: float
+    """Mass [kg]."""
+    r_cg: np.ndarray
+    """Centre of gravity from Q [m]."""
+    force_offset: np.ndarray
+    """Constant force beside the weight: what is to be subtracted from the force on the body [N]."""
+    moment_offset: np.ndarray
+    """The same of the moment about Q [N·m]."""
+    covariance: np.ndarray
+    """Of the ten parameters in the order of ``PARAMETERS``, (10, 10)."""
+    residuals: np.ndarray = field(repr=False)
+    """Measured less fitted wrench of each pose, (n, 6) [N, N·m]."""
+    degrees_of_freedom: np.ndarray | float
+    """Effective, of each standard uncertainty (GUM G.4.1); one for all, or (10,)."""
+    gravity: float
+    """Local gravity that was used [m/s²]."""
+    zero: np.ndarray | None = None
+    """What the cell reads without a load, in its own sign and axes: Fx Fy Fz [N], Mx My Mz [N·m]."""
+    warnings: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    gain: GainCheck | None = None
+    """The load cell's mass beside a scale's; None: no scale."""
+    largest_tilt: float | None = None
+    """From the poses' mean direction of gravity [rad]."""
+    lasting: np.ndarray | None = None
+    """What errors do to the ten that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
+    file_name: ClassVar[str] = "centre.json"
+    """The file that holds it."""
+
+    @property
+    def values(self) -> np.ndarray:
+        """The ten parameters in the order of ``PARAMETERS``."""
+        return np.concatenate([[self.mass], self.r_cg, self.force_offset, self.moment_offset])
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of the ten parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def coverage_factor(self) -> np.ndarray:
+        """Of 95 %, from Student's t, of each of the ten parameters."""
+        return scipy.stats.t.ppf(0.975, np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS)))
+
+    @property
+    def interval95(self) -> np.ndarray:
+        """Coverage intervals of 95 % of the ten parameters, (10, 2)."""
+        half = self.coverage_factor * self.standard_uncertainty
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+    @property
+    def directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions in which the centre of gravity is known, best first (rows), and the uncertainty along them [m]."""
+        variances, vectors = np.linalg.eigh(self.covariance[1:4, 1:4])
+        axes = vectors.T * np.sign(vectors.T[np.arange(3), np.abs(vectors.T).argmax(axis=1)])[:, None]
+        return axes, np.sqrt(np.maximum(variances, 0.0))
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return len(self.residuals)
+
+    @property
+    def residual(self) -> tuple[float, float]:
+        """Root mean square of the residuals, all axes: force [N], moment [N·m]."""
+        square = self.residuals**2
+        return float(np.sqrt(square[:, :3].mean())), float(np.sqrt(square[:, 3:].mean()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of centre.json, in SI."""
+        u, intervals = self.standard_uncertainty.tolist(), self.interval95.tolist()
+        (force, moment), (axes, along) = self.residual, self.directions
+        degrees = np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS))
+
+        def block(value: Any, part: slice) -> dict[str, Any]:
+            return {"value": value.tolist(), "standard_uncertainty": u[part], "interval95": intervals[part]}
+
+        return {
+            "kind": KIND,
+            "version": VERSION,
+            "frame": "body",
+            "about": "Q",
+            "mass": {"value": self.mass, "standard_uncertainty": u[0], "interval95": intervals[0]},
+            "cg": block(self.r_cg, slice(1, 4)),
+            "offsets": {
+                "force": block(self.force_offset, slice(4, 7)),
+                "moment": block(self.moment_offset, slice(7, 10)),
+            },
+            "zero": None if self.zero is None else {"force": self.zero[:3].tolist(), "moment": self.zero[3:].tolist()},
+            "parameters": list(PARAMETERS),
+            "units": list(UNITS),
+            "covariance": self.covariance.tolist(),
+            "coverage_factor": self.coverage_factor.tolist(),
+            "degrees_of_freedom": [float(free) if np.isfinite(free) else None for free in degrees],
+            "directions": {"axes": axes.tolist(), "standard_uncertainty": along.tolist()},
+            "largest_tilt": self.largest_tilt,
+            "lasting": None if self.lasting is None else self.lasting.tolist(),
+            "gain": None if self.gain is None else self.gain.to_dict(),
+            "residual": {"force": force, "moment": moment},
+            "residuals": self.residuals.tolist(),
+            "poses": self.poses,
+            "gravity": self.gravity,
+            "warnings": list(self.warnings),
+            "assumptions": list(self.assumptions),
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_dict(cls, content: object, name: str = "centre.json") -> "Centre":
+        """Return the centre that a centre.json holds.
+
+        Args:
+            content: what :meth:`to_dict` wrote.
+            name: what messages call it.
+
+        Raises:
+            RunError: it is no centre of this version, or its figures cannot be used.
+        """
+        if not isinstance(content, Mapping) or content.get("kind") != KIND:
+            raise RunError(f"{name} is no result of `inertia centre`: give the centre.json that it wrote")
+        if content.get("version") != VERSION:
+            raise RunError(
+                f"{name} is of version {content.get('version')!r}, not {VERSION}: run `inertia centre` again"
+            )
+        if content.get("parameters") != list(PARAMETERS) or content.get("units") != list(UNITS):
+            raise RunError(
+                f"{name} has other parameters or units than {', '.join(PARAMETERS)}: run `inertia centre` again"
+            )
+        return _read(cls, _Content(content, name))
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the summary: x, y, z with standard uncertainties, and the expanded ones of 95 %."""
+        u, expanded = self.standard_uncertainty, self.coverage_factor * self.standard_uncertainty
+        rows = [
+            ["centre of gravity, mm", *_cells(1e3 * self.r_cg, 1e3 * u[1:4])],
+            ["· 95 %", *_expanded(1e3 * expanded[1:4])],
+            ["force offset, N", *_cells(self.force_offset, u[4:7])],
+            ["· 95 %", *_expanded(expanded[4:7])],
+            ["moment offset, N·m", *_cells(self.moment_offset, u[7:])],
+            ["· 95 %", *_expanded(expanded[7:])],
+        ]
+        if self.zero is not None:
+            rows += [
+                ["zero of the cell, N", *(_fixed(value, 3) for value in self.zero[:3])],
+                ["zero of the cell, N·m", *(_fixed(value, 4) for value in self.zero[3:])],
+            ]
+        return ["", "x", "y", "z"], rows
+
+    def correlation_rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the ten parameters' standard uncertainties, in SI, and of their correlations."""
+        u = self.standard_uncertainty
+        correlation = self.covariance / np.maximum(np.outer(u, u), 1e-300)
+        rows = [
+            [f"{name}, {unit}", f"{sigma:.2g}", *(_fixed(x, 2) for x in row)]
+            for name, unit, sigma, row in zip(PARAMETERS, UNITS, u, correlation, strict=True)
+        ]
+        return ["", "u", *map(str, range(1, 11))], rows
+
+    def title(self) -> str:
+        """Return what the table is of, in one line."""
+        force, moment = self.residual
+        mass = with_error(self.mass, float(self.standard_uncertainty[0]))
+        low, high = self.interval95[0]
+        return (
+            f"mass {mass} kg (95 %: {low:.6g} … {high:.6g}) from {self.poses} poses; "
+            f"residuals {force:.3g} N and {moment:.3g} N·m (rms)"
+        )
+
+    def notes(self) -> list[str]:
+        """Return warnings and assumptions, a line each."""
+        return [
+            *self.findings(),
+            *(f"warning: {text}" for text in self.warnings),
+            *(f"assumed: {text}" for text in self.assumptions),
+        ]
+
+    def findings(self) -> list[str]:
+        """Return what the poses determine, and what a scale says of the load cell."""
+        axes, along = self.directions
+        worst, best = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−"), 1e3 * along[0]
+        tilt = "" if self.largest_tilt is None else f"tilted by up to {np.degrees(self.largest_tilt):.3g}°: "
+        known = f"known worst along ({worst}), to {1e3 * along[2]:.2g} mm, and best to {best:.2g} mm"
+        found = f"{tilt}the centre of gravity is {known}"
+        return [found, *([] if self.gain is None else [self.gain.verdict])]
+
+    def __repr__(self) -> str:
+        return "\n".join([self.title(), text_table(*self.rows()), *self.notes()])
+
+    def _repr_html_(self) -> str:
+        listed = "".join(f"<li>{escape(text)}</li>" for text in self.notes())
+        return f"{html_table(*self.rows(), caption=self.title())}<ul>{listed}</ul>"
+
+
+def _cells(values: np.ndarray, errors: np.ndarray) -> list[str]:
+    return [with_error(value, error) for value, error in zip(values, errors, strict=True)]
+
+
+def _fixed(value: float, decimals: int) -> str:
+    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−")
+
+
+def _expanded(values: np.ndarray) -> list[str]:
+    return [f"± {value:.2g}" for value in values]
+
+
+class _Content:
+    """The content of a centre.json, figure by figure."""
+
+    def __init__(self, content: Mapping[str, Any], name: str) -> None:
+        self.content, self.name = content, name
+
+    def array(self, *keys: str, shape: tuple[int, ...]) -> np.ndarray:
+        """Finite numbers of this shape, -1 for any length."""
+        found: Any = self.content
+        for key in keys:
+            found = found.get(key) if isinstance(found, Mapping) else None
+        try:
+            values = np.asarray(found, float)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
+        fits = values.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, values.shape, strict=False))
+        if not fits or not np.isfinite(values).all():
+            raise RunError(f"{'.'.join(keys)} of {self.name} is missing or not finite: run `inertia centre` again")
+        return values
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        found = self.content.get(key)
+        return tuple(map(str, found)) if isinstance(found, list) else ()
+
+
+def _read(cls: type[Centre], content: _Content) -> Centre:
+    n = len(PARAMETERS)
+    mass = float(content.array("mass", "value", shape=()))
+    covariance = content.array("covariance", shape=(n, n))
+    scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)).clip(0))
+    if (np.abs(covariance - covariance.T) > 1e-9 * scale).any() or _least(covariance) < -1e-9:
+        raise RunError(
+            f"covariance of {content.name} is none, not symmetric or not positive: run `inertia centre` again"
+        )
+    if mass <= 0:
+        raise RunError(f"mass of {content.name} is {mass:g} kg: give one above zero")
+    said = content.content.get("degrees_of_freedom")
+    free = [np.inf if value is None else value for value in said] if isinstance(said, list) else []
+    if len(free) != n or not all(isinstance(value, (int, float)) and value > 0 for value in free):
+        raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
+    return cls(
+        mass,
+        content.array("cg", "value", shape=(3,)),
+        content.array("offsets", "force", "value", shape=(3,)),
+        content.array("offsets", "moment", "value", shape=(3,)),
+        covariance,
+        content.array("residuals", shape=(-1, 6)),
+        np.array(free, float),
+        float(content.array("gravity", shape=())),
+        warnings=content.texts("warnings"),
+        assumptions=content.texts("assumptions"),
+        provenance=dict(content.content.get("provenance") or {}),
+        lasting=None if content.content.get("lasting") is None else content.array("lasting", shape=(n, -1)),
+    )
+
+
+def _least(covariance: np.ndarray) -> float:
+    """The least eigenvalue of the correlations."""
+    u = np.sqrt(np.diag(covariance).clip(1e-300))
+    return float(np.linalg.eigvalsh(covariance / np.outer(u, u))[0])

@@ -1,0 +1,90 @@
+"""Static poses that determine mass and centre of gravity best: chosen out of many by exchange.
+
+Each set of poses is judged by the logarithm of its predicted covariance's determinant (D-optimality), which units do
+not change. The set is improved by exchanging one pose for another as long as that helps (Fedorov's exchange; Atkinson,
+Donev, Tobias, Optimum Experimental Designs (2007), chapter 12).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.static.centre import foreseen_covariance
+from identify.static.pose_fit import EXACT, Attitudes
+
+Cost = Callable[[np.ndarray], float]
+"""Of a set of poses, given by their numbers."""
+GAIN = 1e-9
+"""Least improvement for which a pose is exchanged."""
+
+
+def best_poses(candidates: int, count: int, cost: Cost, *, starts: int = 4, seed: int = 0) -> np.ndarray:
+    """Return the numbers of the poses of the cheapest set that exchanges reach, in increasing order.
+
+    Args:
+        candidates: how many poses there are to choose from; one may be chosen several times.
+        count: how many are wanted.
+        cost: of a set, infinite where it does not determine what is asked.
+        starts: random sets to begin with.
+        seed: of those.
+
+    Raises:
+        ValueError: no set that was tried has a finite cost.
+    """
+    generator = np.random.default_rng(seed)
+    found = [_improved(_start(generator, candidates, count, cost), candidates, cost) for _ in range(starts)]
+    best = min(found, key=cost)
+    if not np.isfinite(cost(best)):
+        raise ValueError(f"no {count} of {candidates} poses determine the centre of gravity")
+    return np.sort(best)
+
+
+def _start(generator: np.random.Generator, candidates: int, count: int, cost: Cost) -> np.ndarray:
+    """A random set of finite cost, if a few draws find one."""
+    chosen = generator.integers(candidates, size=count)
+    for _ in range(20):
+        if np.isfinite(cost(chosen)):
+            break
+        chosen = generator.integers(candidates, size=count)
+    return chosen
+
+
+def _improved(chosen: np.ndarray, candidates: int, cost: Cost) -> np.ndarray:
+    """The set after exchanges, each the best for its place, until none helps."""
+    now, better = cost(chosen), True
+    while better:
+        better = False
+        for place in range(len(chosen)):
+            others = [np.r_[chosen[:place], other, chosen[place + 1 :]] for other in range(candidates)]
+            costs = [cost(other) for other in others]
+            k = int(np.argmin(costs))
+            if costs[k] < now - GAIN:
+                chosen, now, better = others[k], costs[k], True
+    return chosen
+
+
+def log_determinant(
+    specific_force: Float[np.ndarray, "n 3"],
+    mass: float,
+    r_cg: Float[np.ndarray, "3"],
+    scatter: Float[np.ndarray, "6 6"],
+    attitudes: Attitudes = EXACT,
+    *,
+    parameters: int = 4,
+) -> float:
+    """Return the logarithm of the determinant of the predicted covariance; infinite where poses do not determine it.
+
+    Args:
+        specific_force: of the poses, opposite to gravity, in B [m/s²].
+        mass: as far as it is known [kg].
+        r_cg: the same, from Q, in B [m].
+        scatter: covariance of each pose's mean force and moment.
+        attitudes: how far the poses' attitudes may be off.
+        parameters: how many of the ten count, from the first: 4 for mass and centre, 10 for the offsets, too.
+    """
+    if np.linalg.matrix_rank(specific_force - specific_force.mean(axis=0), tol=1e-3) < 2:
+        return np.inf
+    covariance = foreseen_covariance(specific_force, mass, r_cg, scatter, attitudes)[:parameters, :parameters]
+    sign, value = np.linalg.slogdet(covariance)
+    return float(value) if sign > 0 else np.inf

@@ -1,0 +1,228 @@
+"""What a recording is kept in, told by its first bytes: MCAP, rosbag2's SQLite (.db3), ROS 1 bags, zstd around these.
+
+A rosbag2 folder is one run, its files in the order of ``metadata.yaml`` or of their numbers. Every container gives its
+messages as chunks of MCAP records, a megabyte or a chunk at a time, so that a file of any length takes little memory.
+"""
+
+import hashlib
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import zstandard
+
+from rig.bags.packing import ZSTD
+from rig.exceptions import RigError
+from rig.mcap.container import MAGIC, Batch, Definitions, Scanner, batches, damage
+
+PathLike = str | os.PathLike[str]
+BLOCK = 2**14
+"""Compressed bytes at a time."""
+OTHERS = {
+    b"\x89HDF": ("HDF5", "export its channels as a table and use `inertia import`"),
+    b"MATLAB": ("MATLAB", "export its channels as a table and use `inertia import`"),
+    b"PAR1": ("Parquet", "export it as CSV and use `inertia import`"),
+    b"ULog": ("PX4 ULog", "export it with `ulog2csv` and use `inertia import`"),
+    b"#ROSBAG V1": ("ROS 1 bag of version 1", "convert it with `rosbag fix` or record again"),
+    b"\x1f\x8b": ("gzip", "unpack it first"),
+    b"PK\x03\x04": ("ZIP", "unpack it first"),
+    b"BZh": ("bzip2", "unpack it first"),
+    b"\x04\x22\x4d\x18": ("LZ4", "unpack it first"),
+    b"\xfd7zXZ": ("XZ", "unpack it first"),
+}
+"""First bytes of what we do not read, its name, and what to do."""
+
+
+@runtime_checkable
+class Part(Protocol):
+    """One file of a recording."""
+
+    @property
+    def sha256(self) -> str:
+        """The file's hash, once all its batches are taken."""
+
+    def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
+        """The messages, at least those of these types, chunk by chunk; fills ``definitions`` on the way."""
+
+    def damage(self, why: str) -> RigError:
+        """The error for what is wrong with the part read last."""
+
+
+class McapPart:
+    """An MCAP file; ``name`` is what messages call it, where it was unpacked from another."""
+
+    def __init__(self, path: PathLike, name: PathLike | None = None) -> None:
+        self.path, self.name = path, path if name is None else name
+        self._scanner: Scanner | None = None
+
+    @property
+    def sha256(self) -> str:
+        """The file's hash, once all its batches are taken."""
+        return "" if self._scanner is None else self._scanner.sha256
+
+    def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
+        """All messages, chunk by chunk."""
+        with open(self.path, "rb") as stream:
+            self._scanner = Scanner(self.name, stream)
+            yield from batches(self._scanner, definitions)
+
+    def damage(self, why: str) -> RigError:
+        """The error for what is wrong with the chunk read last."""
+        return damage(self.name, 0 if self._scanner is None else self._scanner.position, why)
+
+
+class ZstdPart:
+    """A compressed file of any kind, unpacked to a temporary file while it is read."""
+
+    def __init__(self, path: PathLike, name: PathLike | None = None) -> None:
+        self.path, self.name = path, path if name is None else name
+        self.sha256 = ""
+        self._inner: Part | None = None
+
+    def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
+        """The messages of the file inside."""
+        with tempfile.TemporaryDirectory(prefix="inertia-") as folder:
+            file = Path(folder, "unpacked")
+            self.sha256 = _unpack(self.path, file, self.name)
+            self._inner = part(file, self.name)
+            yield from self._inner.batches(definitions, types)
+
+    def damage(self, why: str) -> RigError:
+        """The error for what is wrong with what was read last."""
+        if self._inner is None:
+            return RigError(f"cut or damaged {self.name} ({why}): fetch or pack it again")
+        return self._inner.damage(why)
+
+
+def _unpack(path: PathLike, target: Path, name: PathLike) -> str:
+    """Decompress a file and return its hash."""
+    expand, digest = zstandard.ZstdDecompressor().decompressobj(), hashlib.sha256()
+    with open(path, "rb") as packed, open(target, "wb") as file:
+        while data := packed.read(BLOCK):
+            digest.update(data)
+            while data:
+                try:
+                    file.write(expand.decompress(data))
+                except zstandard.ZstdError as error:
+                    raise RigError(f"cut or damaged {name} (it does not decompress): fetch or pack it again") from error
+                data = expand.unused_data if expand.eof else b""
+                if data:
+                    expand = zstandard.ZstdDecompressor().decompressobj()
+    if not expand.eof:
+        raise RigError(f"cut or damaged {name} (it ends early): fetch or pack it again")
+    return digest.hexdigest()
+
+
+def part(path: PathLike, name: PathLike | None = None) -> Part:
+    """The reader of a file, by its first bytes.
+
+    Raises:
+        RigError: it is of no kind that is read.
+        OSError: it cannot be opened.
+    """
+    with open(path, "rb") as stream:
+        start = stream.read(16)
+    shown = path if name is None else name
+    if start.startswith(ZSTD):
+        return ZstdPart(path, shown)
+    if start == b"SQLite format 3\0":
+        from rig.bags.sqlite_bag import SqlitePart
+
+        return SqlitePart(path, shown)
+    if start.startswith(b"#ROSBAG V2.0"):
+        from rig.bags.ros1_bag import Ros1Part
+
+        return Ros1Part(path, shown)
+    for first, (kind, cure) in OTHERS.items():
+        if start.startswith(first) and not start.startswith(MAGIC):
+            raise RigError(f"not an MCAP file {shown} but {kind}: {cure}")
+    return McapPart(path, shown)
+
+
+class Source:
+    """The files of one recording, in order."""
+
+    def __init__(self, parts: list[Part], *, folder: bool) -> None:
+        self.parts, self._folder = parts, folder
+
+    def batches(self, types: set[str]) -> Iterator[tuple[Part, Definitions, Batch]]:
+        """The messages, at least those of these types, chunk by chunk, with their file and its definitions."""
+        for item in self.parts:
+            definitions = Definitions({}, {}, {})
+            for batch in item.batches(definitions, types):
+                yield item, definitions, batch
+
+    @property
+    def sha256(self) -> str:
+        """The file's hash; of a folder, the hash of its files' hashes, each on a line (``sha256sum`` of these)."""
+        if not self._folder:
+            return self.parts[0].sha256
+        return hashlib.sha256("".join(f"{item.sha256}\n" for item in self.parts).encode()).hexdigest()
+
+
+@contextmanager
+def open_source(path: PathLike) -> Iterator[Source]:
+    """Open a file or a rosbag2 folder.
+
+    Raises:
+        RigError: it holds no recording, or several.
+        OSError: it cannot be opened.
+    """
+    if os.path.isdir(path):
+        yield Source([part(file) for file in folder_files(Path(path))], folder=True)
+    else:
+        yield Source([part(path)], folder=False)
+
+
+NUMBERED = re.compile(r"(?P<stem>.*)_(?P<number>0|[1-9]\d*)\.(mcap|db3)(\.zstd)?")
+BAGS = (".mcap", ".db3", ".bag", ".zstd")
+
+
+def folder_files(folder: Path) -> list[Path]:
+    """The files of a rosbag2 folder, in order.
+
+    Raises:
+        RigError: it is empty, a file of its metadata.yaml is missing, or its files are several runs.
+    """
+    about = folder / "metadata.yaml"
+    if about.is_file():
+        names = _listed_files(about)
+        missing = [name for name in names if not (folder / name).is_file()]
+        if missing:
+            raise RigError(f"no file {missing[0]} in {folder}, which its metadata.yaml names: fetch it")
+        if names:
+            return [folder / name for name in names]
+    found = sorted(file for file in folder.iterdir() if file.suffix in BAGS)
+    if not found:
+        raise RigError(f"no recording in the folder {folder}: give a rosbag2 folder or a file")
+    if len(found) == 1:
+        return found
+    numbers = {file: NUMBERED.fullmatch(file.name) for file in found}
+    if len({match and match["stem"] for match in numbers.values()}) > 1 or not all(numbers.values()):
+        raise RigError(
+            f"several runs in the folder {folder}, which has no metadata.yaml: "
+            f"name one of {', '.join(file.name for file in found)}"
+        )
+    return sorted(found, key=lambda file: int(match["number"]) if (match := numbers[file]) else 0)
+
+
+def _listed_files(about: Path) -> list[str]:
+    """The entries of ``relative_file_paths``; names alone, since a folder may have been moved."""
+    lines = iter(about.read_text("utf-8", "replace").splitlines())
+    names = []
+    for line in lines:
+        key, _, inline = line.strip().partition(":")
+        if key != "relative_file_paths":
+            continue
+        if inline.strip().startswith("["):
+            names = inline.strip(" []").split(",")
+        for item in lines:
+            if not item.strip().startswith("- "):
+                break
+            names.append(item.strip()[2:])
+        break
+    return [Path(name.strip().strip("'\"")).name for name in names if name.strip()]

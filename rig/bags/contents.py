@@ -1,0 +1,196 @@
+"""What a recording holds: the topics that tell force, moment and motion, as arrays; its metadata; its hash."""
+
+import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from mcap.records import Channel
+from numpy.typing import NDArray
+
+from rig.bags import json_messages as objects
+from rig.bags.containers import open_source
+from rig.bags.packing import unpacked
+from rig.channels import ImuChannel, MotionChannel, WrenchChannel
+from rig.exceptions import RigError
+from rig.mcap import cdr_decode as decode
+from rig.mcap import message_definitions as schemas
+from rig.mcap.cdr_layout import ENCODINGS
+from rig.mcap.container import Batch, Definitions
+from rig.mcap.message_fields import IMU, WRENCH
+
+PathLike = str | os.PathLike[str]
+
+
+class Pieces:
+    """The messages of one topic as they come, chunk by chunk."""
+
+    def __init__(self, type_name: str) -> None:
+        self.type_name = type_name
+        self.frames: set[str] = set()
+        self.joints: set[tuple[str, ...]] = set()
+        self.names = decode.kept(type_name)
+        self.pieces: dict[str, list[NDArray]] = {name: [] for name in self.names}
+
+    def add(self, groups: Sequence["decode.Group | objects.Group"]) -> None:
+        """Take decoded messages of one chunk."""
+        order = np.argsort(np.concatenate([group.where for group in groups]))
+        self.frames |= {group.frame_id for group in groups}
+        self.joints |= {group.names for group in groups}
+        if len(self.joints) > 1:
+            raise RigError(f"its messages name different joints ({_listed(sorted(map(str, self.joints)))})")
+        for name in self.names:
+            values = np.concatenate([group.column(name) for group in groups])
+            self.pieces[name].append(values if len(groups) == 1 else values[order])
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Every column of the topic in the order of ``log_time``; the pieces are given up one by one."""
+        joined = {name: np.concatenate(self.pieces.pop(name)) for name in self.names}
+        log_time = joined["log_time"]
+        if len(log_time) and (np.diff(log_time) < 0).any():
+            order = np.argsort(log_time, kind="stable")
+            return {name: values[order] for name, values in joined.items()}
+        return joined
+
+
+class Contents:
+    """All that ``load`` found: the topics by name, the metadata and the hash."""
+
+    def __init__(self, path: PathLike) -> None:
+        self.path = path
+        self.sha256 = ""
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.types: dict[str, str] = {}
+        self.topics: dict[str, Pieces] = {}
+
+    def add(self, batch: Batch, definitions: Definitions, only: Mapping[str, str | None]) -> None:
+        """Take the messages of one chunk that are of a type in ``only``, from the named topic or from every one."""
+        for channel_id, offsets in batch.offsets.items():
+            if channel_id not in definitions.channels:
+                raise ValueError(f"messages of channel {channel_id}, which is not defined")
+            channel = definitions.channels[channel_id]
+            type_name = type_of(channel, definitions)
+            if type_name in only and only[type_name] in (None, channel.topic):
+                pieces = self.topics.setdefault(channel.topic, Pieces(type_name))
+                try:
+                    pieces.add(_decoded(batch, offsets, channel, type_name, definitions))
+                except RigError as error:
+                    raise RigError(f"topic {channel.topic} in {self.path}: {error}") from None
+
+    def note(self, definitions: Definitions) -> None:
+        """Take the topics and metadata of one file."""
+        self.types |= {channel.topic: type_of(channel, definitions) for channel in definitions.channels.values()}
+        self.metadata |= definitions.metadata
+
+    def choose(self, types: str | tuple[str, ...], topic: str | None) -> str:
+        """The topic of this name, or the only one of the first of these types that has any.
+
+        Raises:
+            RigError: there is none, or several.
+        """
+        wanted = (types,) if isinstance(types, str) else types
+        expected = " or ".join(wanted)
+        candidates = sorted(name for name in self.types if self.types[name] in wanted)
+        if topic is not None and topic not in self.types:
+            raise RigError(f"no topic {topic} in {self.path}: choose one of {_listed(candidates)} ({expected})")
+        if topic is not None and self.types[topic] not in wanted:
+            raise RigError(
+                f"topic {topic} in {self.path} is {self.types[topic]}, not {expected}: "
+                f"choose one of {_listed(candidates)}"
+            )
+        filled = [name for name in candidates if name in self.topics]
+        first = next((kind for kind in wanted if any(self.types[name] == kind for name in filled)), None)
+        filled = [name for name in filled if self.types[name] == first]
+        if topic is None and len(filled) > 1:
+            raise RigError(f"several {first} topics in {self.path}: name one of {_listed(filled)}")
+        if not candidates:
+            held = [f"{name} ({kind})" for name, kind in sorted(self.types.items())]
+            raise RigError(f"no {expected} topic in {self.path}: it has {_listed(held)}")
+        chosen = topic or (filled or candidates)[0]
+        if chosen not in self.topics:
+            raise RigError(f"topic {chosen} in {self.path} has no messages: record the run again")
+        return chosen
+
+    def wrench(self, topic: str) -> WrenchChannel:
+        """This topic as arrays."""
+        column = self.topics[topic].arrays()
+        return WrenchChannel(
+            topic=topic,
+            frame_id=self._frame(topic),
+            log_time=column["log_time"],
+            stamp=column["stamp"],
+            force=column["force"],
+            moment=column["torque"],
+            sequence=column["sequence"],
+        )
+
+    def imu(self, topic: str) -> ImuChannel:
+        """This topic as arrays."""
+        return ImuChannel(topic=topic, frame_id=self._frame(topic), **self.topics[topic].arrays())
+
+    def motion(self, topic: str) -> ImuChannel | MotionChannel:
+        """This topic as arrays, whatever of the motion it tells."""
+        pieces = self.topics[topic]
+        if pieces.type_name == IMU:
+            return self.imu(topic)
+        column = pieces.arrays()
+        (names,) = pieces.joints
+        return MotionChannel(topic=topic, type=pieces.type_name, frame_id=self._frame(topic), names=names, **column)
+
+    def _frame(self, topic: str) -> str:
+        frames = sorted(self.topics[topic].frames)
+        if len(frames) > 1:
+            raise RigError(f"topic {topic} in {self.path} names several frames ({_listed(frames)}): split the run")
+        return frames[0]
+
+
+def type_of(channel: Channel, definitions: Definitions) -> str:
+    """The message type of a channel, or what is wrong with its encoding."""
+    schema = definitions.schemas.get(channel.schema_id)
+    name = "no type" if schema is None else schemas.canonical(schema.name)
+    if channel.message_encoding in (*ENCODINGS, *objects.ENCODINGS):
+        return name
+    return f"{name} in encoding {channel.message_encoding!r}, which `mcap convert` or its writer can change to cdr"
+
+
+def _decoded(
+    batch: Batch, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
+) -> Sequence["decode.Group | objects.Group"]:
+    data, offsets = unpacked(batch.data, offsets)
+    if channel.message_encoding in ENCODINGS:
+        return decode.messages(data, offsets, type_name, channel.message_encoding)
+    try:
+        return objects.messages(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
+    except ValueError as error:
+        raise RigError(f"{error}: write its messages with the fields of {type_name}") from None
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if names else "none"
+
+
+def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Contents:
+    """Read all wrench and IMU topics of a recording in one pass, a chunk at a time.
+
+    Args:
+        path: a file or rosbag2 folder; see :mod:`rig.bags.containers`.
+        only: per message type the one topic to take, or None for all; by default WrenchStamped and Imu.
+
+    Raises:
+        RigError: it is no recording, cut or damaged.
+        OSError: it cannot be opened.
+    """
+    contents = Contents(path)
+    wanted = {WRENCH: None, IMU: None} if only is None else only
+    with open_source(path) as source:
+        for part in source.parts:
+            definitions = Definitions({}, {}, {})
+            for batch in part.batches(definitions, set(wanted)):
+                try:
+                    contents.add(batch, definitions, wanted)
+                except RigError:
+                    raise
+                except ValueError as error:
+                    raise part.damage(str(error)) from error
+            contents.note(definitions)
+        contents.sha256 = source.sha256
+    return contents

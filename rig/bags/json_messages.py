@@ -1,0 +1,122 @@
+"""Messages that are trees of named fields, in JSON or protobuf: ROS types by their own field names, one by one.
+
+Such files are written by Foxglove's tools and bridges. A message of a known type has the fields of
+:mod:`rig.mcap.message_fields` by name: vectors as ``{"x": .., "y": .., "z": ..}`` or lists, stamps as ``header.stamp``
+or, in Foxglove's own schemas, ``timestamp`` and ``frame_id`` beside the rest.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
+
+from rig.bags.packing import MESSAGE
+from rig.bags.protobuf import decoder
+from rig.mcap.message_fields import SHAPES, STAMPED, Field, columns
+
+ENCODINGS = ("json", "protobuf")
+AXES = "xyzw"
+SECONDS, NANOSECONDS = ("sec", "secs", "seconds"), ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
+
+
+class Group:
+    """Messages of one frame and the same joints: their places among the others, and their columns."""
+
+    def __init__(self, frame_id: str, names: tuple[str, ...]) -> None:
+        self.frame_id, self.names = frame_id, names
+        self.places: list[int] = []
+        self.rows: dict[str, list] = {}
+
+    @property
+    def where(self) -> NDArray[np.intp]:
+        """Places of the messages."""
+        return np.array(self.places)
+
+    def column(self, name: str) -> NDArray:
+        """One column: times in ns, numbers as doubles."""
+        kinds = {"log_time": np.int64, "stamp": np.int64, "sequence": np.uint32}
+        return np.array(self.rows[name], kinds.get(name, np.float64))
+
+    def add(self, place: int, row: Mapping[str, Any]) -> None:
+        """Take one message."""
+        self.places.append(place)
+        for name, value in row.items():
+            self.rows.setdefault(name, []).append(value)
+
+
+def messages(data: bytes, offsets: list[int], type_name: str, channel: Channel, schema: Schema) -> list[Group]:
+    """Decode the messages at ``offsets`` of a chunk.
+
+    Raises:
+        ValueError: a message does not decode, or a field is missing or no number.
+    """
+    read = _json if channel.message_encoding == "json" else decoder(schema.data, schema.name)
+    groups: dict[tuple, Group] = {}
+    for place, offset in enumerate(offsets):
+        _, length, _, sequence, log_time, _ = MESSAGE.unpack_from(data, offset)
+        tree = read(data[offset + MESSAGE.size : offset + 9 + length])
+        stamp, frame = _header(tree) if type_name in STAMPED else (0, "")
+        names, values = _values(tree, type_name)
+        key = frame, names, *(len(value) for value in values.values())
+        row = {"log_time": log_time, "stamp": stamp, "sequence": sequence, **values}
+        groups.setdefault(key, Group(frame, names)).add(place, row)
+    return list(groups.values())
+
+
+def _json(data: bytes) -> Mapping[str, Any]:
+    try:
+        tree = json.loads(data)
+    except ValueError:
+        raise ValueError("a message is not JSON") from None
+    if not isinstance(tree, dict):
+        raise ValueError("a message is not a JSON object")
+    return tree
+
+
+def _header(tree: Mapping[str, Any]) -> tuple[int, str]:
+    """Stamp [ns] and frame."""
+    header = tree.get("header", tree)
+    if not isinstance(header, Mapping):
+        raise ValueError("its field header is no object")
+    stamp = header.get("stamp", header.get("timestamp"))
+    frame = header.get("frame_id", "")
+    if not isinstance(stamp, Mapping) or not isinstance(frame, str):
+        raise ValueError("a message has no header.stamp with seconds and nanoseconds")
+    parts = [next((stamp[name] for name in names if name in stamp), None) for names in (SECONDS, NANOSECONDS)]
+    if not all(isinstance(part, int) and abs(part) < 2**40 for part in parts):
+        raise ValueError("a message has no header.stamp with seconds and nanoseconds")
+    return int(parts[0] or 0) * 1_000_000_000 + int(parts[1] or 0), frame
+
+
+def _values(tree: Mapping[str, Any], type_name: str) -> tuple[tuple[str, ...], dict[str, list[float]]]:
+    """Names of joints, and the numbers of each column."""
+    names: tuple[str, ...] = ()
+    values = {}
+    for item in SHAPES[type_name]:
+        if item.kind == "texts":
+            names = tuple(map(str, _at(tree, item.path)))
+        elif item.column:
+            values[item.column] = list(_numbers(_at(tree, item.path), item))
+    assert set(values) == set(columns(type_name))  # noqa: S101
+    return names, values
+
+
+def _at(tree: Any, path: str) -> Any:
+    for name in path.split("."):
+        if not isinstance(tree, Mapping) or name not in tree:
+            raise ValueError(f"a message has no field {path}")
+        tree = tree[name]
+    return tree
+
+
+def _numbers(value: Any, item: Field) -> Iterator[float]:
+    parts = [value.get(axis) for axis in AXES[: item.count]] if isinstance(value, Mapping) else value
+    if not isinstance(parts, list) or (item.kind == "doubles" and len(parts) != item.count):
+        raise ValueError(f"its field {item.path} has not {item.count} numbers")
+    for part in parts:
+        if isinstance(part, bool) or not isinstance(part, (int, float)):
+            raise ValueError(f"its field {item.path} holds {part!r}, which is no number")
+        yield float(part)

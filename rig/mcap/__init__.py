@@ -1,0 +1,1 @@
+"""The MCAP file: container, checksums, CDR messages, recovery of damaged files."""

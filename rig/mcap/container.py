@@ -1,0 +1,272 @@
+"""The MCAP container (https://mcap.dev/spec), read record by record with every checksum verified.
+
+Works on the file's records only; what the messages mean is the business of ``rig.runs``.
+"""
+
+import hashlib
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from typing import IO
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Metadata, Schema
+
+from rig.exceptions import RigError
+
+MAGIC = b"\x89MCAP0\r\n"
+CHUNK_LIMIT = 2**30  # no sane writer makes larger chunks; a damaged length must not take all the memory
+KNOWN = {int(opcode) for opcode in Opcode}
+RECORD_HEADER = struct.Struct("<BQ")
+PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
+
+
+class DamageError(RigError):
+    """The file is cut or damaged."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One top-level record: where it starts, its opcode and its bytes behind opcode and length."""
+
+    position: int
+    opcode: int
+    body: bytes
+
+
+class Scanner:
+    """Iterates over a file's records from start to end, verifying magic, lengths and section checksums.
+
+    After a full iteration ``sha256`` is the file's hash. Raises ``DamageError`` where the file ends early or a
+    checksum disagrees, and ``RigError`` where it is no MCAP at all.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], stream: IO[bytes]) -> None:
+        self.path = path
+        self._stream = stream
+        self._size = os.fstat(stream.fileno()).st_size
+        self._position = 0
+        self._hash = hashlib.sha256()
+        self._crc = 0
+
+    @property
+    def position(self) -> int:
+        """The number of bytes read so far."""
+        return self._position
+
+    @property
+    def sha256(self) -> str:
+        """The hash of everything read so far, in hexadecimal."""
+        return self._hash.hexdigest()
+
+    def __iter__(self) -> Iterator[Record]:
+        """The records up to and with the footer."""
+        if self._take(min(8, self._size)) != MAGIC:
+            raise RigError(f"not an MCAP file {self.path}: give a run recorded by `inertia record` or ROS 2")
+        opcode = None
+        while opcode != Opcode.FOOTER:
+            before = self._crc
+            record = self._next()
+            opcode = record.opcode
+            self._verify_section(record, before)
+            yield record
+        if self._take(8) != MAGIC:
+            raise damage(self.path, self._position, "the end mark is missing")
+
+    def _next(self) -> Record:
+        position = self._position
+        opcode, length = RECORD_HEADER.unpack(self._take(9))
+        return Record(position, opcode, self._take(length))
+
+    def _take(self, count: int) -> bytes:
+        if count > self._size - self._position:
+            raise damage(self.path, self._position, "it ends early")
+        data = self._stream.read(count)
+        if len(data) != count:
+            raise damage(self.path, self._position, "it ends early")
+        self._position += count
+        self._hash.update(data)
+        self._crc = zlib.crc32(data, self._crc)
+        return data
+
+    def _verify_section(self, record: Record, before: int) -> None:
+        """Compare the checksum that ends the data section or the summary section with what was read."""
+        if record.opcode == Opcode.DATA_END:
+            expected, actual = _u32(record.body, 0), before
+            self._crc = 0
+        elif record.opcode == Opcode.FOOTER:
+            start = RECORD_HEADER.pack(record.opcode, len(record.body)) + record.body[:16]
+            expected, actual = _u32(record.body, 16), zlib.crc32(start, before)
+        else:
+            return
+        if expected not in (0, actual):
+            raise damage(self.path, record.position, "a section's checksum is wrong")
+
+
+def _u32(body: bytes, offset: int) -> int:
+    if len(body) < offset + 4:
+        return 0
+    return int.from_bytes(body[offset : offset + 4], "little")
+
+
+def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError:
+    """The error for a file damaged at this byte."""
+    return DamageError(
+        f"cut or damaged MCAP {path} at byte {position} ({why}): "
+        f"save its intact messages with `inertia recover {path} -o NEW.mcap`"
+    )
+
+
+def chunk_data(record: Record) -> bytes:
+    """The uncompressed records of a chunk, its checksum verified. Raises ``ValueError`` when anything disagrees."""
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(record.body)))
+    except PARSE_ERRORS as error:
+        raise ValueError("the chunk's header is damaged") from error
+    data = _decompress(chunk)
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError("a chunk's length is wrong")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise ValueError("a chunk's checksum is wrong")
+    return data
+
+
+def _decompress(chunk: Chunk) -> bytes:
+    if chunk.uncompressed_size > CHUNK_LIMIT:
+        raise ValueError("a chunk's length is out of bounds")
+    try:
+        if chunk.compression == "zstd":
+            stated = zstandard.get_frame_parameters(chunk.data).content_size
+            if stated not in (0, zstandard.CONTENTSIZE_UNKNOWN, chunk.uncompressed_size):
+                raise ValueError("a chunk's length is wrong")
+            return zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+        if chunk.compression == "lz4":
+            return lz4.frame.decompress(chunk.data)
+    except (zstandard.ZstdError, RuntimeError, MemoryError, EOFError) as error:
+        raise ValueError("a chunk does not decompress") from error
+    if chunk.compression:
+        raise ValueError(f"unknown compression {chunk.compression!r}")
+    return chunk.data
+
+
+@dataclass
+class Batch:
+    """The records of one chunk: its bytes, and per channel the offsets of its messages, in file order."""
+
+    data: bytes
+    offsets: dict[int, list[int]]
+    schemas: list[Schema]
+    channels: list[Channel]
+
+
+_MESSAGE_START = struct.Struct("<BQH").unpack_from
+
+
+def walk(data: bytes) -> Batch:
+    """Find the records in a chunk's bytes. Raises ``ValueError`` when they do not fill it exactly."""
+    batch = Batch(data, {}, [], [])
+    offsets = batch.offsets
+    position, end = 0, len(data)
+    try:
+        while position < end:
+            opcode, length, channel = _MESSAGE_START(data, position)
+            if opcode == 5:
+                if channel in offsets:
+                    offsets[channel].append(position)
+                else:
+                    offsets[channel] = [position]
+            else:
+                _definition(batch, opcode, data[position + 9 : position + 9 + length])
+            position += 9 + length
+    except PARSE_ERRORS as error:
+        raise ValueError("a chunk's records are damaged") from error
+    if position != end:
+        raise ValueError("a chunk's last record is cut")
+    return batch
+
+
+def _definition(batch: Batch, opcode: int, body: bytes) -> None:
+    if opcode == Opcode.SCHEMA:
+        batch.schemas.append(Schema.read(ReadDataStream(BytesIO(body))))
+    elif opcode == Opcode.CHANNEL:
+        batch.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
+
+
+SEAL = "crc32"
+
+
+def seal(name: str, facts: dict[str, str]) -> dict[str, str]:
+    """Metadata with a checksum of its own: the container has none for it, so that a damaged file would lose all."""
+    return {**facts, SEAL: _seal(name, facts)}
+
+
+def _seal(name: str, facts: dict[str, str]) -> str:
+    text = "\0".join([name, *(part for item in facts.items() for part in item)])
+    return f"{zlib.crc32(text.encode()):08x}"
+
+
+def metadata(record: Record) -> tuple[str, dict[str, str]]:
+    """Name and facts of a metadata record, its seal verified and taken off. Raises ``ValueError`` when it is broken."""
+    found = Metadata.read(ReadDataStream(BytesIO(record.body)))
+    facts = dict(found.metadata)
+    expected = facts.pop(SEAL, None)
+    if expected not in (None, _seal(found.name, facts)):
+        raise ValueError("a metadata record's checksum is wrong")
+    return found.name, facts
+
+
+def is_sealed(record: Record) -> bool:
+    """Whether a metadata record carries its own checksum."""
+    return SEAL.encode() in record.body
+
+
+@dataclass
+class Definitions:
+    """Schemas and channels of a file by id, and its metadata records by name."""
+
+    schemas: dict[int, Schema]
+    channels: dict[int, Channel]
+    metadata: dict[str, dict[str, str]]
+
+
+def batches(scanner: Scanner, definitions: Definitions) -> Iterator[Batch]:
+    """The messages of a file, chunk by chunk; messages outside chunks come in batches of about a megabyte.
+
+    Fills ``definitions`` on the way. Raises ``DamageError`` at the first damage.
+    """
+    loose = bytearray()
+    for record in scanner:
+        try:
+            if record.opcode == Opcode.CHUNK:
+                yield _collect(walk(chunk_data(record)), definitions)
+            elif record.opcode == Opcode.METADATA:
+                name, facts = metadata(record)
+                definitions.metadata[name] = facts
+            elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                _collect(walk(_framed(record)), definitions)
+            elif record.opcode == Opcode.MESSAGE:
+                loose += _framed(record)
+            if len(loose) > 2**20 or (loose and record.opcode == Opcode.DATA_END):
+                yield _collect(walk(bytes(loose)), definitions)
+                loose.clear()
+        except PARSE_ERRORS as error:
+            if isinstance(error, RigError):
+                raise
+            raise damage(scanner.path, record.position, str(error) or type(error).__name__) from error
+
+
+def _framed(record: Record) -> bytes:
+    return RECORD_HEADER.pack(record.opcode, len(record.body)) + record.body
+
+
+def _collect(batch: Batch, definitions: Definitions) -> Batch:
+    definitions.schemas |= {schema.id: schema for schema in batch.schemas}
+    definitions.channels |= {channel.id: channel for channel in batch.channels}
+    return batch

@@ -1,0 +1,302 @@
+"""What a cut or damaged MCAP file still holds: every chunk whose checksum is right, and nothing else.
+
+Chunks are searched for over the whole file, whatever the records around them say: a damaged length must not hide the
+chunks behind it. What lies between chunks (metadata, definitions, messages outside chunks) is read record by record.
+"""
+
+import mmap
+import os
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema, Statistics
+from mcap.writer import Writer
+
+from rig.exceptions import RigError
+from rig.files import refuse_existing, replacing
+from rig.mcap.container import (
+    KNOWN,
+    MAGIC,
+    PARSE_ERRORS,
+    RECORD_HEADER,
+    Batch,
+    Record,
+    Scanner,
+    chunk_data,
+    is_sealed,
+    metadata,
+    seal,
+    walk,
+)
+from rig.mcap.writer import new_writer
+
+# A chunk's header: opcode, length, three u64, CRC, name of the compression.
+CHUNK_START = re.compile(rb"\x06(?=.{5}\0\0\0.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0\0\0\0))", re.DOTALL)
+HEADER = struct.Struct("<BQQQQII")
+FOOTER = struct.Struct("<QQI")
+INDEXES = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)  # only repeat what the chunks say
+
+
+@dataclass
+class Recovery:
+    """What was saved and what was lost.
+
+    Attributes:
+        messages: messages saved.
+        chunks: chunks saved.
+        lost_bytes: bytes that belong to no intact record.
+        expected: messages that the file itself says it had, or None where that is gone.
+        intact: nothing was lost.
+        notes: what the user should know, a sentence each.
+    """
+
+    messages: int = 0
+    chunks: int = 0
+    lost_bytes: int = 0
+    expected: int | None = None
+    intact: bool = False
+    notes: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        """One line."""
+        if self.intact:
+            lost = "nothing was lost"
+        elif self.expected is not None:
+            lost = f"lost {max(0, self.expected - self.messages)} of {self.expected} messages"
+        else:
+            lost = "how many more messages there were is not known"
+        damaged = f", {self.lost_bytes} bytes are damaged" if self.lost_bytes else ""
+        return "; ".join([f"saved {self.messages} messages in {self.chunks} chunks, {lost}{damaged}", *self.notes])
+
+
+@dataclass
+class _Found:
+    """The parts of a damaged file that stand. Chunks by position only: a file may be larger than the memory."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[int] = field(default_factory=list)
+    between: list[Record] = field(default_factory=list)
+    gaps: list[int] = field(default_factory=list)  # damaged bytes behind each chunk, and before the first
+    finished: bool = False
+
+    @property
+    def only_cut(self) -> bool:
+        """Whether the file just ends early: then what comes before the end is as it was written."""
+        return not self.finished and not any(self.gaps[:-1])
+
+
+def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Recovery:
+    """Write every intact message of a file to a new one. The source is only read.
+
+    Raises:
+        RigError: the output exists, or the file holds no intact message.
+        OSError: a file cannot be opened or written.
+    """
+    refuse_existing(output)
+    with open(path, "rb") as stream:
+        if os.fstat(stream.fileno()).st_size < len(MAGIC):
+            raise RigError(f"nothing to recover in {path}: it ends before its first chunk")
+        with closing(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)) as data:
+            return _recover(path, data, output)
+
+
+def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.PathLike[str]) -> Recovery:
+    found = _find(data)
+    result = Recovery(intact=_is_intact(path), lost_bytes=sum(found.gaps))
+    trusted = result.intact or found.only_cut
+    _summary(data, found, trusted, result)
+    loose = _loose(found, trusted, result)
+    if not found.chunks and not loose:
+        raise RigError(f"nothing to recover in {path}: no intact chunk in {len(data)} bytes")
+    with replacing(output) as stream:
+        writer = new_writer(stream)
+        for name, facts in _metadata(found, trusted, result):
+            writer.add_metadata(name, seal(name, facts))
+        copy = _Copy(writer, found)
+        for batch in chain((walk(chunk_data(_record(data, at))) for at in found.chunks), loose):
+            result.messages += copy.batch(batch)
+            result.chunks += 1
+            writer.flush()
+        if copy.homeless:
+            result.notes.append(f"{copy.homeless} messages of topics whose definition is lost are left out")
+        facts = {"source": Path(path).name, "result": str(result)}
+        writer.add_metadata("rig.mcap.recover", seal("rig.mcap.recover", facts))
+        writer.finish()
+    return result
+
+
+def _is_intact(path: str | os.PathLike[str]) -> bool:
+    """Whether the file reads from end to end with every checksum right."""
+    try:
+        with open(path, "rb") as stream:
+            for record in Scanner(path, stream):
+                if record.opcode == Opcode.CHUNK:
+                    walk(chunk_data(record))
+                elif record.opcode == Opcode.METADATA:
+                    metadata(record)
+    except PARSE_ERRORS:
+        return False
+    return True
+
+
+def _find(data: mmap.mmap) -> _Found:
+    found = _Found(finished=data[-len(MAGIC) :] == MAGIC)
+    position = len(MAGIC)
+    for match in CHUNK_START.finditer(data):
+        if match.start() < position or (batch := _chunk_at(data, match.start())) is None:
+            continue
+        _between(data, position, match.start(), found)
+        found.chunks.append(match.start())
+        found.schemas |= {schema.id: schema for schema in batch.schemas}
+        found.channels |= {channel.id: channel for channel in batch.channels}
+        position = match.start() + 9 + len(_record(data, match.start()).body)
+    _between(data, position, len(data) - (len(MAGIC) if found.finished else 0), found)
+    return found
+
+
+def _record(data: mmap.mmap, start: int) -> Record:
+    opcode, length = RECORD_HEADER.unpack_from(data, start)
+    return Record(start, opcode, data[start + 9 : start + 9 + length])
+
+
+def _chunk_at(data: mmap.mmap, start: int) -> Batch | None:
+    """The chunk that starts here, if its lengths, its checksum and its records agree."""
+    if start + HEADER.size + 8 > len(data):
+        return None
+    _, length, _, _, _, _, name = HEADER.unpack_from(data, start)
+    if length < 40 + name or start + 9 + length > len(data):
+        return None
+    (size,) = struct.unpack_from("<Q", data, start + HEADER.size + name)
+    if length != 40 + name + size:
+        return None
+    try:
+        return walk(chunk_data(_record(data, start)))
+    except ValueError:
+        return None
+
+
+def _between(data: mmap.mmap, position: int, end: int, found: _Found) -> None:
+    """Take the records between two chunks; behind the first that makes no sense, nothing there is trusted."""
+    while position < end:
+        opcode, length = RECORD_HEADER.unpack_from(data, position) if position + 9 <= end else (0, 0)
+        if opcode not in KNOWN or opcode == Opcode.CHUNK or position + 9 + length > end:
+            break
+        if opcode not in INDEXES:
+            found.between.append(_record(data, position))
+        position += 9 + length
+    found.gaps.append(end - position)
+
+
+def _summary(data: mmap.mmap, found: _Found, trusted: bool, result: Recovery) -> None:
+    """Definitions and counts from outside the chunks, where a checksum or an undamaged file vouches for them."""
+    start = 0 if trusted else _verified_summary(data, found)
+    for record in found.between:
+        if start is None or record.position < start:
+            continue
+        try:
+            stream = ReadDataStream(BytesIO(record.body))
+            if record.opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                found.schemas.setdefault(schema.id, schema)
+            elif record.opcode == Opcode.CHANNEL:
+                channel = Channel.read(stream)
+                found.channels.setdefault(channel.id, channel)
+            elif record.opcode == Opcode.STATISTICS:
+                result.expected = Statistics.read(stream).message_count
+        except PARSE_ERRORS:
+            continue
+
+
+def _verified_summary(data: mmap.mmap, found: _Found) -> int | None:
+    """Where the summary starts, if its checksum is there and right."""
+    last = found.between[-1] if found.between else None
+    if last is None or last.opcode != Opcode.FOOTER or len(last.body) != 20:
+        return None
+    start, _, expected = FOOTER.unpack(last.body)
+    if not 0 < start <= last.position or expected != zlib.crc32(data[start : last.position + 25]):
+        return None
+    return start
+
+
+def _loose(found: _Found, trusted: bool, result: Recovery) -> list[Batch]:
+    """The messages outside chunks, where they can be trusted."""
+    records = [record for record in found.between if record.opcode == Opcode.MESSAGE]
+    if not records:
+        return []
+    if not trusted:
+        result.notes.append(f"{len(records)} messages outside chunks are left out: they cannot be verified")
+        return []
+    result.notes.append(f"{len(records)} messages outside chunks have no checksum of their own")
+    return [walk(b"".join(RECORD_HEADER.pack(r.opcode, len(r.body)) + r.body for r in records))]
+
+
+def _metadata(found: _Found, trusted: bool, result: Recovery) -> Iterator[tuple[str, dict[str, str]]]:
+    for record in found.between:
+        if record.opcode != Opcode.METADATA:
+            continue
+        try:
+            name, facts = metadata(record)
+        except PARSE_ERRORS:
+            result.notes.append("a damaged metadata record is left out")
+            continue
+        if is_sealed(record) or trusted:
+            yield name, facts
+        else:
+            result.notes.append(f"metadata '{name}' is left out: it cannot be verified")
+
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+
+
+class _Copy:
+    """Copies messages to a writer, with the channels they need."""
+
+    def __init__(self, writer: Writer, found: _Found) -> None:
+        self._writer, self._found = writer, found
+        self._channels: dict[int, int] = {}
+        self._schemas: dict[int, int] = {}
+        self.homeless = 0
+
+    def batch(self, batch: Batch) -> int:
+        """Copy one chunk's messages; returns how many."""
+        positions = sorted(position for offsets in batch.offsets.values() for position in offsets)
+        count = 0
+        for position in positions:
+            _, length, channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(batch.data, position)
+            number = self._channel(channel)
+            if number is None:
+                self.homeless += 1
+                continue
+            data = batch.data[position + _MESSAGE.size : position + 9 + length]
+            self._writer.add_message(number, log_time, data, publish_time, sequence)
+            count += 1
+        return count
+
+    def _channel(self, number: int) -> int | None:
+        if number not in self._channels:
+            channel = self._found.channels.get(number)
+            if channel is None or (channel.schema_id and channel.schema_id not in self._found.schemas):
+                return None
+            schema = self._schema(channel.schema_id)
+            self._channels[number] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, schema, channel.metadata
+            )
+        return self._channels[number]
+
+    def _schema(self, number: int) -> int:
+        if not number:
+            return 0
+        if number not in self._schemas:
+            schema = self._found.schemas[number]
+            self._schemas[number] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+        return self._schemas[number]

@@ -1,0 +1,1 @@
+"""Recording: ports, readers, clocks, the growing file, the emulator."""

@@ -1,0 +1,139 @@
+"""One device of a running recording: from queued bytes to stamped samples in the body frame, and how it fares."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import NamedTuple
+
+from rig.devices.conversation import Identity
+from rig.devices.parser import Counts, Sample
+from rig.record.device_clock import ClockTracker
+from rig.record.reader import Event, Reader
+from rig.record.rig_file import IDENTITY, Entry
+
+SILENCE = 1.0  # seconds without a sample that are worth a message
+LAST_SILENCE = 0.3  # the same at the end of a recording
+BABBLE = 2000  # bytes without a sample that are worth a message
+
+
+class Measurement(NamedTuple):
+    """A sample on the host's clock: arrival and time of measurement [ns], counter, values in the body frame."""
+
+    arrival: int
+    stamp: int
+    sequence: int
+    values: tuple[float, ...]
+
+
+class Source:
+    """Follows one device. ``state`` is 'ok', 'unplugged', 'silent' or 'babbling'."""
+
+    def __init__(self, entry: Entry, reader: Reader, *, now: int) -> None:
+        self.entry, self.reader = entry, reader
+        self.state = "ok"
+        self.troubles: list[str] = []
+        self.reconnects = 0
+        self.downtime = 0  # ns without samples, in states other than ok
+        self.identity = reader.identity or Identity()
+        self._past = Counts()
+        serial = not entry.port.startswith("udp:")
+        self._byte_time = 10e9 / entry.baudrate if serial else 0.0
+        self._wire = round(entry.device.FRAME_BYTES * self._byte_time)
+        self._plain = entry.matrix == IDENTITY or entry.device.measures == "values"
+        self._fresh()
+        self.begin(now)
+
+    def begin(self, now: int) -> None:
+        """Count anew from here; the fit of the clocks goes on."""
+        self.parser.begin()
+        self._last_sample, self._bytes_since, self._before = now, 0, 0
+
+    def _fresh(self) -> None:
+        self.parser = self.entry.device.parser()
+        self.clock = ClockTracker()
+
+    @property
+    def counts(self) -> Counts:
+        """All counts since the start, over reconnections."""
+        now = self.parser.counts
+        return Counts(**{f.name: getattr(self._past, f.name) + getattr(now, f.name) for f in fields(Counts)})
+
+    def take(self, event: Event) -> Iterator[Measurement]:
+        """The measurements that an event completes; keeps ``state`` up to date."""
+        if event.lost:
+            self._change("unplugged", event.time)
+        elif event.found is not None:
+            self._reconnect(event.found)
+        else:
+            self._bytes_since += len(event.data)
+            before = self.parser.counts.bytes
+            samples = self.parser.feed(event.data)
+            end = before + len(event.data)
+            for sample in samples:
+                yield self._measure(sample, event.time, end)
+            if samples:
+                self._change("ok", event.time)
+                self._last_sample, self._bytes_since = event.time, 0
+
+    def _reconnect(self, identity: Identity) -> None:
+        self.parser.finish()
+        self._past, self.identity = self.counts, identity
+        self._before = self._past.samples + self._past.missing
+        self.reconnects += 1
+        self._fresh()
+        self._bytes_since = 0
+
+    def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
+        arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
+        stamp = arrived if sample.time is None else self.clock.stamp(sample.time, arrived)
+        number = sample.number if sample.counter is not None else sample.number + self._before
+        return Measurement(arrival, stamp, number, sample.values if self._plain else self._turn(sample.values))
+
+    def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        a, b, c, d, e, f = values
+        (p, q, r), (s, t, u), (v, w, x) = self.entry.matrix
+        return (
+            p * a + q * b + r * c,
+            s * a + t * b + u * c,
+            v * a + w * b + x * c,
+            p * d + q * e + r * f,
+            s * d + t * e + u * f,
+            v * d + w * e + x * f,
+        )
+
+    def look(self, now: int, *, patience: float = SILENCE) -> None:
+        """Notice silence and babble of more than ``patience`` [s] and 20 sample periods; call a few times a second."""
+        rate = self.entry.device.rate
+        patience = max(patience, 20 / rate) if rate else 5.0
+        if self.entry.required and self.state != "unplugged" and now - self._last_sample > patience * 1e9:
+            self._change("babbling" if self._bytes_since > BABBLE else "silent", now)
+
+    def _change(self, state: str, now: int) -> None:
+        if state == self.state:
+            return
+        if state == "ok":
+            self.downtime += now - self._last_sample
+            self.troubles.append(f"{self.entry.name}: samples again after {(now - self._last_sample) * 1e-9:.1f} s")
+        else:
+            self.troubles.append(f"{self.entry.name}: {TROUBLES[state].format(port=self.entry.port)}")
+        self.state = state
+
+    def finish(self, now: int) -> None:
+        """The recording has ended; a sensor that went silent just before has lost data all the same."""
+        self.look(now, patience=LAST_SILENCE)
+        self.parser.finish()
+        if self.state != "ok":
+            self.downtime += now - self._last_sample
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is missing, as far as host and device can tell."""
+        counts = self.counts
+        lost = counts.missing + counts.failures + counts.resynchronisations + self.reader.overflow
+        return not lost and not self.downtime and (counts.samples > 0 or not self.entry.required)
+
+
+TROUBLES = {
+    "unplugged": "port {port} lost, waiting for it to come back: check the cable",
+    "silent": "no more samples from {port}: check its power and cable",
+    "babbling": "bytes without sense from {port}: check the cable, the baud rate and that only one device is on it",
+}

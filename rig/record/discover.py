@@ -1,0 +1,84 @@
+"""Which ports there are, under names that stay, and which device answers on them."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from serial.tools import list_ports
+
+from rig.devices import REGISTRY, create
+from rig.devices.conversation import Identity, NoAnswerError
+from rig.exceptions import RigError
+from rig.record.port import Port, PortLostError, converse, open_port
+
+BY_ID = Path("/dev/serial/by-id")
+
+
+@dataclass(frozen=True)
+class Found:
+    """One port: its stable name, what it is, and the device that answered, or why none could be asked."""
+
+    name: str
+    description: str
+    kind: str = ""
+    identity: Identity | None = None
+    complaint: str = ""
+
+
+def ports() -> list[tuple[str, str]]:
+    """(stable name, description) of every serial port that has hardware behind it."""
+    stable = {os.path.realpath(link): str(link) for link in BY_ID.iterdir()} if BY_ID.is_dir() else {}
+    known = [(p.device, p.description) for p in list_ports.comports() if p.hwid != "n/a"]
+    return sorted((stable.get(os.path.realpath(device), device), text) for device, text in known)
+
+
+def discover(names: Sequence[str] | None = None) -> list[Found]:
+    """Ask every port, or those named, for a device of each kind that answers questions.
+
+    This sends each kind's identification commands down the port; name ports with ``names`` where other equipment must
+    not be disturbed.
+    """
+    chosen = ports() if names is None else [(name, "") for name in names]
+    return [_ask(name, description) for name, description in chosen]
+
+
+def _ask(name: str, description: str) -> Found:
+    for kind in REGISTRY:
+        if kind in ("line", "vectornav-ascii"):
+            continue  # a line cannot be asked; the other is the same sensor as `vectornav`
+        try:
+            identity = _identify(name, kind)
+        except (NoAnswerError, PortLostError):
+            continue
+        except RigError as error:
+            return Found(name, description, complaint=str(error))
+        return Found(name, description, kind=kind, identity=identity)
+    return Found(name, description)
+
+
+def _identify(name: str, kind: str) -> Identity:
+    device = create(kind)
+    port: Port = open_port(name, device.BAUDRATE)
+    try:
+        identity = converse(device.start(), port)
+        port.write(device.stop())
+        return identity
+    finally:
+        port.close()
+
+
+def table(found: Sequence[Found]) -> list[str]:
+    """The findings, a line a port."""
+    if not found:
+        return ["no serial ports: plug a device in, or check that the adapter's driver is loaded"]
+    return [f"{item.name}  {_what(item)}" for item in found]
+
+
+def _what(item: Found) -> str:
+    if item.complaint:
+        return item.complaint
+    if item.identity is None:
+        return f"no known device answers ({item.description or 'no description'})"
+    identity = item.identity
+    return f"kind '{item.kind}': {identity.model} serial {identity.serial} firmware {identity.firmware}"

@@ -1,0 +1,76 @@
+"""The file that a recording grows in; a full disk leaves it cut back to its last whole chunk."""
+
+import os
+from pathlib import Path
+
+from rig.exceptions import RigError
+from rig.files import refuse_existing
+
+
+class Sink:
+    """A new file, written without a buffer of its own.
+
+    Raises:
+        RigError: the file exists or its folder is missing.
+        OSError: it cannot be created.
+    """
+
+    def __init__(self, path: Path) -> None:
+        refuse_existing(path)
+        if not path.parent.is_dir():
+            raise RigError(f"no folder {path.parent}: create it first")
+        self.path = path
+        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        self._position = 0
+        self._whole = 0
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        """Write all of ``data`` or raise OSError."""
+        view = memoryview(data)
+        while view:
+            count = os.write(self._handle, view)
+            self._position += count
+            view = view[count:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written."""
+        return self._position
+
+    def flush(self) -> None:
+        """Everything is with the operating system already, where the death of this process does not reach it."""
+
+    def mark_whole(self) -> None:
+        """Everything up to here can be read whatever happens next."""
+        self._whole = self._position
+
+    def cut_back(self) -> None:
+        """Take away what was written since the last ``mark_whole``: half a chunk."""
+        os.ftruncate(self._handle, self._whole)
+        self._position = self._whole
+
+    def close(self) -> None:
+        """Bring the file to disk and close it."""
+        try:
+            os.fsync(self._handle)
+        finally:
+            os.close(self._handle)
+
+
+def run_path(output: str | os.PathLike[str]) -> Path:
+    """The file to record to: ``output`` itself, or the next free ``run_0001.mcap`` where it is a folder (or ends in /).
+
+    Raises:
+        RigError: the file exists or its folder is missing.
+    """
+    text = os.fspath(output)
+    if not text.endswith(os.sep) and not os.path.isdir(text):
+        path = Path(text)
+        refuse_existing(path)
+        if not path.parent.is_dir():
+            raise RigError(f"no folder {path.parent}: create it first")
+        return path
+    folder = Path(text)
+    folder.mkdir(parents=True, exist_ok=True)
+    taken = [int(p.stem[4:]) for p in folder.glob("run_*.mcap") if p.stem[4:].isdigit()]
+    return folder / f"run_{max(taken, default=0) + 1:04d}.mcap"

@@ -1,0 +1,117 @@
+"""Reader threads, one a device: open the port, let the device introduce itself, stamp and queue what arrives."""
+
+import threading
+import time
+from collections import deque
+from typing import NamedTuple
+
+from rig.devices.conversation import Identity, NoAnswerError
+from rig.exceptions import RigError
+from rig.record.port import Port, PortLostError, converse, open_port
+from rig.record.rig_file import Entry
+
+LIMIT = 8 * 2**20  # bytes that may wait for the writer, per device
+PAUSE = 0.2  # seconds between attempts to find a lost port again
+
+
+class Event(NamedTuple):
+    """What came from a device: bytes, or that its port was lost or found again (then with who answered)."""
+
+    time: int
+    data: bytes = b""
+    lost: bool = False
+    found: Identity | None = None
+
+
+class Reader(threading.Thread):
+    """Reads one device until stopped. ``failure`` is what ended it otherwise; ``identity`` is set when it is ready."""
+
+    def __init__(self, entry: Entry, port_name: str) -> None:
+        super().__init__(name=f"reader of {entry.name}", daemon=True)
+        self.entry = entry
+        self.events: deque[Event] = deque()
+        self.identity: Identity | None = None
+        self.failure: Exception | None = None
+        self.overflow = 0
+        self._port_name = port_name
+        self._halt = threading.Event()
+        self._pushed = 0
+        self.taken = 0  # bytes; only the writer changes it
+
+    def halt(self) -> None:
+        """Ask the thread to end: the device is told to stop, the port given back."""
+        self._halt.set()
+
+    def run(self) -> None:
+        """Read until halted. An exception never goes unnoticed: it is kept in ``failure``."""
+        try:
+            port = self._connect()
+            while not self._halt.is_set():
+                try:
+                    self._listen(port)
+                except PortLostError:
+                    port.close()
+                    self.events.append(Event(time.monotonic_ns(), lost=True))
+                    port = self._find_again() or port
+            self._say_goodbye(port)
+        except Exception as error:  # handed to the writer, which raises it
+            self.failure = error
+
+    def _connect(self) -> Port:
+        port = open_port(self._port_name, self.entry.baudrate)
+        try:
+            self.identity = converse(self.entry.device.start(), port)
+        except PortLostError as error:
+            port.close()
+            raise RigError(
+                f"port lost {self._port_name}: check the cable and the power of {self.entry.name}"
+            ) from error
+        except NoAnswerError as error:
+            port.close()
+            raise unanswered(self.entry, self._port_name, error.heard) from error
+        except BaseException:
+            port.close()
+            raise
+        return port
+
+    def _listen(self, port: Port) -> None:
+        while not self._halt.is_set():
+            data = port.read()
+            now = time.monotonic_ns()
+            if not data:
+                continue
+            if self._pushed - self.taken > LIMIT:
+                self.overflow += len(data)
+                continue
+            self._pushed += len(data)
+            self.events.append(Event(now, data))
+
+    def _find_again(self) -> Port | None:
+        while not self._halt.wait(PAUSE):
+            try:
+                port = self._connect()
+            except RigError:
+                continue
+            self.events.append(Event(time.monotonic_ns(), found=self.identity))
+            return port
+        return None
+
+    def _say_goodbye(self, port: Port) -> None:
+        try:
+            port.write(self.entry.device.stop())
+        except PortLostError:
+            pass
+        finally:
+            port.close()
+
+
+def unanswered(entry: Entry, port_name: str, heard: int) -> RigError:
+    """Why a device did not answer, as far as one can tell, and what to do."""
+    if heard:
+        return RigError(
+            f"no sense in the {heard} bytes of {entry.name} on {port_name}: wrong baud rate ({entry.baudrate}) or "
+            f"another device than '{entry.kind}', set `baudrate` or `kind`"
+        )
+    return RigError(
+        f"no answer from {entry.name} on {port_name}: check its power and cable, and that it is a '{entry.kind}'"
+    )

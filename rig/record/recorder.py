@@ -1,0 +1,316 @@
+"""The recorder: one writer that takes what the readers queued and writes it, chunk by chunk, to an MCAP file."""
+
+import contextlib
+import json
+import platform
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from rig.exceptions import RigError
+from rig.mcap import cdr_encode as cdr
+from rig.mcap import message_definitions as schemas
+from rig.mcap import status_messages as messages
+from rig.mcap.container import seal
+from rig.mcap.writer import new_writer, register
+from rig.record import command_delay as delay
+from rig.record import memory
+from rig.record.device_source import Measurement, Source
+from rig.record.growing_file import Sink
+from rig.record.rig_file import Rig
+from rig.record.session import Session
+
+TICK = 0.01  # seconds between two looks at the queues
+FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
+STATUS = 1.0  # seconds between two status messages
+TRIM = 10.0  # seconds between two returns of free memory
+KEPT = 60_000  # samples kept for the delay between a command and the IMU
+ENCODERS = {"wrench": cdr.WrenchEncoder, "imu": cdr.ImuEncoder}
+TYPES = {"wrench": schemas.WRENCH, "imu": schemas.IMU, "values": schemas.VALUES}
+
+
+@dataclass
+class Summary:
+    """What a recording came to.
+
+    Attributes:
+        file: where it is.
+        seconds: how long it ran.
+        bytes: size of the file.
+        complete: whether nothing is missing, as far as devices and host can tell.
+        devices: per device its counts, rates, clock and troubles.
+        marks: number of marks.
+        warnings: what the user should know.
+        delays: per command device its delay to the IMU [s] and their correlation.
+    """
+
+    file: str
+    seconds: float = 0.0
+    bytes: int = 0
+    complete: bool = False
+    devices: dict[str, dict[str, object]] = field(default_factory=dict)
+    marks: int = 0
+    warnings: list[str] = field(default_factory=list)
+    delays: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, object]:
+        """As JSON shows it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a recording stands: seconds, bytes in the file, and its sources."""
+
+    seconds: float
+    bytes: int
+    sources: list[Source]
+
+
+class Recorder:
+    """Records a rig to a file. ``stop`` may be called from anywhere, ``mark`` from any thread."""
+
+    def __init__(self, rig: Rig, path: Path, *, note: str = "", say: Callable[[str], None] = lambda text: None) -> None:
+        self._rig, self._path, self._note, self._say = rig, path, note, say
+        self._stopped = threading.Event()
+        self._marks: deque[tuple[int, str]] = deque()
+        self._epoch = time.time_ns() - time.monotonic_ns()  # once: a wall clock that is set later changes nothing
+        self.summary = Summary(str(path))
+        self._signals: dict[str, deque[tuple[int, tuple[float, ...]]]] = {}
+
+    def stop(self) -> None:
+        """End the recording at the next tick."""
+        self._stopped.set()
+
+    def mark(self, name: str) -> None:
+        """Write a named mark to ``/mark``."""
+        self._marks.append((time.monotonic_ns(), name))
+
+    def run(self, seconds: float | None = None, *, progress: Callable[[Progress], None] | None = None) -> Summary:
+        """Record for so long, or until ``stop``, or to the end of an emulated run.
+
+        Raises:
+            RigError: a device is not there, the file exists, or the disk is full.
+            OSError: the file cannot be written.
+        """
+        with Session(self._rig, self._stopped) as session:
+            self._say_all(session.warnings)
+            with contextlib.closing(Sink(self._path)) as sink:
+                try:
+                    self._record(session, sink, seconds or session.duration, progress)
+                except OSError as error:
+                    raise self._full(sink, error) from error
+        return self.summary
+
+    def _say_all(self, warnings: list[str]) -> None:
+        self.summary.warnings += warnings
+        for text in warnings:
+            self._say(f"warning: {text}")
+
+    def _full(self, sink: Sink, error: OSError) -> RigError:
+        with contextlib.suppress(OSError):
+            sink.cut_back()
+        return RigError(
+            f"cannot write {self._path} ({error.strerror}) after {self.summary.seconds:.1f} s: free some space; "
+            f"what was recorded until then is kept, `inertia recover {self._path} -o NEW.mcap` reads it"
+        )
+
+    def _record(
+        self, session: Session, sink: Sink, seconds: float | None, progress: Callable[[Progress], None] | None
+    ) -> None:
+        self._writer = new_writer(sink, chunk_size=2**20)
+        self._writer.add_metadata("rig.run", seal("rig.run", self._metadata(session)))
+        self._register(session)
+        session.go()
+        start = time.monotonic_ns()
+        self._say("ready: recording")
+        try:
+            self._follow(session, sink, start, seconds, progress)
+        except RigError as error:
+            self._finish(session, sink, start)
+            raise RigError(f"{error}; what was recorded until then is in {self._path}") from error
+        self._finish(session, sink, start)
+
+    def _follow(
+        self,
+        session: Session,
+        sink: Sink,
+        start: int,
+        seconds: float | None,
+        progress: Callable[[Progress], None] | None,
+    ) -> None:
+        """Write what arrives until the time is over."""
+        next_flush, next_status, next_trim = start, start, start
+        end = float("inf") if seconds is None else start + seconds * 1e9
+        while not self._stopped.wait(TICK) and (now := time.monotonic_ns()) < end:
+            self._drain(session)
+            self.summary.seconds = (now - start) * 1e-9
+            for source in session.sources:
+                source.look(now)
+            if now >= next_status:
+                next_status = now + round(STATUS * 1e9)
+                self._status(session, now)
+                if progress is not None:
+                    progress(Progress(self.summary.seconds, sink.tell(), session.sources))
+            if now >= next_flush:
+                next_flush = now + round(FLUSH * 1e9)
+                self._writer.flush()
+                sink.mark_whole()
+            if now >= next_trim:
+                next_trim = now + round(TRIM * 1e9)
+                memory.give_back()
+            session.raise_failures()
+
+    def _register(self, session: Session) -> None:
+        """Announce every channel."""
+        self._channels, self._encoders, self._raw = {}, {}, {}
+        for source in session.sources:
+            entry = source.entry
+            measures = entry.device.measures
+            self._channels[entry.name] = register(self._writer, TYPES[measures], entry.topic)
+            self._encoders[entry.name] = self._encoder(source)
+            self._raw[entry.name] = register(self._writer, schemas.BYTES, f"/raw/{entry.name}")
+            if entry.delay_to:
+                for name in (entry.name, entry.delay_to):
+                    self._signals[name] = deque(maxlen=KEPT)
+        self._status_channel = register(self._writer, schemas.DIAGNOSTICS, "/diagnostics")
+        self._mark_channel = register(self._writer, schemas.TEXT, "/mark")
+
+    def _encoder(self, source: Source) -> Callable[[int, tuple[float, ...]], bytes]:
+        entry = source.entry
+        measures = entry.device.measures
+        if measures == "values":
+            names = getattr(entry.device, "names", ())
+            return lambda stamp, values: messages.values(stamp, entry.frame_id, names, values)
+        encode = ENCODERS[measures](entry.frame_id)
+        return lambda stamp, values: encode(stamp, *values)
+
+    def _drain(self, session: Session) -> None:
+        """Write everything that has arrived."""
+        for source in session.sources:
+            name = source.entry.name
+            channel, encode, kept = self._channels[name], self._encoders[name], self._signals.get(name)
+            for event in session.events(source):
+                if event.data:
+                    time_ = event.time + self._epoch
+                    self._writer.add_message(self._raw[name], time_, messages.raw(event.data), time_)
+                for measurement in source.take(event):
+                    self._write(channel, encode, measurement)
+                    if kept is not None:
+                        kept.append((measurement.stamp, measurement.values))
+        self._tell_troubles(session)
+        while self._marks:
+            time_, text = self._marks.popleft()
+            self._writer.add_message(
+                self._mark_channel, time_ + self._epoch, messages.text(text), time_ + self._epoch, self.summary.marks
+            )
+            self.summary.marks += 1
+
+    def _tell_troubles(self, session: Session) -> None:
+        for source in session.sources:
+            while source.troubles:
+                self._say(source.troubles[0])
+                self._report(messages.WARN, source, source.troubles.pop(0))
+
+    def _write(self, channel: int, encode: Callable[[int, tuple[float, ...]], bytes], measurement: Measurement) -> None:
+        arrival, stamp, number, values = measurement
+        stamp += self._epoch
+        self._writer.add_message(channel, arrival + self._epoch, encode(stamp, values), stamp, number & 0xFFFFFFFF)
+
+    def _status(self, session: Session, now: int) -> None:
+        rows = []
+        for source in session.sources:
+            level = messages.OK if source.state == "ok" else messages.ERROR
+            rows.append((level, source.entry.name, source.state, self._facts(source)))
+        data = messages.diagnostics(now + self._epoch, rows)
+        self._writer.add_message(self._status_channel, now + self._epoch, data, now + self._epoch)
+
+    def _report(self, level: int, source: Source, text: str) -> None:
+        now = time.monotonic_ns() + self._epoch
+        data = messages.diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
+        self._writer.add_message(self._status_channel, now, data, now)
+
+    @staticmethod
+    def _facts(source: Source) -> dict[str, object]:
+        return {
+            **asdict(source.counts),
+            "overflow_bytes": source.reader.overflow,
+            "reconnects": source.reconnects,
+            "down_s": round(source.downtime * 1e-9, 3),
+        }
+
+    def _finish(self, session: Session, sink: Sink, start: int) -> None:
+        now = time.monotonic_ns()
+        session.halt()
+        self._drain(session)
+        summary = self.summary
+        for source in session.sources:
+            source.finish(now)
+            summary.devices[source.entry.name] = self._device_summary(source)
+        self._tell_troubles(session)
+        self._status(session, now)
+        self._estimate_delays(session)
+        summary.seconds = (now - start) * 1e-9
+        summary.complete = all(source.complete for source in session.sources)
+        facts = {"complete": json.dumps(summary.complete), "seconds": f"{summary.seconds:.3f}"}
+        for name, device in summary.devices.items():
+            facts |= {f"{name}.{key}": str(value) for key, value in device.items()}
+        for name, values in summary.delays.items():
+            facts |= {f"{name}.{key}": str(value) for key, value in values.items()}
+        self._writer.add_metadata("rig.end", seal("rig.end", facts))
+        self._writer.finish()
+        summary.bytes = sink.tell()
+
+    def _device_summary(self, source: Source) -> dict[str, object]:
+        fit = source.clock.fit
+        counts = source.counts
+        return {
+            "topic": source.entry.topic,
+            "state": source.state,
+            "complete": source.complete,
+            **self._facts(source),
+            "rate_hz": round(counts.samples / max(self.summary.seconds, 1e-9), 3),
+            "clock_offset_ns": round(fit.offset),
+            "clock_skew_ppm": round(fit.skew * 1e6, 4),
+            "clock_origin_ns": fit.origin,
+        }
+
+    def _estimate_delays(self, session: Session) -> None:
+        for source in session.sources:
+            entry = source.entry
+            if entry.delay_to:
+                found = delay.of_command(
+                    getattr(entry.device, "names", ()), self._signals[entry.name], self._signals[entry.delay_to]
+                )
+                if found is None:
+                    self._say_all([f"{entry.name}: its delay to {entry.delay_to} cannot be told from this run"])
+                else:
+                    self.summary.delays[entry.name] = {
+                        "delay_s": round(found.seconds, 6),
+                        "delay_correlation": round(found.correlation, 4),
+                    }
+
+    def _metadata(self, session: Session) -> dict[str, str]:
+        facts = {
+            "note": self._note,
+            "rig_file": self._rig.path.read_text(encoding="utf-8"),
+            "host": platform.platform(),
+            "epoch_minus_monotonic_ns": str(self._epoch),
+            "wrench": "on_body",
+            "wrench_meaning": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
+            "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
+            "log_time": "arrival at the host; header.stamp: device time in host time, or arrival less transmission",
+        }
+        for source in session.sources:
+            name, identity = source.entry.name, source.identity
+            facts |= {f"{name}.{key}": value for key, value in source.entry.settings.items()}
+            facts |= {f"{name}.port": source.entry.port, f"{name}.model": identity.model}
+            facts |= {f"{name}.topic": source.entry.topic}
+            facts |= {f"{name}.serial_number": identity.serial, f"{name}.firmware": identity.firmware}
+            if identity.warnings:
+                facts[f"{name}.warnings"] = "; ".join(identity.warnings)
+            facts |= {f"{name}.read_back.{key}": value for key, value in identity.settings.items()}
+        return facts

@@ -1,0 +1,222 @@
+"""Connected devices: starts every reader of a rig, emulators included, and hands out their measurements."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import parse_qsl
+
+from rig.exceptions import RigError
+from rig.record.device_source import Measurement, Source
+from rig.record.port import latency_warning
+from rig.record.reader import Event, Reader
+from rig.record.rig_file import Entry, Rig
+
+CONNECT_LIMIT = 12.0  # seconds for all devices to introduce themselves
+FIRST_SAMPLE = 2.0  # seconds until every device must have sent a sample, once it is started
+LAST_BYTES = 0.05  # seconds
+EMULATOR_OPTIONS = {"skew_ppm": float, "delay": float, "rate": float, "loop": float}
+
+
+class Emulators:
+    """The process that plays a run through emulated sensors, for the rig's ports ``emulator:RUN.mcap``."""
+
+    def __init__(self, entries: list[Entry], folder: Path) -> None:
+        specs = [_spec(entry, folder) for entry in entries]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rig.record.emulator"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self.command(json.dumps(specs))
+
+    def ports(self) -> dict[str, str]:
+        """Wait until the emulators are there; their ports by device name, and how long the run is in ``duration``."""
+        answer = self._answer()
+        self.duration: float | None = answer["duration"]
+        return answer["ports"]
+
+    def go(self) -> float:
+        """Start the run; returns when it starts [s, monotonic]."""
+        self.command("go")
+        return self._answer()["start"]
+
+    def command(self, text: str) -> None:
+        """Send one command line (see ``rig.record.emulator``)."""
+        assert self.process.stdin is not None  # noqa: S101
+        with suppress(BrokenPipeError):  # the missing answer tells
+            self.process.stdin.write(text.encode() + b"\n")
+            self.process.stdin.flush()
+
+    def _answer(self) -> dict:
+        assert self.process.stdout is not None  # noqa: S101
+        line = self.process.stdout.readline()
+        answer = json.loads(line) if line.endswith(b"\n") else {"error": "the emulators have died: start again"}
+        if "error" in answer:
+            raise RigError(answer["error"])
+        return answer
+
+    def close(self) -> None:
+        """End the process."""
+        for stream in (self.process.stdin, self.process.stdout):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
+        try:
+            self.process.wait(2)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+def _spec(entry: Entry, folder: Path) -> dict:
+    name, _, query = entry.port.removeprefix("emulator:").partition("?")
+    spec: dict = {"name": entry.name, "kind": entry.kind, "options": entry.device.options}
+    for key, value in parse_qsl(query):
+        if key not in EMULATOR_OPTIONS:
+            raise RigError(f"unknown option '{key}' in port {entry.port}: it takes {', '.join(EMULATOR_OPTIONS)}")
+        spec[key] = float(value)
+    run = name if os.path.isabs(name) else str(folder / name)
+    if not os.path.isfile(run):
+        raise RigError(f"no run {run} for the emulated {entry.name}: write one with `inertia simulate`")
+    return {**spec, "run": run, "baudrate": entry.baudrate, "matrix": entry.matrix}
+
+
+class Session:
+    """All devices of a rig, connected. Use as a context manager.
+
+    Raises:
+        RigError: a port cannot be opened, or a device does not answer or sends no samples.
+    """
+
+    def __init__(self, rig: Rig, cancelled: threading.Event | None = None) -> None:
+        self._rig = rig
+        self._cancelled = cancelled or threading.Event()
+        self._emulators: Emulators | None = None
+        self._readers: list[Reader] = []
+        self.sources: list[Source] = []
+
+    def __enter__(self) -> "Session":
+        try:
+            self._connect()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _connect(self) -> None:
+        emulated = [e for e in self._rig.entries if e.port.startswith("emulator:")]
+        ports = {e.name: e.port for e in self._rig.entries}
+        if emulated:
+            self._emulators = Emulators(emulated, self._rig.path.parent)
+            ports |= self._emulators.ports()
+        self._readers = [Reader(entry, ports[entry.name]) for entry in self._rig.entries]
+        for reader in self._readers:
+            reader.start()
+        self._wait(lambda reader: reader.identity is not None, CONNECT_LIMIT, "no answer from")
+        self._wait(lambda reader: bool(reader.events) or not reader.entry.required, FIRST_SAMPLE, "no bytes from")
+        now = time.monotonic_ns()
+        self.sources = [Source(reader.entry, reader, now=now) for reader in self._readers]
+        self._check_samples()
+
+    def _wait(self, done, seconds: float, complaint: str) -> None:
+        deadline = time.monotonic() + seconds
+        while not all(done(reader) for reader in self._readers):
+            self._raise_if_ended()
+            if time.monotonic() > deadline:
+                entry = next(reader.entry for reader in self._readers if not done(reader))
+                raise RigError(f"{complaint} {entry.name} on {entry.port}: check its power, cable and `kind`")
+            time.sleep(0.002)
+
+    def _check_samples(self) -> None:
+        """Every device must send something that makes sense before a recording starts."""
+        deadline = time.monotonic() + FIRST_SAMPLE
+        while missing := [s for s in self.sources if s.entry.required and not s.counts.samples]:
+            for source in self.sources:
+                for _ in self.measurements(source):
+                    pass
+            self._raise_if_ended()
+            if time.monotonic() > deadline:
+                entry = missing[0].entry
+                raise RigError(
+                    f"no sense in the bytes of {entry.name} on {entry.port}: wrong baud rate ({entry.baudrate}), or "
+                    f"another device than '{entry.kind}': set `baudrate` or `kind`"
+                )
+            time.sleep(0.002)
+
+    def _raise_if_ended(self) -> None:
+        self.raise_failures()
+        if self._cancelled.is_set():
+            raise RigError("stopped before every device had answered: nothing was recorded, start again")
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the devices and ports warn of."""
+        found = [f"{s.entry.name}: {text}" for s in self.sources for text in s.identity.warnings]
+        return found + [text for e in self._rig.entries if (text := latency_warning(e.port))]
+
+    @property
+    def duration(self) -> float | None:
+        """How long the emulated run is, with some time for its last bytes [s]; None with real devices."""
+        duration = self._emulators.duration if self._emulators else None
+        return None if duration is None else duration + LAST_BYTES
+
+    def go(self) -> None:
+        """Forget what came until now and count anew; emulated runs start."""
+        start = self._emulators.go() if self._emulators else 0.0
+        while time.monotonic() < start - 0.005:
+            time.sleep(0.001)
+        for source in self.sources:
+            for _ in self.measurements(source):
+                pass
+            source.begin(time.monotonic_ns())
+
+    def events(self, source: Source) -> Iterator[Event]:
+        """What has come from a device and was not taken yet."""
+        queue = source.reader.events
+        for _ in range(len(queue)):
+            event = queue.popleft()
+            source.reader.taken += len(event.data)
+            yield event
+
+    def measurements(self, source: Source) -> Iterator[Measurement]:
+        """The measurements that have come from a device and were not taken yet."""
+        for event in self.events(source):
+            yield from source.take(event)
+
+    def raise_failures(self) -> None:
+        """Raise what ended a reader thread: a dead thread is never left behind in silence."""
+        for reader in self._readers:
+            if reader.failure is not None:
+                failure, reader.failure = reader.failure, None
+                if isinstance(failure, RigError):
+                    raise failure
+                raise RigError(f"the reader of {reader.entry.name} failed ({failure!r}): please report this")
+
+    def command(self, text: str) -> None:
+        """Send a command to the emulators, for tests."""
+        if self._emulators:
+            self._emulators.command(text)
+
+    def halt(self) -> None:
+        """Stop the devices and wait for their reader threads; what they still sent can be taken afterwards."""
+        for reader in self._readers:
+            reader.halt()
+        for reader in self._readers:
+            if reader.is_alive():
+                reader.join(3.0)
+
+    def close(self) -> None:
+        """Stop everything."""
+        self.halt()
+        if self._emulators:
+            self._emulators.close()

@@ -1,0 +1,96 @@
+"""The terminal of a recording: progress on one line, messages above it, keys or lines of input as marks."""
+
+import contextlib
+import os
+import select
+import termios
+import threading
+import tty
+from collections.abc import Callable
+from io import TextIOBase
+from typing import TextIO
+
+from rig.record.recorder import Progress
+
+
+class Terminal:
+    """Progress and messages on a stream; without a terminal only the messages."""
+
+    def __init__(self, stream: TextIO | TextIOBase) -> None:
+        self._stream, self._live = stream, stream.isatty()
+        self._last: dict[str, tuple[float, int]] = {}
+
+    def say(self, text: str) -> None:
+        """One message on a line of its own."""
+        self._stream.write(f"\r\x1b[K{text}\n" if self._live else f"{text}\n")
+        self._stream.flush()
+
+    def progress(self, progress: Progress) -> None:
+        """The line that is always rewritten."""
+        if self._live:
+            self._stream.write("\r\x1b[K" + self.line(progress))
+            self._stream.flush()
+
+    def line(self, progress: Progress) -> str:
+        """Elapsed time, file size, and per device rate, missing samples and checksum failures."""
+        parts = [f"{progress.seconds:7.1f} s  {progress.bytes / 1e6:.1f} MB"]
+        for source in progress.sources:
+            counts, name = source.counts, source.entry.name
+            seconds, samples = self._last.get(name, (0.0, 0))
+            rate = (counts.samples - samples) / max(progress.seconds - seconds, 1e-9)
+            self._last[name] = progress.seconds, counts.samples
+            trouble = "" if source.state == "ok" else f" {source.state.upper()}"
+            parts.append(f"{name} {rate:.0f} Hz, {counts.missing} missing, {counts.failures} bad{trouble}")
+        return "  |  ".join(parts)
+
+    def done(self) -> None:
+        """Leave the progress line standing."""
+        if self._live:
+            self._stream.write("\n")
+
+
+class Keys:
+    """Calls ``mark`` with every line of input, or with every key where the input is a terminal."""
+
+    def __init__(self, stream: object, mark: Callable[[str], None]) -> None:
+        self._mark = mark
+        self._ended = threading.Event()
+        self._handle = -1
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            self._handle = stream.fileno()  # type: ignore[attr-defined]
+        self._old: list | None = None
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> "Keys":
+        if self._handle < 0:
+            return self
+        if os.isatty(self._handle):
+            if os.tcgetpgrp(self._handle) != os.getpgrp():
+                return self  # in the background the terminal is not ours to read
+            self._old = termios.tcgetattr(self._handle)
+            tty.setcbreak(self._handle)
+        self._thread = threading.Thread(target=self._listen, name="marks", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join(1.0)
+        if self._old is not None:
+            termios.tcsetattr(self._handle, termios.TCSADRAIN, self._old)
+
+    def _listen(self) -> None:
+        heard = b""
+        while not self._ended.is_set():
+            if not select.select([self._handle], [], [], 0.2)[0]:
+                continue
+            data = os.read(self._handle, 4096)
+            if not data:
+                return
+            if self._old is not None:
+                self._mark(data.decode("utf-8", "replace"))
+                continue
+            *lines, heard = (heard + data).split(b"\n")
+            for line in lines:
+                self._mark(line.decode("utf-8", "replace").strip())

@@ -1,0 +1,142 @@
+"""Runs on disk, read into arrays and written from arrays.
+
+``read`` takes any recording that holds a WrenchStamped and an Imu topic, whoever wrote it; ``read_any`` other motion
+sensors too. Every checksum that the file has is verified. ``write`` makes MCAP files that ROS 2, Foxglove, PlotJuggler
+and Rerun open.
+"""
+
+import heapq
+import os
+from collections.abc import Iterator
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.bags.contents import Contents, load
+from rig.channels import ImuChannel, Recording, WrenchChannel
+from rig.exceptions import RigError
+from rig.files import replacing
+from rig.mcap import cdr_encode as cdr
+from rig.mcap import message_definitions as schemas
+from rig.mcap.container import seal
+from rig.mcap.message_fields import MOTIONS, WRENCHES
+from rig.mcap.writer import Compression, new_writer, register
+
+__all__ = ["Contents", "load", "read", "read_any", "write"]
+
+PathLike = str | os.PathLike[str]
+BLOCK = 4096  # rows that are Python numbers at a time while writing
+TYPES = {WrenchChannel: schemas.WRENCH, ImuChannel: schemas.IMU}
+
+
+def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -> Recording:
+    """Read a run's wrench and IMU topics.
+
+    Args:
+        path: a file or rosbag2 folder; see :mod:`rig.bags.containers` for what is read.
+        wrench: the topic of type geometry_msgs/msg/WrenchStamped; None takes the only one of that type.
+        imu: the topic of type sensor_msgs/msg/Imu; None takes the only one of that type.
+
+    Returns:
+        The channels in the order of ``log_time`` (messages of equal time as in the file), the metadata records by name
+        and the file's SHA-256.
+
+    Raises:
+        RigError: the file is no recording, cut or damaged; a topic is missing, empty, not unique or of another type.
+        OSError: the file cannot be opened.
+    """
+    return _read(path, wrench, imu, (schemas.WRENCH,), (schemas.IMU,))
+
+
+def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = None) -> Recording:
+    """Read a run's wrench, stamped or not, and whatever tells its motion.
+
+    Args:
+        path: as of :func:`read`.
+        wrench: the topic of type WrenchStamped or Wrench; None takes the only one of the first of these types.
+        motion: the topic of type Imu, TwistStamped, Odometry, PoseStamped or JointState; None takes the only one of
+            the first of these types that the run has.
+
+    Raises:
+        RigError, OSError: as :func:`read`.
+    """
+    return _read(path, wrench, motion, WRENCHES, MOTIONS)
+
+
+def _read(
+    path: PathLike, wrench: str | None, motion: str | None, wrenches: tuple[str, ...], motions: tuple[str, ...]
+) -> Recording:
+    contents = load(path, only=dict.fromkeys(wrenches, wrench) | dict.fromkeys(motions, motion))
+    wrench_topic, motion_topic = contents.choose(wrenches, wrench), contents.choose(motions, motion)
+    return Recording(
+        path=Path(path),
+        sha256=contents.sha256,
+        metadata=contents.metadata,
+        wrench=contents.wrench(wrench_topic),
+        motion=contents.motion(motion_topic),
+    )
+
+
+def write(
+    path: PathLike,
+    *,
+    wrench: WrenchChannel | None = None,
+    imu: ImuChannel | None = None,
+    metadata: dict[str, dict[str, str]] | None = None,
+    compression: Compression = "zstd",
+    overwrite: bool = False,
+) -> None:
+    """Write a run. It appears under its name only when it is complete.
+
+    Args:
+        path: where to write.
+        wrench: a wrench topic [N, N·m], or None. In our runs force and moment ON THE BODY at Q, body frame.
+        imu: an IMU topic [rad/s, m/s²], or None.
+        metadata: metadata records by name.
+        compression: of the chunks.
+        overwrite: replace an existing file.
+
+    Raises:
+        RigError: the file exists and ``overwrite`` is False, or the arrays of a channel differ in length.
+        OSError: the file cannot be written.
+    """
+    channels = [channel for channel in (wrench, imu) if channel is not None]
+    for channel in channels:
+        _check_lengths(channel)
+    with replacing(path, overwrite=overwrite) as stream:
+        writer = new_writer(stream, compression=compression)
+        for name, record in (metadata or {}).items():
+            writer.add_metadata(name, seal(name, record))
+        ids = [register(writer, TYPES[type(channel)], channel.topic) for channel in channels]
+        streams = [_messages(channel, number) for channel, number in zip(channels, ids, strict=True)]
+        for log_time, number, data, stamp, sequence in heapq.merge(*streams, key=itemgetter(0)):
+            writer.add_message(number, log_time, data, stamp, sequence)
+        writer.finish()
+
+
+def _columns(channel: WrenchChannel | ImuChannel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if isinstance(channel, WrenchChannel):
+        return channel.force, channel.moment
+    return channel.angular_velocity, channel.linear_acceleration
+
+
+def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
+    n = len(channel.log_time)
+    left, right = _columns(channel)
+    if left.shape != (n, 3) or right.shape != (n, 3) or channel.stamp.shape != (n,):
+        raise RigError(f"arrays of topic {channel.topic} differ in length: give n times, n stamps and (n, 3) values")
+
+
+def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
+    """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
+    encode = (cdr.WrenchEncoder if isinstance(channel, WrenchChannel) else cdr.ImuEncoder)(channel.frame_id)
+    n = len(channel.log_time)
+    counter = np.arange(n) if channel.sequence is None else channel.sequence
+    for start in range(0, n, BLOCK):
+        block = slice(start, start + BLOCK)
+        values = np.concatenate([column[block] for column in _columns(channel)], axis=1)
+        columns = channel.log_time[block], channel.stamp[block], counter[block], values
+        for log_time, stamp, sequence, row in zip(*(column.tolist() for column in columns), strict=True):
+            yield log_time, number, encode(stamp, *row), stamp, sequence

@@ -1,0 +1,340 @@
+"""The joint estimate: exact without noise, honest with it, and aware of what a motion cannot tell."""
+
+import dataclasses
+import json
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from identify.identification import identify
+from identify.joint.cramer_rao_bound import bound
+from identify.joint.joint_jacobian import linearised
+from identify.joint.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
+from identify.joint.joint_pooling import ALIGNED, CALIBRATED, pool
+from identify.joint.priors import Alignment, indices
+from identify.rigid_body.regressor import omega_r
+from identify.rigid_body.rotation import exponential
+from identify.signals.band_limited_run import evaluate, in_band, low_pass
+from identify.signals.run import RunError
+from identify.static.centre_result import Centre
+from tests import joint_studies
+from tests.joint_lab import BAND, shortened
+from uq.campaign.simulation import simulate
+from uq.cli.main import main
+from uq.experiment.recording_table import parse_recording
+from uq.files.document import ExperimentError, Table
+from uq.planning.cramer_rao_bound import bound as uq_bound
+from uq.sources.source import Source
+
+DELAY, ROTATION = 7e-3, np.array([0.02, -0.03, 0.015])
+
+
+@pytest.fixture(scope="module")
+def brief():
+    """The preset with T1 of 20 s."""
+    from uq.experiment.experiment import Experiment
+
+    return shortened(Experiment.load("barreto2016"), 20.0)
+
+
+def imperfect(experiment, *sources):
+    """The experiment with only these sources, an IMU that is late and turned, and a gyro's zero."""
+    misaligned = (
+        Source("late", "omega", "delay", "imu", np.array(0.0), mean=np.array(DELAY)),
+        Source("turned", "omega", "misalignment", "imu", np.zeros(3), mean=ROTATION),
+        Source("zero", "omega", "bias", "imu", np.zeros(3), mean=np.array([4e-3, -5e-3, 3e-3])),
+    )
+    return dataclasses.replace(experiment, sources=(*misaligned, *sources))
+
+
+def calibrated(experiment, sigma=(0.05, *(1.5e-4,) * 3, 0.7, 0.4, 1.4, 0.014, 0.016, 0.019)):
+    """A static calibration that is right."""
+    values = np.concatenate([[experiment.mass], experiment.r_cg_from_q, np.zeros(6)])
+    return Centre(
+        values[0], values[1:4], values[4:7], values[7:], np.diag(np.square(sigma)), np.zeros((4, 6)), 18.0, 9.81
+    )
+
+
+def estimate(experiment, run, **options):
+    known = {"centre": calibrated(experiment), "gravity": 9.81, "cg_motion": "still"} | options
+    return identify(run, estimator=experiment.estimator("smoothed"), method="joint", **known)
+
+
+@pytest.fixture(scope="module")
+def silent_run(brief):
+    return simulate(imperfect(brief), "T1").run
+
+
+def test_a_silent_run_tells_tensor_delay_and_rotation(brief, silent_run):
+    """A simulated run with an IMU late by 7 ms and turned by 2.2°; the low-pass is flat within 1e-7."""
+    result = estimate(brief, silent_run)
+    np.testing.assert_allclose(result.inertia, brief.inertia, atol=5e-7 * brief.inertia.max())
+    np.testing.assert_allclose(result.delay.value, [DELAY], atol=1e-8)
+    np.testing.assert_allclose(result.rotation.value, ROTATION, atol=1e-6)
+    np.testing.assert_allclose(result.r_cg, brief.r_cg_from_q, atol=1e-7)
+    assert result.mass == pytest.approx(brief.mass, abs=1e-4)
+    content = result.to_dict()
+    assert content["method"] == "joint"
+    assert content["delay"]["estimated"]
+    assert content["delay"]["prior_share"] < 1e-2
+    np.testing.assert_allclose(content["rotation"]["rotation_vector"], ROTATION, atol=1e-6)
+    assert "delay of the IMU: 7.000" in repr(result)
+
+
+@pytest.mark.study
+def test_a_delay_of_many_samples_is_found(brief):
+    """Beyond a quarter of the motion's period, where a start at zero would find another minimum."""
+    late = Source("late", "omega", "delay", "imu", np.array(0.0), mean=np.array(0.25))
+    run = simulate(dataclasses.replace(brief, sources=(late,)), "T1").run
+    result = estimate(brief, run, alignment=Alignment(sigma_delay=0.15))
+    np.testing.assert_allclose(result.delay.value, [0.25], atol=1e-6)
+    np.testing.assert_allclose(result.inertia, brief.inertia, atol=1e-6 * brief.inertia.max())
+
+
+@pytest.mark.study
+def test_a_delay_beyond_what_is_declared_is_refused(brief):
+    late = Source("late", "omega", "delay", "imu", np.array(0.0), mean=np.array(0.15))
+    run = simulate(dataclasses.replace(brief, sources=(late,)), "T1").run
+    with pytest.raises(RunError, match=r"beyond what is declared of it|does not converge"):
+        estimate(brief, run)
+
+
+@pytest.mark.parametrize("kind", ["still", "accelerometer", "none"])
+def test_the_closed_form_derivatives_are_finite_differences(brief, silent_run, generator, kind):
+    """Central differences at a point away from zero; the slow terms' sums are exact to 1e-3."""
+    specific_force = generator.standard_normal(silent_run.force.shape) * 0.1 + [0, 0, 9.8]
+    run = dataclasses.replace(silent_run, specific_force=specific_force)
+    rows = in_band(run, BAND, reach=0.05, accelerometer=kind == "accelerometer")
+    model = Model(rows, jnp.array([0.0, 0.0, 1.0]), jnp.asarray(9.81), jnp.array([0.1, 0.02, -0.03]), kind)
+    theta = 1e-3 * generator.standard_normal(COUNT)
+    theta[SLICES["inertia"]] += brief.inertia
+    theta[SLICES["mass"]], theta[SLICES["delay"]] = 19.0, 6.1e-3
+
+    @eqx.filter_jit
+    def value(theta):
+        x = unknowns(theta)
+        return residuals(model, x, kinematics(model, x))
+
+    _, jacobian = eqx.filter_jit(linearised)(model, jnp.asarray(theta))
+    for name, part in SLICES.items():
+        tolerance = 2e-3 if name in ("gyro_bias", "wander") and kind == "still" else 1e-5
+        for k in range(part.start, part.stop):
+            step = 1e-6 * np.eye(COUNT)[k]
+            differences = (value(jnp.asarray(theta + step)) - value(jnp.asarray(theta - step))) / 2e-6
+            column = np.asarray(jacobian[:, :, k]).T
+            np.testing.assert_allclose(
+                column, differences, atol=tolerance * max(np.abs(column).max(), 1e-9), err_msg=name
+            )
+
+
+def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
+    """At any delay: value and slope of the quintic spline against the closed form, at rest of the filter's lag."""
+    run = simulate(dataclasses.replace(brief, sources=()), "T1").run
+    rows = in_band(run, BAND, reach=0.02)
+    lag = (len(low_pass(run.rate, BAND, rows.factor)) - 1) / 2 / run.rate
+    trajectory = brief.trajectories["T1"].trajectory
+    omega, alpha, _ = evaluate(rows.motion, rows.step, rows.t + 0.0131)
+    at = rows.t + 0.0131 + lag
+    np.testing.assert_allclose(omega.T, jax.vmap(trajectory.omega)(at), atol=2e-7)
+    np.testing.assert_allclose(alpha.T, jax.vmap(trajectory.alpha)(at), atol=4e-6)
+
+
+def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
+    """What figures draw: residuals of nothing but rounding, the motion turned into B."""
+    found = estimate(brief, silent_run).runs[0].trace
+    size = found.moment_density.max()
+    assert found.residual_density.max() < 1e-5 * size
+    speed = np.linalg.norm(found.omega, axis=1)
+    assert speed.max() == pytest.approx(np.linalg.norm(silent_run.omega, axis=1).max(), rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "none"])
+def test_other_specific_forces_tell_the_tensor_too(brief, silent_run, kind):
+    """An accelerometer at Q without errors; or nothing but the measured force."""
+    recorded = simulate(imperfect(brief), "T1")
+    seen = recorded.specific_force @ np.asarray(exponential(jnp.asarray(ROTATION)))
+    rate = (len(recorded.run.t) - 1) / recorded.run.t[-1]
+    late = np.stack([np.interp(recorded.run.t - DELAY, recorded.run.t, axis) for axis in seen.T], axis=1)
+    run = dataclasses.replace(recorded.run, specific_force=late if kind == "accelerometer" else None)
+    result = estimate(brief, run, cg_motion=None)
+    assert rate > 0
+    np.testing.assert_allclose(result.inertia, brief.inertia, atol=3e-5 * brief.inertia.max())
+    np.testing.assert_allclose(result.delay.value, [DELAY], atol=5e-6)
+    word = {"accelerometer": "is the accelerometer's", "none": "nor is there an accelerometer"}[kind]
+    assert any(word in text for text in result.assumptions)
+
+
+@pytest.mark.study
+def test_noise_that_hides_the_alignment_is_said(brief, silent_run, generator):
+    """Ten thousand times the source's noise on force and moment: the delay is then, for the greater part, what was declared."""
+    loud = dataclasses.replace(
+        silent_run,
+        force=silent_run.force + 5e4 * generator.standard_normal(silent_run.force.shape),
+        moment=silent_run.moment + 4e3 * generator.standard_normal(silent_run.moment.shape),
+    )
+    result = estimate(brief, loud)
+    assert result.delay.prior_share[0] > 0.5
+    assert any("the motion does not tell the delay" in text for text in result.warnings)
+    assert 0.01 < result.delay.standard_uncertainty[0] < 0.02
+
+
+def test_rotations_about_one_axis_are_refused(preset):
+    """The first segment of T3, about b1, in as many samples as the other runs have."""
+    spec = preset.trajectories["T3"]
+    trajectory = dataclasses.replace(spec.trajectory, duration=np.array(60.0), ramp=np.array(3.0))
+    slow = dataclasses.replace(spec, duration=60.0, trajectory=trajectory)
+    run = simulate(dataclasses.replace(preset, sources=(), trajectories={"T3": slow})).run.between(0.0, 19.9976)
+    with pytest.raises(RunError, match=r"does not identify .*: rotate about more axes"):
+        estimate(preset, run)
+
+
+def test_pooled_runs_are_one_large_problem(brief):
+    """Three runs: the Schur complements against the inverse of the whole arrow matrix, the prior counting once."""
+    laboratory, rng = joint_studies.own_laboratory(brief), np.random.default_rng(4)
+    known = laboratory.calibration(rng)
+    runs = [laboratory.estimate(laboratory.run(rng), known, Alignment()) for _ in range(3)]
+    pooled = pool(runs, (*ALIGNED, *CALIBRATED))
+    root = np.asarray(runs[0].prior.root)
+    common = np.abs(root[indices((*ALIGNED, *CALIBRATED))]).max(axis=0) > 0
+    shared, own = int(common.sum()), int((~common).sum())
+    whole, right = np.zeros((shared + 3 * own,) * 2), np.zeros(shared + 3 * own)
+    counted = np.asarray(runs[0].prior.counted)
+    for k, run in enumerate(runs):
+        where = np.concatenate([np.arange(shared), shared + k * own + np.arange(own)])
+        order = np.concatenate([np.flatnonzero(common), np.flatnonzero(~common)])
+        data = np.asarray(run.fit.of_data)
+        priors = np.diag(np.where(common, 0.0, counted))
+        whole[np.ix_(where, where)] += (data + priors)[np.ix_(order, order)]
+        right[where] += ((data + np.diag(counted)) @ np.asarray(run.fit.z))[order]
+    whole[:shared, :shared] += np.diag(counted[common])
+    inverse = np.linalg.inv(whole)
+    tensor = SLICES["inertia"]
+    expected = root[tensor][:, common] @ inverse[:shared, :shared] @ root[tensor][:, common].T
+    value = root[tensor][:, common] @ (inverse @ right)[:shared]
+    np.testing.assert_allclose(pooled.theta[0][tensor], value, atol=1e-9)
+    np.testing.assert_allclose(pooled.covariance[tensor, tensor] / pooled.scatter**2, expected, rtol=0.5, atol=1e-8)
+    assert pooled.scatter < 1.6  # 72 squares: the mean square exceeds 2.5 once in a million
+
+
+def test_the_bound_of_the_tensor_alone_is_gauss_markovs(brief):
+    """With all else known: the inverse of the sum over the samples of ``Ωᵀ C⁻¹ Ω``, in NumPy."""
+    silent = dataclasses.replace(brief, sources=())
+    run = simulate(silent, "T1").run
+    known = Alignment(sigma_delay=0.0, sigma_rotation=0.0, sigma_gyro_bias=0.0, sigma_tilt=0.0)
+    sigma = np.array([5.0, 5.0, 10.0, 0.38, 0.46, 0.46])
+    found = bound(
+        run, brief.body, band=BAND, noise=sigma, gyro_noise=np.full(3, 1e-12), static_covariance=np.zeros((10, 10)),
+        alignment=known, gravity=brief.gravity,
+    )  # fmt: skip
+    trajectory = brief.trajectories["T1"].trajectory
+    t = jnp.asarray(run.t)
+    rows = np.asarray(jax.vmap(omega_r)(jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)))
+    expected = np.linalg.inv(np.einsum("nji,j,njk->ik", rows, 1 / sigma[3:] ** 2, rows))
+    tensor = SLICES["inertia"]
+    np.testing.assert_allclose(found.covariance[tensor, tensor], expected, atol=5e-3 * expected.max())
+
+
+@pytest.mark.study
+def test_the_bound_of_the_sources_experiment_is_the_derived_one(preset):
+    """Alignment known, and 3° and 10 ms: derived by other means as 2.6 (moments), 1.67 and 2.04 (products) g·m²."""
+    known = uq_bound(preset, "T1", band=BAND)
+    late = Source("late", "omega", "delay", "imu", np.array(0.01))
+    turned = Source("turned", "omega", "misalignment", "imu", np.full(3, np.radians(3)))
+    free = uq_bound(dataclasses.replace(preset, sources=(*preset.sources, late, turned)), "T1", band=BAND)
+    np.testing.assert_allclose(1e3 * np.array(known.three_sigma), [2.6, 1.67], rtol=0.01)
+    np.testing.assert_allclose(1e3 * np.array(free.three_sigma), [2.6, 2.04], rtol=0.01)
+    assert "delay" not in known.free
+    assert "rotation" in free.free
+    assert free.to_dict()["prior_share"]["delay"][0] < 1e-3
+    assert "3σ at least" in repr(free)
+
+
+def test_intervals_of_a_few_laboratories_cover(brief):
+    """40 runs x 13 intervals: were the 13 of a run wholly correlated, 95 % has a standard error of 3.4 %."""
+    errors, sigma, shares = joint_studies.laboratories(brief, [3], 40)
+    covered = np.abs(errors) < 1.96 * sigma
+    assert 0.90 < covered.mean() < 0.99
+    assert np.abs(errors.mean(axis=1) / sigma.mean(axis=1) * np.sqrt(40)).max() < 4  # 13 means: 1 in 1,200
+    assert ((shares >= 0) & (shares <= 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"offsets": "still"}, "finds offsets itself"),
+        ({"alignment": {"sigma_delay": -1.0}}, "sigma_delay of the alignment is -1.0"),
+        ({"alignment": {"delay": float("nan")}}, "delay of the alignment is nan"),
+    ],
+)
+def test_what_cannot_be_is_refused(brief, silent_run, options, words):
+    with pytest.raises(RunError, match=words):
+        estimate(brief, silent_run, **{k: Alignment(**v) if isinstance(v, dict) else v for k, v in options.items()})
+
+
+def test_a_run_that_is_too_short_is_refused(brief, silent_run):
+    with pytest.raises(RunError, match=r"too short for the joint estimate of a motion of 1.55 Hz"):
+        estimate(brief, silent_run.between(5.0, 6.5))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("method", "best", "choose one of source"),
+        ("cg_motion", "moving", "choose one of still"),
+        ("sigma_delay", 0.02, "recording.sigma_delay"),
+        ("sigma_delay", "-20 ms", "write zero or more"),
+        ("sigma_delay", "1 min", "repair the clocks first"),
+        ("sigma_rotation", "5 Hz", "recording.sigma_rotation"),
+        ("sigma_rotation", "90 deg", "declare imu_rotation_to_body"),
+        ("sigma_gyro_bias", ["1 rad/s"], "write three values"),
+    ],
+)
+def test_a_recordings_wrong_keys_are_named(key, value, words):
+    with pytest.raises(ExperimentError, match=words):
+        parse_recording(Table("recording", {key: value}))
+
+
+def test_the_command_estimates_jointly(brief, tmp_path, capsys):
+    """From files: a simulated run, its centre from static poses, delay and rotation in result.json."""
+    silent = simulate(imperfect(brief), "T1")
+    silent.write(tmp_path / "run.mcap")
+    (tmp_path / "e.toml").write_text(
+        EXPERIMENT.format(extra='method = "joint"\ncg_motion = "still"\nsigma_tilt = "2 deg"')
+    )
+    assert main(["identify", str(tmp_path / "run.mcap"), "--experiment", str(tmp_path / "e.toml"), "--from", "0",
+                 "--to", "19.99", "--out", str(tmp_path / "out")]) == 0  # fmt: skip
+    content = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert content["method"] == "joint"
+    assert content["delay"]["value"] == pytest.approx(DELAY, abs=1e-5)
+    np.testing.assert_allclose(content["rotation"]["rotation_vector"], ROTATION, atol=2e-4)
+    (tmp_path / "e.toml").write_text(EXPERIMENT.format(extra='method = "joint"\noffsets = "still"'))
+    assert main(["identify", str(tmp_path / "run.mcap"), "--experiment", str(tmp_path / "e.toml")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+EXPERIMENT = """
+[body]
+mass = "19.7 kg"
+r_cg_from_q = ["0 mm", "0 mm", "53 mm"]
+[platform]
+gravity = "9.81 m/s^2"
+[[estimator]]
+name = "smoothed"
+method = "ols"
+differentiator = "savitzky-golay"
+band = "1.55 Hz"
+[[source]]
+name = "r_cg"
+target = "r_cg"
+kind = "bias"
+sigma = ["0.15 mm", "0.13 mm", "0.16 mm"]
+distribution = "normal"
+group = "cg"
+reference = "static poses"
+[recording]
+wrench = "on_body"
+{extra}
+"""

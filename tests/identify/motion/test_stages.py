@@ -1,0 +1,290 @@
+"""Motions in stages: the formula, rest between them, files, exports, predictions, and the mixture of patterns behind them."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from identify.motion.leg_limits import Limits, platform_motion
+from identify.motion.periodic_motion import Periodic
+from identify.motion.phase_patterns import mixed, mixture, optimal_shares, patterns, steepness
+from identify.motion.stages import Stages
+from identify.motion.trajectory import Multisine, attitude, sample, swell
+from identify.rigid_body.inertia import MOMENTS, PRODUCTS
+from identify.rigid_body.rotation import exponential
+from uq.excitation.baseline import scaled
+from uq.excitation.design_bound import average
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.multisine_table import COLUMNS, START, multisine_csv
+from uq.planning.motion_export import export_motion
+from uq.planning.required_duration import lasting, shortest
+
+DURATION, RAMP = 12.0, 1.0
+STARTS = (0.0, 3.0, 7.0)
+NOISE = np.diag([0.2, 0.3, 0.25])
+
+
+@pytest.fixture(scope="module")
+def staged():
+    """Three stages of two sines each."""
+    generator = np.random.default_rng(5)
+    size = np.repeat([0.001, 0.02], 3)[:, None]
+    amplitudes = generator.normal(size=(2, 6, 6)) * size
+    frequency = np.array([0.5, 1.0, 0.5, 1.0, 0.7, 1.4])
+    return Multisine(frequency, *amplitudes, np.array(DURATION), np.array(RAMP), np.repeat(STARTS, 2))
+
+
+def only(motion, first):
+    """One stage of a motion as a motion of one stage."""
+    part = np.asarray(motion.start) == first
+    amplitudes = {"cosine": motion.cosine[:, part], "sine": motion.sine[:, part]}
+    return dataclasses.replace(motion, frequency=motion.frequency[part], **amplitudes, start=None)
+
+
+def test_one_stage_is_the_sum_of_sines_times_the_window(staged):
+    """With and without a start of nought, against the formula."""
+    t = jnp.linspace(0, DURATION, 97)
+    angle = 2 * np.pi * np.asarray(t)[:, None] * staged.frequency
+    shape = np.cos(angle) @ staged.cosine.T + np.sin(angle) @ staged.sine.T
+    ends = np.asarray(jax.vmap(swell)(t / RAMP) * jax.vmap(swell)((DURATION - t) / RAMP))
+    expected = ends[:, None] * shape
+    for start in (None, np.zeros(6)):
+        one = dataclasses.replace(staged, start=start)
+        np.testing.assert_allclose(jax.vmap(one.coordinates)(t), expected, atol=1e-15)
+
+
+def test_each_stage_moves_alone(staged):
+    """The first as if there were no other, and at rest, with its rates, where the next one starts."""
+    np.testing.assert_array_equal(np.unique(staged.end), [3.0, 7.0, 12.0])
+    assert staged.stages == 3
+    first = dataclasses.replace(only(staged, 0.0), duration=np.array(3.0))
+    t = jnp.linspace(0, 3, 61)
+    np.testing.assert_allclose(jax.vmap(staged.coordinates)(t), jax.vmap(first.coordinates)(t), atol=1e-16)
+    for at in (0.0, 3.0, 7.0, DURATION):
+        np.testing.assert_allclose(staged.coordinates(jnp.array(at)), 0, atol=1e-30)
+        np.testing.assert_allclose(staged.omega(jnp.array(at)), 0, atol=1e-30)
+
+
+def test_a_swell_asks_for_little_on_its_way():
+    """Times a sine of one turn in half a ramp: hardly more acceleration than the sine alone."""
+    t = jnp.linspace(0, 1, 2001)
+
+    parts = [lambda u, wave=wave: swell(u) * wave(4 * jnp.pi * u) for wave in (jnp.cos, jnp.sin)]
+    largest = float(jnp.hypot(*(jax.vmap(jax.grad(jax.grad(part)))(t) for part in parts)).max()) / (4 * np.pi) ** 2
+    assert 1.0 <= largest < 1.03
+    np.testing.assert_allclose([swell(jnp.array(u)) for u in (-1.0, 0.0, 0.5, 1.0, 2.0)], [0, 0, 0.5**0.5, 1, 1])
+
+
+def test_rates_are_those_of_the_attitude_through_the_stages(staged):
+    """Attitude integrated from omega, and alpha by differences."""
+    t = jnp.linspace(0.0, 5.0, 5001)
+    turns = jax.vmap(exponential)(jax.vmap(staged.coordinates)(t)[:, 3:])
+    np.testing.assert_allclose(attitude(staged, t), turns, atol=1e-9)
+    omega, h = jax.vmap(staged.omega), 1e-5
+    difference = (omega(t[::50] + h) - omega(t[::50] - h)) / (2 * h)
+    np.testing.assert_allclose(jax.vmap(staged.alpha)(t[::50]), difference, atol=1e-7)
+
+
+# --- files ---
+
+
+def written(preset, folder, text, **changes):
+    (folder / "amplitudes.csv").write_text(text)
+    table = {"kind": "multisine", "amplitudes": "amplitudes.csv", "duration": "12 s", "rate": "100 Hz", "ramp": "1 s"}
+    platform = {**preset.document["platform"], "geometry": "assumed-source-size"}
+    document = {**preset.document, "platform": platform, "trajectory": {"D": table | changes}}
+    return Experiment.from_dict(document, folder)
+
+
+def test_stages_come_back(preset, tmp_path, staged):
+    found = written(preset, tmp_path, multisine_csv(staged)).trajectories["D"].trajectory
+    for name in ("frequency", "cosine", "sine", "duration", "ramp", "start"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(staged, name))
+
+
+def rows(*starts, columns=(START, *COLUMNS)):
+    lines = [",".join([str(start), "1", *["0.001"] * 12]) for start in starts]
+    return "\n".join([",".join(columns), *lines]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (rows(0, 5, columns=("stage", *COLUMNS)), "names other columns: .*start_s before them"),
+        (rows(0, 5, columns=COLUMNS), "not 13 finite numbers"),
+        (rows(0, "late"), "not 14 finite numbers"),
+        (rows(1, 5), "begins with 1: the first stage starts at 0"),
+        (rows(0, 7, 3), "start_s decreases"),
+        (rows(0, 7, 8.5), "the stage from 7 s lasts 1.5 s: it has two ramps of 1 s"),
+        (rows(0, 10.5), "the stage from 10.5 s lasts 1.5 s"),
+        (rows(0, 14), "the stage from 14 s lasts"),
+    ],
+)
+def test_stages_that_cannot_be(preset, tmp_path, text, message):
+    with pytest.raises(ExperimentError, match=message) as caught:
+        written(preset, tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_exports_hold_all_stages(preset, tmp_path, staged):
+    """The reader's own check, and a smaller rehearsal of it."""
+    experiment = written(preset, tmp_path, multisine_csv(staged))
+    spec = experiment.trajectories["D"]
+    exported = export_motion(experiment, spec, amplitude=0.5)
+    assert exported.seconds == DURATION
+    table = np.genfromtxt(exported.contents["motion.csv"].decode().splitlines(), delimiter=",", names=True)
+    place = jax.vmap(spec.trajectory.coordinates)(jnp.asarray(table["t_s"]))
+    np.testing.assert_allclose(table["x_m"], 0.5 * place[:, 0], atol=2e-9)
+    seam = np.abs(table["t_s"] - 3.5) < 0.4
+    assert np.abs(table["roll_rad"][seam]).max() > 1e-4
+
+
+def test_another_duration_keeps_the_shares(preset, tmp_path, staged):
+    spec = written(preset, tmp_path, multisine_csv(staged)).trajectories["D"]
+    longer = lasting(spec, 23.0).trajectory
+    np.testing.assert_allclose(longer.start, np.repeat([0, 6, 14], 2))  # 5.75 and 13.42 s by shares, periods of 2 s
+    assert (longer.duration, longer.ramp) == (23, 1)
+    np.testing.assert_allclose(scaled(spec, 1.0, 1.0, 24.0).trajectory.start, 2 * np.asarray(staged.start))
+    assert shortest(spec) == pytest.approx(2 * 12 / 3)
+    with pytest.raises(ExperimentError, match="two ramps of 1 s in each stage"):
+        lasting(spec, 7.9)
+
+
+# --- the search's motion ---
+
+
+@pytest.fixture(scope="module")
+def stages(platform):
+    limits = Limits.none()._replace(acceleration=np.full(6, 1.2), speed=np.full(6, 0.128))
+    periodic = Periodic.of(platform, limits, period=1.0, band=2.0, rate=20.0)
+    return Stages.of(periodic, np.array([0.6, 0.4]), 21.0, 1.4)
+
+
+@pytest.fixture(scope="module")
+def platform():
+    from uq.experiment.platform_table import parse_geometry
+    from uq.files.document import Table
+
+    return jax.tree.map(jnp.asarray, parse_geometry(Table("platform", {"geometry": "assumed-source-size"})))
+
+
+def test_stages_move_as_their_trajectory(platform, stages, generator):
+    """Pose, specific force and three derivatives, in the ramps too, against the trajectory that a campaign samples."""
+    unknowns, offset, gravity = 0.2 * generator.normal(size=stages.unknowns), jnp.array([0.01, -0.02, 0.1]), 9.81
+    np.testing.assert_array_equal(stages.border, [0, 13, 21])
+    found = stages.moved(platform, jnp.asarray(unknowns), offset, jnp.array(gravity))
+    trajectory, t = stages.multisine(unknowns), found.body.t
+    whole = jnp.arange(0.0, 21.0, 1 / 400)
+    at = np.asarray(jnp.round(t * 400).astype(int))
+    np.testing.assert_allclose(whole[at], t, atol=1e-12)
+    motion = jax.tree.map(lambda x: x[at], platform_motion(platform, trajectory, whole, jnp.zeros(3)))
+    for ours, theirs in zip(jax.tree.leaves(found.platform[1:]), jax.tree.leaves(motion[1:]), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)
+    body = sample(trajectory, whole, r_cg_from_still=offset, gravity=gravity)
+    np.testing.assert_allclose(found.body.specific_force_cg, body.specific_force_cg[:, at], atol=1e-7)
+    jerk = jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
+    np.testing.assert_allclose(found.jerk, jerk, atol=1e-7)
+
+
+def test_peaks_between_the_instants_are_seen(stages, generator):
+    """A sum of five sines on the finer grid, for an odd and an even number of instants; a quintic in the ramps."""
+    amplitude, phase = generator.normal(size=(2, 5))
+    wave = lambda u: np.sin(2 * np.pi * u[:, None] * np.arange(1, 6) + phase) @ amplitude  # noqa: E731
+    for count in (20, 21):
+        t = np.arange(count) / count
+        other = dataclasses.replace(stages, periodic=dataclasses.replace(stages.periodic, t=t))
+        ramp = np.arange(float(len(other.in_ramp))) / 10
+        power = generator.normal(size=6)
+        known = [wave(t), np.polyval(power, ramp), np.polyval(power, -ramp)]
+        values = jnp.asarray(np.tile(np.concatenate(known), 2)[:, None])
+        finer = np.linspace(0, ramp[-1], 4 * (len(ramp) - 1) + 1)
+        known = [wave(np.arange(4 * count) / (4 * count)), np.polyval(power, finer), np.polyval(power, -finer)]
+        expected = np.tile(np.concatenate(known), 2)
+        np.testing.assert_allclose(other.finer(values)[:, 0], expected, atol=1e-9)
+
+
+def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
+    unknowns = 0.2 * generator.normal(size=stages.unknowns)
+    whole, short = stages.multisine(unknowns), stages.multisine(unknowns, short=True)
+    assert float(short.duration) == pytest.approx(4 + 2 * 2.8, abs=1.0)
+    largest = [
+        np.abs(jax.vmap(one.omega)(jnp.arange(0, float(one.duration), 1 / 100))).max(axis=0) for one in (whole, short)
+    ]
+    np.testing.assert_allclose(*largest, rtol=1e-9)
+
+
+def test_instants_stand_for_the_whole_run(platform, stages, generator):
+    """The mean square of alpha over the run, by 400 samples a second: what is left out next to rest is little."""
+    unknowns = 0.2 * generator.normal(size=stages.unknowns)
+    found = stages.moved(platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
+    alpha = jax.vmap(stages.multisine(unknowns).alpha)(jnp.arange(0, 21, 1 / 400))
+    ours = np.einsum("n,in,jn->ij", stages.seconds, found.body.alpha, found.body.alpha)
+    theirs = np.einsum("ni,nj->ij", alpha, alpha) / 400
+    np.testing.assert_allclose(ours, theirs, atol=2e-2 * np.trace(theirs))
+
+
+def test_weights_are_repeated_instants(preset, stages, platform, generator):
+    """A weight of two is the same instant twice, in the prediction with all sources."""
+    from uq.propagation.prediction import Prediction
+
+    prediction = Prediction.of(preset, dataclasses.replace(preset.trajectories["T1"], still="omb"))
+    motion = jnp.asarray(generator.normal(size=stages.unknowns) / 5)
+    one = stages.moved(platform, motion, jnp.zeros(3), jnp.array(9.81))
+    n = one.jerk.shape[1]
+    order = np.concatenate([np.arange(n), np.arange(7)])
+    body = one.body._replace(
+        t=one.body.t[order], omega=one.body.omega[:, order], alpha=one.body.alpha[:, order],
+        rotation=one.body.rotation[order], specific_force_cg=one.body.specific_force_cg[:, order],
+    )  # fmt: skip
+    expected = prediction.covariance(body, one.jerk[:, order], 30.0)
+    weights = 30.0 * jnp.where(jnp.arange(n) < 7, 2.0, 1.0)
+    np.testing.assert_allclose(prediction.covariance(one.body, one.jerk, weights), expected, rtol=1e-9)
+
+
+# --- patterns ---
+
+
+def test_patterns_are_those_of_one_wave(generator):
+    """The mean square of legs that follow a sine at their phases, by instants; one of each pair of conjugates."""
+    tried = patterns()
+    assert len(tried) == (6**5 + 2**5) // 2
+    np.testing.assert_allclose(np.abs(tried), 1)
+    one = generator.choice(tried)
+    wave = (one[:, None] * np.exp(2j * np.pi * np.arange(12) / 12)).real
+    np.testing.assert_allclose(2 * wave @ wave.T / 12, np.outer(one, one.conj()).real, atol=1e-12)
+
+
+@pytest.mark.parametrize("part", [MOMENTS, PRODUCTS])
+def test_the_mixture_is_optimal(part, generator):
+    """Against another minimiser; and no pattern leads down from it (Kiefer and Wolfowitz)."""
+    function, points = average(1e4, NOISE, part), generator.choice(patterns(), 40) @ generator.normal(size=(6, 3))
+    share = optimal_shares(function, points)
+    np.testing.assert_allclose(share.sum(), 1)
+    steep = np.asarray(steepness(function, points, jnp.asarray(share)))
+    assert steep.max() <= (1 + 2e-3) * (share @ steep)
+    value = jax.jit(jax.value_and_grad(lambda x: function(mixed(points, x))))
+    whole = np.einsum("k,ki,kj->ij", share, points, points.conj()).real
+    np.testing.assert_allclose(mixed(points, jnp.asarray(share)), whole, atol=1e-12)
+    other = minimize(
+        lambda x: tuple(np.asarray(v, float) for v in value(x)), np.full(40, 1 / 40), jac=True, method="SLSQP",
+        bounds=[(0, 1)] * 40, constraints={"type": "eq", "fun": lambda x: x.sum() - 1, "jac": np.ones_like},
+        options={"ftol": 1e-12, "maxiter": 500},
+    )  # fmt: skip
+    np.testing.assert_allclose(float(value(share)[0]), other.fun, rtol=1e-3)
+
+
+def test_a_mixture_leaves_out_what_is_small_and_runs_both_ways(generator):
+    found = mixture(average(1e4, NOISE, MOMENTS), generator.normal(size=(3, 6)))
+    assert 1 <= len(found.share) < 10
+    np.testing.assert_allclose(found.share.sum(), 1)
+    both = found.both_ways()
+    np.testing.assert_allclose(both.share.sum(), 1)
+    for one, part in zip(found.phasors, found.share, strict=True):
+        same = np.abs(both.phasors - one).max(axis=1) < 1e-9
+        other = np.abs(both.phasors - one.conj()).max(axis=1) < 1e-9
+        assert same.any()
+        assert other.any()
+        np.testing.assert_allclose(both.share[same | other].sum(), part)

@@ -1,0 +1,151 @@
+"""The platform against MuJoCo, and against itself."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+from identify.motion import stewart_platform as pf
+from identify.motion.stewart_platform import Pose, Rod, Twist
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.rotation import exponential
+from tests.platforms import moving, quaternion, small, somewhere, twin
+
+PLATE = Body(jnp.array(8.0), jnp.array([0.005, -0.01, 0.02]), jnp.array([0.12, 0.004, -0.003, 0.11, 0.002, 0.21]))
+BODY = Body(jnp.array(19.7), jnp.array([0.002, 0.003, 0.11]), jnp.array([0.3813, 0.01, 0.004, 0.2, -0.006, 0.3791]))
+CYLINDER = Rod(jnp.array(3.0), jnp.array(0.2), jnp.array(0.04))
+ROD = Rod(jnp.array(1.2), jnp.array(0.15), jnp.array(0.01))
+GRAVITY = 9.81
+forces = jax.jit(pf.forces)
+legs = jax.jit(pf.legs)
+
+
+def test_forward_undoes_inverse_kinematics(generator):
+    platform = small()
+    forward = jax.jit(lambda wanted: pf.pose_of(platform, wanted))
+    for _ in range(200):
+        pose = somewhere(generator, platform)
+        found = forward(pf.lengths(platform, pose))
+        np.testing.assert_allclose(found.pose.position, pose.position, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(found.pose.rotation, pose.rotation, rtol=0, atol=1e-10)
+        assert found.residual < 1e-13
+
+
+def test_lengths_that_no_pose_has_leave_a_residual():
+    assert pf.pose_of(small(), jnp.full(6, 0.01)).residual > 0.1
+
+
+def in_mujoco(platform, pose, twist, body=None):
+    """Lengths, speeds, and forces along the legs without mass."""
+    model, data = twin(platform, platform.plate if body is None else body, GRAVITY)
+    data.qpos[:3], data.qpos[3:7] = pose.position, quaternion(pose.rotation)
+    data.qvel[:3], data.qvel[3:6] = twist.velocity, twist.omega
+    data.qacc[:3], data.qacc[3:6] = twist.acceleration, twist.alpha
+    mujoco.mj_inverse(model, data)
+    jacobian = np.zeros((6, model.nv))
+    if data.ten_J.size == jacobian.size:
+        jacobian[:] = data.ten_J.reshape(6, model.nv)
+    else:
+        mujoco.mju_sparse2dense(jacobian, data.ten_J, data.ten_J_rownnz, data.ten_J_rowadr, data.ten_J_colind)
+    force = np.linalg.solve(jacobian[:, :6].T, data.qfrc_inverse[:6])
+    return data.ten_length.copy(), data.ten_velocity.copy(), force, data
+
+
+def test_lengths_speeds_and_forces_are_mujocos(generator):
+    platform = small(plate=PLATE)
+    for _ in range(20):
+        pose, twist = somewhere(generator, platform), moving(generator)
+        length, speed, force, _ = in_mujoco(platform, pose, twist, BODY)
+        found = legs(platform, pose, twist)
+        np.testing.assert_allclose(found.length, length, rtol=1e-12)
+        np.testing.assert_allclose(found.speed, speed, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(forces(platform, BODY, pose, twist, jnp.array(GRAVITY)), force, rtol=0, atol=1e-9)
+
+
+def hinges(platform, pose):
+    """The two angles of each leg's universal joint, and its length, as MuJoCo has them."""
+    along = pf.vectors(platform, pose)
+    length = jnp.linalg.norm(along, axis=1)
+    x, y, z = (along / length[:, None]).T
+    return jnp.stack([jnp.arctan2(-y, z), jnp.arcsin(x), length], axis=1).ravel()
+
+
+def shifted(pose, step):
+    return Pose(pose.position + step[:3], pose.rotation @ exponential(step[3:]))
+
+
+def test_forces_of_heavy_legs_are_mujocos(generator):
+    """The virtual work of separate legs, each by MuJoCo's inverse dynamics, joins that of the platform."""
+    platform = small(plate=PLATE, cylinder=CYLINDER, rod=ROD)
+    model, data = twin(platform, BODY, GRAVITY)
+    for _ in range(10):
+        pose, twist = somewhere(generator, platform), moving(generator)
+        q, speed, acceleration = pf.second_order(lambda at: hinges(platform, at), pose, twist)
+        data.qpos[:] = np.concatenate([pose.position, quaternion(pose.rotation), q])
+        data.qvel[:] = np.concatenate([twist.velocity, twist.omega, speed])
+        data.qacc[:] = np.concatenate([twist.acceleration, twist.alpha, acceleration])
+        mujoco.mj_inverse(model, data)
+        by_pose = jax.jacobian(lambda d, at: hinges(platform, shifted(at, d)))(jnp.zeros(6), pose)
+        needed = data.qfrc_inverse[:6] + np.asarray(by_pose).T @ data.qfrc_inverse[6:]
+        expected = np.linalg.solve(np.asarray(pf.jacobian(platform, pose)).T, needed)
+        found = forces(platform, BODY, pose, twist, jnp.array(GRAVITY))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)
+
+
+def test_accelerations_are_the_lengths_second_differences(generator):
+    platform = small()
+    pose, twist, h = somewhere(generator, platform), moving(generator), 1e-4
+    before, now, after = (pf.lengths(platform, pf.moved(pose, twist, jnp.array(x))) for x in (-h, 0.0, h))
+    found = legs(platform, pose, twist)
+    np.testing.assert_allclose(found.acceleration, (after - 2 * now + before) / h**2, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        found.speed, pf.jacobian(platform, pose) @ jnp.hstack([twist.velocity, twist.omega]), atol=1e-12
+    )
+
+
+def test_a_level_platform_at_rest_carries_its_weight():
+    platform = small(plate=PLATE, cylinder=CYLINDER, rod=ROD)
+    still = Twist(*[jnp.zeros(3)] * 4)
+    push = pf.forces(platform, BODY, platform.home_pose, still, jnp.array(GRAVITY))
+    along = pf.vectors(platform, platform.home_pose)
+    up = (push * along[:, 2] / jnp.linalg.norm(along, axis=1)).sum()
+    assert (PLATE.mass + BODY.mass) * GRAVITY < up < (PLATE.mass + BODY.mass + 6 * 4.2) * GRAVITY
+
+
+def test_a_platform_above_its_own_shadow_is_singular():
+    """Fichter's case: platform and base alike and turned by 90 degrees."""
+    platform = small()
+    alike = pf.Platform(platform.base, platform.base, platform.home, platform.plate, platform.cylinder, platform.rod)
+    turned = Pose(alike.home, exponential(jnp.array([0.0, 0.0, np.pi / 2])))
+    assert pf.singularity(alike, turned) < 1e-8
+    assert pf.singularity(platform, platform.home_pose) > 0.1
+
+
+def test_joint_angles():
+    platform = small()
+    base, top = pf.joint_angles(platform, platform.home_pose)
+    np.testing.assert_allclose([base, top], 0, atol=1e-15)
+    tilted = Pose(platform.home, exponential(jnp.array([0.1, 0.0, 0.0])))
+    along, turned = pf.vectors(platform, platform.home_pose), pf.vectors(platform, tilted)
+    cosine = (along * turned).sum(axis=1) / jnp.linalg.norm(along, axis=1) / jnp.linalg.norm(turned, axis=1)
+    np.testing.assert_allclose(pf.joint_angles(platform, tilted)[0], jnp.arccos(cosine), atol=1e-7)
+    assert np.isfinite(
+        jax.grad(lambda z: pf.joint_angles(platform, Pose(platform.home + z, jnp.eye(3)))[0].sum())(jnp.zeros(3))
+    ).all()
+
+
+@pytest.mark.parametrize("what", ["length", "force"])
+def test_derivatives_are_those_of_differences(generator, what):
+    platform = small(plate=PLATE, cylinder=CYLINDER, rod=ROD)
+    pose, twist = somewhere(generator, platform), moving(generator)
+
+    def value(shift):
+        at = Pose(pose.position + shift, pose.rotation)
+        if what == "length":
+            return pf.lengths(platform, at)[0]
+        return pf.forces(platform, BODY, at, twist, jnp.array(GRAVITY))[0]
+
+    h = 1e-5
+    differences = [(value(h * e) - value(-h * e)) / (2 * h) for e in jnp.eye(3)]
+    np.testing.assert_allclose(jax.grad(value)(jnp.zeros(3)), differences, rtol=1e-6)

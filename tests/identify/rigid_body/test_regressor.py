@@ -1,0 +1,104 @@
+"""Omega_R and the wrench regressor: against the definition, and against Pinocchio's."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from identify.rigid_body.dynamics import acceleration_at, wrench
+from identify.rigid_body.inertia import Body, parallel_axis, unpack
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features, omega_r, pi, wrench_regressor
+
+pin = pytest.importorskip("pinocchio")
+
+
+@pytest.fixture
+def motion(generator):
+    return jnp.asarray(generator.normal(size=3)), jnp.asarray(generator.normal(size=3))
+
+
+@pytest.fixture
+def body(generator):
+    points, masses = generator.normal(size=(6, 3)), generator.uniform(0.5, 1, 6)
+    points -= masses @ points / masses.sum()
+    tensor = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
+    inertia = jnp.asarray(tensor[np.triu_indices(3)])
+    return Body(jnp.asarray(masses.sum()), jnp.asarray(generator.normal(size=3)), inertia)
+
+
+def test_omega_r_is_the_definition(motion, body):
+    omega, alpha = motion
+    tensor = unpack(body.inertia)
+    expected = tensor @ alpha + jnp.cross(omega, tensor @ omega)
+    np.testing.assert_allclose(omega_r(omega, alpha) @ body.inertia, expected, atol=1e-12)
+
+
+def test_omega_r_is_linear_in_the_features(motion):
+    from_features = jnp.einsum("k,kij->ij", features(*motion), jnp.asarray(OMEGA_R_OF_FEATURES))
+    np.testing.assert_allclose(from_features, omega_r(*motion), atol=1e-15)
+
+
+def test_pi_is_the_cross_product(motion):
+    force, r = motion
+    np.testing.assert_allclose(pi(force) @ r, jnp.cross(r, force), atol=1e-15)
+
+
+@pytest.mark.parametrize("batch", [(), (1,), (3, 1, 2)])
+def test_one_sample_in_its_rows_out_over_any_batch(generator, batch):
+    omega, alpha = (jnp.asarray(generator.normal(size=(*batch, 3))) for _ in range(2))
+    function = omega_r
+    for _ in batch:
+        function = jax.vmap(function)
+    rows = function(omega, alpha)
+    assert rows.shape == (*batch, 3, 6)
+    first = (0,) * len(batch)
+    np.testing.assert_array_equal(rows[first], omega_r(omega[first], alpha[first]))
+
+
+def free_body(body):
+    """A Pinocchio model of the body on a free joint at Q, and the order of its inertial parameters in ours."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "Q")
+    inertia = pin.Inertia(float(body.mass), np.asarray(body.r_cg_from_q), np.asarray(unpack(body.inertia)))
+    model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+    return model, [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # m, m r, then Ixx Ixy Iyy Ixz Iyz Izz
+
+
+def test_wrench_regressor_is_pinocchios(body, motion, generator):
+    omega, alpha = motion
+    model, order = free_body(body)
+    data = model.createData()
+    rotation = Rotation.random(rng=generator)
+    acceleration = generator.normal(size=3)  # of Q in B
+    q = np.concatenate([generator.normal(size=3), rotation.as_quat()])
+    v = np.concatenate([np.zeros(3), np.asarray(omega)])
+    a = np.concatenate([acceleration, np.asarray(alpha)])
+    model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    theirs = pin.computeJointTorqueRegressor(model, data, q, v, a)[:, order]
+    specific_force = acceleration - rotation.as_matrix().T @ model.gravity.linear
+    ours = wrench_regressor(omega, alpha, jnp.asarray(specific_force))
+    np.testing.assert_allclose(ours, theirs, atol=1e-10)
+
+
+def test_wrench_is_pinocchios_and_the_regressors(body, motion, generator):
+    omega, alpha = motion
+    model, _ = free_body(body)
+    rotation = Rotation.random(rng=generator)
+    acceleration = generator.normal(size=3)
+    q = np.concatenate([np.zeros(3), rotation.as_quat()])
+    theirs = pin.rnea(model, model.createData(), q, np.r_[np.zeros(3), omega], np.r_[acceleration, alpha])
+    at_q = jnp.asarray(acceleration - rotation.as_matrix().T @ model.gravity.linear)
+    at_cg = at_q + acceleration_at(body.r_cg_from_q, omega, alpha)
+    ours = jnp.concatenate(wrench(body, omega, alpha, at_cg))
+    np.testing.assert_allclose(ours, theirs, atol=1e-10)
+    about_q = parallel_axis(body.inertia, body.mass, body.r_cg_from_q)
+    parameters = jnp.concatenate([body.mass[None], body.mass * body.r_cg_from_q, about_q])
+    np.testing.assert_allclose(wrench_regressor(omega, alpha, at_q) @ parameters, ours, atol=1e-10)
+
+
+def test_a_body_at_rest_weighs_on_the_cell():
+    body = Body(jnp.array(19.7), jnp.array([0.0, 0.0, 0.053]), jnp.ones(6))
+    force, moment = wrench(body, jnp.zeros(3), jnp.zeros(3), jnp.array([0.0, 0.0, 9.81]))
+    np.testing.assert_allclose(force, [0, 0, 19.7 * 9.81])
+    np.testing.assert_allclose(moment, 0)

@@ -1,0 +1,40 @@
+"""The filter on both sides, the motion's band, the gyro's noise level."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from identify.signals.filters import apply, gaussian, motion_band, noise_level, response
+
+
+def test_the_gaussian_has_unit_gain_at_rest_and_minus_3_db_at_its_cutoff():
+    rate, cutoff = 1000.0, 10.0
+    taps = gaussian(rate, cutoff)
+    gain = response(taps, rate, np.array([0.0, cutoff]))[1]
+    assert taps.sum() == pytest.approx(1, abs=1e-15)
+    assert gain == pytest.approx(1 / np.sqrt(2), rel=2e-4)  # cut at 4 σ
+
+
+def test_apply_is_numpys_convolution(generator):
+    signals, taps = generator.normal(size=(4, 200)), gaussian(100.0, 10.0)
+    expected = [np.convolve(signal, taps, "valid") for signal in signals]
+    np.testing.assert_allclose(apply(jnp.asarray(signals), jnp.asarray(taps)), expected, atol=1e-13)
+
+
+def test_too_few_samples_are_refused():
+    with pytest.raises(ValueError, match="must have 9 samples or more, but has 5"):
+        apply(jnp.ones((1, 5)), jnp.ones(9))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_the_band_of_a_sine_in_noise(generator, noise):
+    t = np.arange(60_000) / 400
+    omega = 0.4 * np.sin(2 * np.pi * 1.5 * t)[:, None] + noise * generator.normal(size=(60_000, 3))
+    assert 1.5 <= motion_band(omega, 400.0) < 2.0
+
+
+def test_noise_level_sees_through_the_motion(generator):
+    t, sigma = np.arange(72_000) / 400, np.array([4e-4, 2e-3, 1e-3])
+    omega = 0.4 * np.sin(2 * np.pi * 1.5 * t)[:, None] + sigma * generator.normal(size=(72_000, 3))
+    np.testing.assert_allclose(noise_level(omega), sigma, rtol=0.03)  # five times its relative standard error
+    assert noise_level(omega[:5]).tolist() == [0, 0, 0]

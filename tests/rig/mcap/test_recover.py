@@ -1,0 +1,159 @@
+"""Cut and damaged files: never a wrong number, every intact chunk, always a line that says what was lost."""
+
+import numpy as np
+import pytest
+from mcap.opcode import Opcode
+
+from rig import runs as bag
+from rig.exceptions import RigError
+from rig.mcap.container import Scanner
+from rig.mcap.recover import recover
+from rig.mcap.writer import new_writer, register
+from tests.rig_samples import imu_channel, wrench_channel
+from uq.cli.main import main
+
+METADATA = {"rig.run": {"note": "a run"}}
+
+
+def written(path, compression="zstd", n=1000):
+    """A run of 2 n messages in small chunks, one known row a message."""
+    wrench, imu = wrench_channel(n), imu_channel(n)
+    with open(path, "wb") as stream:
+        writer = new_writer(stream, compression=compression, chunk_size=8000)
+        for name, facts in METADATA.items():
+            writer.add_metadata(name, bag.seal(name, facts))
+        streams = []
+        for channel in (wrench, imu):
+            number = register(writer, bag.TYPES[type(channel)], channel.topic)
+            streams.append(bag._messages(channel, number))
+        for pair in zip(*streams, strict=True):
+            for time, number, data, stamp, sequence in pair:
+                writer.add_message(number, time, data, stamp, sequence)
+        writer.finish()
+    return rows(path)
+
+
+def rows(path):
+    """Every message of a file as {(topic, log_time): its numbers}."""
+    found = {}
+    contents = bag.load(path)
+    for topic, pieces in contents.topics.items():
+        columns = pieces.arrays()
+        values = [v for name, v in columns.items() if v.ndim == 2]
+        keep = zip(columns["log_time"], columns["stamp"], columns["sequence"], *values, strict=True)
+        for time, stamp, sequence, left, right in keep:
+            found[topic, int(time)] = (int(stamp), int(sequence), left.tobytes(), right.tobytes())
+    return found
+
+
+def chunk_spans(path):
+    """(first byte, byte behind, its rows' times) of every chunk."""
+    with open(path, "rb") as stream:
+        for record in Scanner(path, stream):
+            if record.opcode == Opcode.CHUNK:
+                yield record.position, record.position + 9 + len(record.body), record
+
+
+def saved(path, output):
+    """The rows of the recovered file, or nothing where nothing could be saved."""
+    output.unlink(missing_ok=True)
+    try:
+        result = recover(path, output)
+    except RigError:
+        assert not output.exists()
+        return {}, None
+    assert "\n" not in str(result)
+    got = rows(output)
+    assert len(got) == result.messages
+    return got, result
+
+
+def rows_of_chunk(record):
+    from rig.mcap.container import chunk_data, walk
+
+    return sum(len(offsets) for offsets in walk(chunk_data(record)).offsets.values())
+
+
+def test_an_intact_file_comes_back_whole(tmp_path):
+    whole = written(tmp_path / "run.mcap")
+    got, result = saved(tmp_path / "run.mcap", tmp_path / "new.mcap")
+    assert got == whole
+    assert result.intact
+    assert bag.load(tmp_path / "new.mcap").metadata["rig.run"] == METADATA["rig.run"]
+    assert "nothing was lost" in str(result)
+
+
+@pytest.mark.parametrize("step", [97 * 23, pytest.param(97, marks=pytest.mark.study)])
+def test_every_cut_gives_every_whole_chunk(tmp_path, step):
+    """A file of 2,000 messages cut at every 97th byte; by default at every 23rd of those places."""
+    path, broken, output = tmp_path / "run.mcap", tmp_path / "broken.mcap", tmp_path / "new.mcap"
+    whole = written(path)
+    data = path.read_bytes()
+    ends = [(end, rows_of_chunk(record)) for _, end, record in chunk_spans(path)]
+    assert len(ends) > 20
+    for size in range(0, len(data), step):
+        broken.write_bytes(data[:size])
+        got, result = saved(broken, output)
+        assert got.items() <= whole.items()
+        assert len(got) == sum(count for end, count in ends if end <= size)
+        assert result is None or not result.intact
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+@pytest.mark.parametrize("flips", [60, pytest.param(1000, marks=pytest.mark.study)])
+def test_no_flipped_bit_gives_a_wrong_number(tmp_path, compression, flips):
+    path, broken, output = tmp_path / "run.mcap", tmp_path / "broken.mcap", tmp_path / "new.mcap"
+    whole = written(path, compression)
+    data = path.read_bytes()
+    spans = [(start, end, rows_of_chunk(record)) for start, end, record in chunk_spans(path)]
+    draw = np.random.default_rng(5)
+    for position in draw.integers(len(data), size=flips).tolist():
+        damaged = bytearray(data)
+        damaged[position] ^= 1 << int(draw.integers(8))
+        broken.write_bytes(damaged)
+        got, result = saved(broken, output)
+        assert got.items() <= whole.items()
+        assert len(got) >= sum(count for start, end, count in spans if not start <= position < end)
+        assert not result.intact
+        metadata = bag.load(output).metadata
+        assert metadata.get("rig.run", METADATA["rig.run"]) == METADATA["rig.run"]
+
+
+def test_the_command_says_what_was_lost(tmp_path, capsys):
+    path, output = tmp_path / "run.mcap", tmp_path / "new.mcap"
+    written(path)
+    data = path.read_bytes()
+    assert main(["recover", str(path), "-o", str(output)]) == 0
+    assert main(["recover", str(path), "-o", str(output)]) == 2
+    path.write_bytes(data[: len(data) // 2])
+    output.unlink()
+    assert main(["recover", str(path), "-o", str(output)]) == 1
+    out, err = capsys.readouterr()
+    assert "not known" in out.splitlines()[-1]
+    assert err.startswith("error: output exists")
+    assert path.read_bytes() == data[: len(data) // 2]
+
+
+@pytest.mark.parametrize("length", [2**62, 2**64 - 1])
+def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
+    path = tmp_path / "run.mcap"
+    whole = written(path)
+    (start, end, record), *_ = chunk_spans(path)
+    data = bytearray(path.read_bytes())
+    at = start + 9 + 8 + 8 + 8 + 4 + 4 + len("zstd")
+    data[at : at + 8] = length.to_bytes(8, "little")
+    path.write_bytes(data)
+    with pytest.raises(RigError, match="inertia recover"):
+        bag.read(path)
+    got, result = saved(path, tmp_path / "new.mcap")
+    assert got.items() <= whole.items()
+    assert len(got) == len(whole) - rows_of_chunk(record)
+    assert result.lost_bytes >= end - start
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense" * 100])
+def test_what_is_no_run_is_no_run(tmp_path, content, capsys):
+    (tmp_path / "x.mcap").write_bytes(content)
+    assert main(["recover", str(tmp_path / "x.mcap"), "-o", str(tmp_path / "y.mcap")]) == 2
+    assert "nothing to recover" in capsys.readouterr().err
+    assert not (tmp_path / "y.mcap").exists()

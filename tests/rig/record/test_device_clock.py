@@ -1,0 +1,213 @@
+"""Clock fit and delay against closed forms; what a source makes of arrivals; the terminal; a reader that fails."""
+
+import io
+import os
+import pty
+import threading
+import time
+from collections import deque
+
+import numpy as np
+import pytest
+
+from rig import runs as bag
+from rig.devices import bota
+from rig.devices.conversation import Identity
+from rig.exceptions import RigError
+from rig.record import command_delay as delay
+from rig.record import device_clock as clock
+from rig.record.device_source import Source
+from rig.record.reader import LIMIT, Event, Reader
+from rig.record.recorder import Progress, Recorder
+from rig.record.rig_file import load
+from rig.record.session import Session
+from rig.record.terminal import Keys, Terminal
+from tests.rig_lab import Bench
+
+RIG = '[[device]]\nname = "cell"\nkind = "bota"\nport = "/dev/none"\nwrench = "on_sensor"\n'
+
+
+@pytest.fixture
+def entry(tmp_path):
+    (tmp_path / "rig.toml").write_text(RIG)
+    return load(tmp_path / "rig.toml").entries[0]
+
+
+@pytest.mark.parametrize("skew", [0.0, 50e-6, -200e-6])
+def test_the_clock_fit_is_exact_without_delays(skew):
+    device = np.arange(0, 20_000_000_000, 1_000_000)
+    arrival = device + 7_000_000 + np.round(skew * device).astype(np.int64)
+    fit = clock.fit(device, arrival)
+    # rounding to 1 ns over at least half of 20 s: 1e-10
+    assert fit.skew == pytest.approx(skew, abs=2e-10)
+    assert fit.host(10_000_000_000) == pytest.approx(10_007_000_000 + skew * 1e10, abs=3)
+
+
+def test_delays_do_not_bias_the_clock_fit():
+    """Delays of up to 1 ms as from a USB timer: the hull keeps the skew within 1 ppm, where the mean is 0.5 ms late."""
+    draw = np.random.default_rng(1)
+    device = np.arange(0, 60_000_000_000, 1_000_000)
+    late = draw.uniform(0, 1e6, len(device)).astype(np.int64)
+    fit = clock.fit(device, device + 3_000_000 + np.round(20e-6 * device).astype(np.int64) + late)
+    assert fit.skew == pytest.approx(20e-6, abs=1e-6)
+    assert fit.offset == pytest.approx(3_000_000, abs=20_000)
+
+
+def test_over_a_short_time_the_skew_is_taken_as_zero():
+    device = np.arange(0, 1_000_000_000, 1_000_000)
+    fit = clock.fit(device, device + 500 + (device % 7))
+    assert (fit.skew, fit.offset) == (0.0, 500)
+    assert clock.fit(device[:0], device[:0]) == (0.0, 0.0, 0)
+
+
+@pytest.mark.parametrize("shift", [-0.2137, 0.0, 0.0213, 0.3])
+def test_a_delay_is_found(shift):
+    t, u = np.arange(0, 8, 0.005), np.arange(0.013, 8, 0.002)
+
+    def wave(time_):
+        return np.sin(2 * np.pi * 0.7 * time_) + 0.5 * np.sin(2 * np.pi * 1.9 * time_ + 1)
+
+    found = delay.estimate(t, wave(t), u, wave(u - shift))
+    # linear interpolation at 5 ms of a 1.9 Hz wave errs by at most (2 pi 1.9 0.005)^2 / 8 = 0.05 % of it
+    assert found.seconds == pytest.approx(shift, abs=1e-4)
+    assert found.correlation > 0.999
+
+
+def test_a_delay_that_cannot_be_told_is_none():
+    t = np.arange(0, 8, 0.005)
+    noise = np.random.default_rng(2).normal(size=(2, len(t)))
+    assert delay.estimate(t, noise[0], t, noise[1]) is None  # coefficient 0.7 by chance: below 1e-100
+    assert delay.estimate(t[:100], noise[0, :100], t[:100], noise[0, :100]) is None
+    assert delay.estimate(t, 0 * t, t, np.sin(t)) is None
+    assert delay.of_command(("stroke",), deque(), deque()) is None
+
+
+def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    byte_time = 10e9 / 460800
+    frames = [bota.encode((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), microseconds=1250 * i) for i in (0, 1, 3)]
+    got = list(source.take(Event(10**9, b"".join(frames))))
+    assert [m.values for m in got] == [(-1.0, -2.0, -3.0, -4.0, -5.0, -6.0)] * 3
+    assert [m.sequence for m in got] == [0, 1, 3]
+    assert source.counts.missing == 1
+    assert not source.complete
+    # the first frame came two frames before the end of what arrived, and took its time on the wire
+    assert got[0].stamp == pytest.approx(10**9 - 3 * 37 * byte_time, abs=2)
+    assert got[1].stamp - got[0].stamp == pytest.approx(1_250_000 - 37 * byte_time, abs=1_000_000)
+
+
+def test_a_source_turns_by_the_rotation_of_the_rig_file(tmp_path):
+    (tmp_path / "rig.toml").write_text(RIG + "rotation_to_body = [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]\n")
+    entry = load(tmp_path / "rig.toml").entries[0]
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    frame = bota.encode((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), microseconds=0)
+    (got,) = source.take(Event(1, frame))
+    assert got.values == (2.0, -3.0, 1.0, 5.0, -6.0, 4.0)  # minus the rotated: the reading is the wrench on the sensor
+
+
+def test_a_source_tells_how_it_fares_and_counts_over_reconnections(entry):
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    frame = bota.encode((0.0,) * 6, microseconds=5)
+    list(source.take(Event(1, frame)))
+    source.look(3 * 10**9)
+    assert source.state == "silent"
+    list(source.take(Event(4 * 10**9, lost=True)))
+    assert source.state == "unplugged"
+    list(source.take(Event(5 * 10**9, found=Identity(model="again"))))
+    list(source.take(Event(6 * 10**9, frame)))
+    assert (source.state, source.reconnects, source.counts.samples) == ("ok", 1, 2)
+    assert source.downtime == 6 * 10**9 - 1
+    assert len(source.troubles) == 3
+    list(source.take(Event(7 * 10**9, bytes(3000))))
+    source.look(9 * 10**9)
+    assert source.state == "babbling"
+
+
+def test_silence_just_before_the_end_is_missing_data(entry):
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    list(source.take(Event(10**9, bota.encode((0.0,) * 6, microseconds=5))))
+    source.look(10**9 + 900_000_000)
+    assert source.state == "ok"
+    source.finish(10**9 + 900_000_000)
+    assert (source.state, source.complete) == ("silent", False)
+
+
+class EndlessPort:
+    """A port that never runs dry."""
+
+    def read(self):
+        return bytes(65536)
+
+    def write(self, data):
+        """Nobody listens."""
+
+    def close(self):
+        """Nothing to close."""
+
+
+class BrokenPort(EndlessPort):
+    """A port whose driver has a bug."""
+
+    def read(self):
+        raise ZeroDivisionError("a bug")
+
+
+def running(entry, port, monkeypatch):
+    monkeypatch.setattr("rig.record.reader.open_port", lambda *_: port)
+    monkeypatch.setattr("rig.record.reader.converse", lambda *_: Identity())
+    reader = Reader(entry, "/dev/none")
+    reader.start()
+    return reader
+
+
+def test_a_queue_that_nobody_empties_is_bounded_and_the_loss_is_counted(entry, monkeypatch):
+    reader = running(entry, EndlessPort(), monkeypatch)
+    while not reader.overflow:
+        time.sleep(0.01)
+    reader.halt()
+    reader.join()
+    assert sum(len(event.data) for event in reader.events) <= LIMIT + 65536
+    source = Source(entry, reader, now=0)
+    assert not source.complete
+
+
+def test_an_exception_in_a_reader_ends_the_session_loudly(entry, monkeypatch, tmp_path):
+    reader = running(entry, BrokenPort(), monkeypatch)
+    reader.join()
+    session = Session(load(tmp_path / "rig.toml"))
+    session._readers = [reader]
+    with pytest.raises(RigError, match=r"reader of cell failed .*a bug"):
+        session.raise_failures()
+
+
+def test_a_recording_whose_reader_fails_is_ended_loudly_and_kept(tmp_path, monkeypatch):
+    with Bench(tmp_path) as bench:
+        recorder = Recorder(load(bench.rig), tmp_path / "run.mcap")
+        broken = threading.Timer(1.2, lambda: monkeypatch.setattr("rig.record.port.os.read", lambda *_: 1 / 0))
+        broken.start()
+        with pytest.raises(RigError, match=r"reader of .* failed .*what was recorded until then is in"):
+            recorder.run()
+        monkeypatch.undo()
+    assert len(bag.read(tmp_path / "run.mcap").wrench.stamp) > 100
+
+
+def test_the_terminal_shows_rates_losses_time_and_size(entry):
+    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    list(source.take(Event(1, b"".join(bota.encode((0.0,) * 6, microseconds=1250 * i) for i in range(800)))))
+    text = Terminal(io.StringIO()).line(Progress(1.0, 2_500_000, [source]))
+    assert text == "    1.0 s  2.5 MB  |  cell 800 Hz, 0 missing, 0 bad"
+    source.look(10**10)
+    assert "SILENT" in Terminal(io.StringIO()).line(Progress(1.0, 2_500_000, [source]))
+
+
+def test_a_key_on_a_terminal_is_a_mark(monkeypatch):
+    master, slave = pty.openpty()
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())
+    heard = []
+    with os.fdopen(slave) as stream, Keys(stream, heard.append):
+        os.write(master, b"m")
+        deadline = time.monotonic() + 5
+        while not heard and time.monotonic() < deadline:
+            time.sleep(0.01)
+    os.close(master)
+    assert heard == ["m"]

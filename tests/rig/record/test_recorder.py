@@ -1,0 +1,304 @@
+"""Recording from emulated sensors, whole: what was played is in the file, and what cannot start says why."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from rig import runs as bag
+from tests.rig_lab import Bench, Recording, ramp_run, refused
+from uq.cli.main import main
+
+EMULATED = """
+[[device]]
+name = "cell"
+kind = "bota"
+port = "emulator:ramp.mcap"
+wrench = "on_sensor"
+rotation_to_body = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+options = { rate = 800 }
+
+[[device]]
+name = "imu"
+kind = "xsens"
+port = "emulator:ramp.mcap?skew_ppm=80"
+baudrate = 921600
+options = { rate = 400 }
+"""
+
+
+def check_ramp(run, *, whole=True):
+    """Every sample in its place: values grow by the same step from sample to sample, in f32."""
+    for values, rate in ((run.wrench.force, 800), (run.imu.angular_velocity, 400)):
+        expected = (np.arange(len(values)) / rate).astype(np.float32)
+        shift = values[0, 0] if not whole else 0.0
+        np.testing.assert_allclose(values[:, 0] - shift, expected, atol=1e-5)
+        np.testing.assert_allclose(values[:, 1] + shift, -expected, atol=1e-5)
+
+
+@pytest.fixture
+def emulated(tmp_path):
+    ramp_run(tmp_path / "ramp.mcap", seconds=3.0)
+    (tmp_path / "rig.toml").write_text(EMULATED)
+    return tmp_path / "rig.toml"
+
+
+def test_one_command_records_an_emulated_run_whole(emulated, tmp_path):
+    """Ends by itself with the run; the reading is turned to the body frame and its sign; nothing is missing."""
+    recording = Recording(emulated, "-o", tmp_path / "run.mcap", "--note", "a test")
+    status, summary, _ = recording.end()
+    assert (status, summary["complete"]) == (0, True)
+    run = bag.read(tmp_path / "run.mcap")
+    assert (len(run.wrench.stamp), len(run.imu.stamp)) == (2401, 1201)
+    check_ramp(run)
+    np.testing.assert_array_equal(run.imu.sequence - run.imu.sequence[0], np.arange(1201))
+    assert run.metadata["rig.run"]["note"] == "a test"
+    assert run.metadata["rig.run"]["imu.model"] == "MTi-emulated"
+    assert run.metadata["rig.run"]["imu.read_back.4020_hz"] == "400"
+    assert run.metadata["rig.end"]["complete"] == "true"
+    # a skew of 80 ppm is in the clock fit: 3 s of run, jitter well below 0.3 ms, so within 100 ppm
+    assert abs(float(run.metadata["rig.end"]["imu.clock_skew_ppm"]) + 80) < 100
+    topics = check_foreign_readers(tmp_path / "run.mcap")
+    assert topics["/raw/cell"] > 0
+    assert topics["/diagnostics"] >= 3
+
+
+def check_foreign_readers(path):
+    """mcap-ros2-support and rosbags decode every message of every topic, and find the same numbers."""
+    counts, forces = {}, []
+    with open(path, "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for item in reader.iter_decoded_messages():
+            counts[item.channel.topic] = counts.get(item.channel.topic, 0) + 1
+            if item.channel.topic == "/wrench":
+                forces.append(item.decoded_message.wrench.force.x)
+    others, theirs = {}, []
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            others[connection.topic] = others.get(connection.topic, 0) + 1
+            if connection.topic == "/wrench":
+                theirs.append(message.wrench.force.x)
+    assert counts == others
+    assert forces == theirs == bag.read(path).wrench.force[:, 0].tolist()
+    return counts
+
+
+def test_runs_in_a_folder_are_numbered_and_none_is_overwritten(emulated, tmp_path):
+    folder = tmp_path / "runs"
+    for _ in range(2):
+        assert Recording(emulated, "-o", f"{folder}/", "--seconds", "0.3").end()[0] == 0
+    assert sorted(p.name for p in folder.iterdir()) == ["run_0001.mcap", "run_0002.mcap"]
+    before = (folder / "run_0001.mcap").read_bytes()
+    status, _, messages = Recording(emulated, "-o", folder / "run_0001.mcap", wait=False).end()
+    assert status == 2
+    assert messages.startswith("error: output exists")
+    assert (folder / "run_0001.mcap").read_bytes() == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_recording_cleanly_and_marks_are_kept(tmp_path, number):
+    with Bench(tmp_path) as bench:
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap")
+        time.sleep(0.3)
+        recording.process.stdin.write("start of the motion\nsecond: ω\n".encode())
+        recording.process.stdin.flush()
+        time.sleep(0.5)
+        status, summary, _ = recording.stop(number)
+    assert (status, summary["complete"], summary["marks"]) == (0, True, 2)
+    with open(tmp_path / "run.mcap", "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        marks = [item.decoded_message.data for item in reader.iter_decoded_messages(topics=["/mark"])]
+    assert marks == ["start of the motion", "second: ω"]
+
+
+def test_ports_that_cannot_be_opened_say_what_to_do(tmp_path):
+    rig, output = tmp_path / "rig.toml", tmp_path / "run.mcap"
+    rig.write_text('[[device]]\nname = "imu"\nkind = "xsens"\nport = "/dev/ttyNOTHING"\n')
+    assert "plug the device in" in refused(rig, "-o", output)
+    rig.write_text(f'[[device]]\nname = "imu"\nkind = "xsens"\nport = "{tmp_path}/rig.toml"\n')
+    assert "is it a serial port?" in refused(rig, "-o", output)
+    assert not output.exists()
+
+
+def test_a_busy_port_and_a_wrong_kind_and_a_mute_device(tmp_path):
+    with Bench(tmp_path) as bench:
+        rig, output = tmp_path / "other.toml", tmp_path / "run.mcap"
+        table = '[[device]]\nname = "imu"\nkind = "{kind}"\nport = "{port}"\n{more}\n'
+        recording = Recording(bench.rig, "-o", output)
+        assert "port busy" in refused(bench.rig, "-o", tmp_path / "second.mcap")
+        recording.stop()
+        rig.write_text(table.format(kind="vectornav", port=bench.ports["imu"], more=""))
+        assert "no sense in the" in refused(rig, "-o", tmp_path / "third.mcap")
+        more = "options = { configure = false }"
+        rig.write_text(table.format(kind="vectornav", port=bench.ports["imu"], more=more))
+        assert "no sense in the bytes of imu" in refused(rig, "-o", tmp_path / "third.mcap")
+        bench.tell("silence imu")
+        rig.write_text(table.format(kind="xsens", port=bench.ports["imu"], more=""))
+        assert "no bytes from imu" in refused(rig, "-o", tmp_path / "third.mcap")
+        assert not (tmp_path / "third.mcap").exists()
+
+
+COMMANDED = """
+[[device]]
+name = "imu"
+kind = "xsens"
+port = "emulator:run.mcap?delay=0.0213&loop=1"
+baudrate = 921600
+options = { rate = 400 }
+
+[[device]]
+name = "platform"
+kind = "line"
+port = "emulator:run.mcap?loop=1"
+baudrate = 921600
+delay_to = "imu"
+options = { rate = 200, columns = ["counter", "time us", "omega_x deg/s", "omega_y deg/s", "stroke mm"] }
+"""
+
+
+def test_the_platforms_command_is_recorded_and_its_delay_estimated(tmp_path):
+    """The emulated IMU shows the motion 21.3 ms later; pty and pacing jitter stays below 1 ms."""
+    from rig.channels import ImuChannel, WrenchChannel
+
+    t = np.arange(4001) / 400
+    wave = np.stack([0.3 * np.sin(2 * np.pi * 0.8 * t), 0.1 * np.sin(2 * np.pi * 1.3 * t), 0 * t], axis=1)
+    time_ = 10**9 + np.round(t * 1e9).astype(np.int64)
+    zero = np.zeros_like(wave)
+    bag.write(
+        tmp_path / "run.mcap",
+        wrench=WrenchChannel("/wrench", "body", time_, time_, zero, zero),
+        imu=ImuChannel("/imu", "body", time_, time_, wave, zero + np.array([0, 0, 9.81])),
+    )
+    (tmp_path / "rig.toml").write_text(COMMANDED)
+    status, summary, _ = Recording(tmp_path / "rig.toml", "-o", tmp_path / "out.mcap", "--seconds", "4").end()
+    assert status == 0
+    found = summary["delays"]["platform"]
+    assert found["delay_correlation"] > 0.99
+    assert found["delay_s"] == pytest.approx(0.0213, abs=1e-3)
+    with open(tmp_path / "out.mcap", "rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        rows = [item.decoded_message for item in reader.iter_decoded_messages(topics=["/platform"])]
+    assert rows[0].name == ["omega_x", "omega_y", "stroke"]
+    got = np.array([row.position for row in rows])
+    assert len(got) > 700
+    np.testing.assert_allclose(got[:400, 0], wave[: 2 * 400 : 2, 0], atol=1e-9)
+
+
+def test_udp_lines_are_a_device(tmp_path):
+    rig = tmp_path / "rig.toml"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        number = probe.getsockname()[1]
+    rig.write_text(
+        f'[[device]]\nname = "pose"\nkind = "line"\nport = "udp:{number}"\n'
+        'options = { columns = ["counter", "x mm"], separator = "," }\n'
+    )
+    recording = Recording(rig, "-o", tmp_path / "run.mcap", "--seconds", "1", wait=False)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for i in range(1000):
+            sender.sendto(b"%d,%d" % (i, 2 * i), ("127.0.0.1", number))
+            time.sleep(0.004)
+            if recording.process.poll() is not None:
+                break
+    status, summary, messages = recording.end()
+    assert status == 0, messages
+    assert summary["devices"]["pose"]["samples"] > 50
+    assert summary["devices"]["pose"]["missing"] == 0
+
+
+def test_a_command_that_never_comes_does_not_stop_a_recording(tmp_path):
+    with Bench(tmp_path) as bench, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        number = probe.getsockname()[1]
+        probe.close()
+        more = f'[[device]]\nname = "pose"\nkind = "line"\nport = "udp:{number}"\noptions = {{ columns = ["x mm"] }}\n'
+        bench.rig.write_text(bench.rig.read_text() + more)
+        status, summary, _ = Recording(bench.rig, "-o", tmp_path / "run.mcap", "--seconds", "0.5").end()
+    assert (status, summary["devices"]["pose"]["samples"]) == (0, 0)
+
+
+def test_stopping_while_a_device_is_awaited_records_nothing(tmp_path):
+    with Bench(tmp_path) as bench:
+        bench.rig.write_text(bench.rig.read_text().replace('"xsens"', '"microstrain"'))
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap", wait=False)
+        time.sleep(0.9)
+        status, _, messages = recording.stop()
+    assert status == 2
+    assert messages.startswith("error: stopped before every device had answered")
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_watch_shows_rates_force_and_gravity_and_writes_nothing(emulated, tmp_path):
+    before = sorted(tmp_path.iterdir())
+    done = subprocess.run(
+        [sys.executable, "-m", "uq.cli.main", "record", str(emulated), "--watch", "--seconds", "2.3"],
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.returncode == 0
+    assert sorted(tmp_path.iterdir()) == before
+    assert "cell: 8" in done.stdout
+    assert "gravity" in done.stdout
+
+
+def test_list_names_the_devices_that_answer(tmp_path, capsys):
+    with Bench(tmp_path) as bench:
+        assert main(["record", "--list", bench.ports["cell"], bench.ports["imu"]]) == 0
+        lines = capsys.readouterr().out.splitlines()
+    assert "kind 'bota': SensONE-emulated" in lines[0]
+    assert "kind 'xsens': MTi-emulated" in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x", "not a TOML file"),
+        ("", "no [[device]]"),
+        ("speed = 3", "unknown key 'speed'"),
+        ("[[device]]\nname = 'a'", "no key 'kind'"),
+        ("[[device]]\nname = 'a'\nkind = 'bota'\nport = '/dev/x'", "say whether the reading is"),
+        ("[[device]]\nname = 'a'\nkind = 'bota'\nport = 3", "give a str"),
+        ("[[device]]\nname = 'a b'\nkind = 'xsens'\nport = '/dev/x'", "use letters"),
+        (
+            "[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\nrotation_to_body = [[1,0,0],[0,1,0],[0,0,2]]",
+            "no rotation",
+        ),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'udp:x'", "udp:NUMBER"),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'emulator:no.mcap'", "no run"),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\n" * 2, "twice"),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\noptions = { speed = 1 }", "unknown option"),
+    ],
+)
+def test_a_wrong_rig_file_says_what_to_do(tmp_path, capsys, text, words):
+    (tmp_path / "rig.toml").write_text(text)
+    assert main(["record", str(tmp_path / "rig.toml"), "-o", str(tmp_path / "run.mcap")]) == 2
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_missing_arguments_say_what_to_do(tmp_path, capsys):
+    for arguments in (["record"], ["record", "x.toml"], ["record", "x.toml", "-o", "y", "--seconds", "-1"]):
+        assert main(arguments) == 2
+        assert capsys.readouterr().err.startswith("error: ")
+    assert main(["record", str(tmp_path / "none.toml"), "-o", str(tmp_path / "y.mcap")]) == 2
+    assert "none.toml" in capsys.readouterr().err
+
+
+def test_recording_never_loads_jax():
+    """It must start at once."""
+    code = "import sys; import uq.cli.record, rig.record.recorder, rig.record.terminal; print(sorted(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert not {"jax", "scipy", "matplotlib", "pint"} & set(json.loads(loaded.replace("'", '"')))

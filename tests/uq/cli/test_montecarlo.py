@@ -1,0 +1,119 @@
+"""``inertia montecarlo``: adaptive runs, several bodies, what is resumed; a user's mistakes in one line."""
+
+import json
+import tomllib
+from importlib import resources
+
+import pytest
+
+from uq.cli import montecarlo as command
+from uq.cli.main import main
+from uq.experiment.experiment import Experiment, ExperimentError
+
+PRESET = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
+SHORT = PRESET.replace("180 s", "3 s").replace("27 s", "0.45 s")
+HEAD, *SOURCES = SHORT.split("[[source]]")
+SHORT = "[[source]]".join([HEAD, *(text for text in SOURCES if 'target = "M"' in text)])
+BODY = SHORT[SHORT.index("[body]") : SHORT.index("[platform]")]
+TWO = SHORT.replace(BODY, BODY.replace("[body]", "[body.full]") + BODY.replace("[body]", "[body.half]").replace("19.7", "9.85"))  # fmt: skip
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    path = tmp_path / "e.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def arguments(experiment, *more):
+    return ["montecarlo", str(experiment), "--trajectory", "T3", "--estimator", "central", *map(str, more)]
+
+
+def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(arguments(experiment, "--adaptive", "--tolerance", "100 g*m^2", "--out", out)) == 0
+    said = capsys.readouterr().out
+    assert "Monte Carlo, adaptive, " in said
+    assert "tolerance" in said
+    content = json.loads((out / "result.json").read_text())
+    adaptive = content["adaptive"]
+    assert (adaptive["stable"], adaptive["digits"]) == (True, None)
+    assert content["trials"] == 2000 * adaptive["blocks"]
+    found = adaptive["trajectories"]["T3"]["central"]
+    assert all(found["reached"][name] <= found["tolerance"][name] == pytest.approx(100) for name in found["tolerance"])
+    coverage = content["trajectories"]["T3"]["central"]["coverage"]
+    assert coverage["symmetric"]["low"]["I11"] < coverage["symmetric"]["high"]["I11"]
+    assert coverage["shortest"]["low_standard_error"]["I33"] > 0
+    assert coverage["ellipsoid"]["coverage"] == pytest.approx(0.95, abs=0.02)
+    assert "95 % coverage intervals of the error" in (out / "report.html").read_text()
+    assert not (out / "checkpoint").exists()
+
+
+def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
+    class Interrupted(command.ProgressBar):
+        def __call__(self, name, done, asked):
+            if done == 384:
+                raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(command, "ProgressBar", Interrupted)
+        assert main(arguments(experiment, "--trials", 500, "--out", out)) == 130
+    assert capsys.readouterr().err == "error: interrupted; the same command goes on from there\n"
+    assert main(arguments(experiment, "--trials", 500, "--seed", 1, "--out", out)) == 2
+    assert "is of another campaign (other seed): give the same arguments" in capsys.readouterr().err
+    assert main(arguments(experiment, "--trials", 500, "--out", out)) == 0
+    assert capsys.readouterr().err == "resuming T3 at trial 384 of 500\n"
+    assert not (out / "checkpoint").exists()
+    assert main(arguments(experiment, "--trials", 500, "--out", tmp_path / "whole")) == 0
+    one, two = (json.loads((folder / "result.json").read_text()) for folder in (out, tmp_path / "whole"))
+    assert one["trajectories"] == two["trajectories"]
+
+
+def test_several_bodies_in_one_campaign(tmp_path, capsys):
+    path = tmp_path / "two.toml"
+    path.write_text(TWO)
+    out = tmp_path / "out"
+    assert main(arguments(path, "--trials", 4, "--out", out)) == 0
+    said = capsys.readouterr().out
+    assert said.index("body full") < said.index("body half")
+    assert sorted(folder.name for folder in out.iterdir()) == ["full", "half"]
+    masses = [
+        json.loads((out / name / "result.json").read_text())["provenance"]["experiment"]["body"]["mass"]
+        for name in ("full", "half")
+    ]
+    assert masses == ["19.7 kg", "9.85 kg"]
+    with pytest.raises(ExperimentError, match=r"several bodies in \[body\] \(full, half\): this takes a file with one"):
+        Experiment.load(path)
+    assert list(Experiment.load_bodies("barreto2016")) == [""]
+    assert main(["simulate", str(path), "-o", str(tmp_path / "run.mcap")]) == 2
+
+
+def test_a_body_whose_name_is_no_folder(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(TWO.replace("[body.half]", '[body."../half"]'))
+    assert tomllib.loads(path.read_text())
+    with pytest.raises(ExperimentError, match="write a name of letters"):
+        Experiment.load_bodies(path)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--digits", "2"), "--digits and --tolerance are for an adaptive run: add --adaptive"),
+        (("--adaptive", "--digits", "0"), "adaptive: Argument `digits` must be 1 or more"),
+        (("--adaptive", "--trials", "100"), "100 trials: an adaptive campaign needs 4000 or more"),
+        (("--adaptive", "--tolerance", "0.05"), "--tolerance is '0.05': write a number, a space and a unit"),
+        (("--adaptive", "--tolerance", "0.05 kg"), "write a unit of the same dimension as kg*m^2"),
+        (("--adaptive", "--tolerance=-1 g*m^2"), "`tolerance` must be above zero"),
+        (("--adaptive", "--tolerance", "1 g*m^2", "--digits", "1"), "choose one"),
+        (("--trajectory", "T9"), "unknown trajectory 'T9'"),
+    ],
+)
+def test_mistakes_leave_nothing_behind(experiment, tmp_path, capsys, more, words):
+    out = tmp_path / "deep" / "out"
+    assert main(arguments(experiment, *more, "--out", out)) == 2
+    said = capsys.readouterr()
+    assert words in said.err
+    assert said.err.count("\n") == 1
+    assert not (tmp_path / "deep").exists()

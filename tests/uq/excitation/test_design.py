@@ -1,0 +1,256 @@
+"""The designed trajectory: its limits on a finer grid of the test's own, its promise, its bound, and bad input.
+
+What needs a whole design is for ``make study``: its gradient alone takes a minute to compile.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from identify.motion.leg_limits import effort, peaks, platform_motion
+from identify.motion.trajectory import Multisine
+from uq.excitation.baseline import highest_frequency, largest, promise, scaled
+from uq.excitation.design import Design, Search, design
+from uq.excitation.design_bound import RELAXED, design_bound, repeating_bound
+from uq.excitation.design_goal import GOALS, goal_of, principal_slope
+from uq.excitation.rig_limits import efforts, resolved_limits, uses
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+
+PLATFORM = {"gravity": "9.81 m/s^2", "r_cg_from_omb": ["0 m", "0 m", "0.11 m"], "geometry": "assumed-source-size"}
+
+
+def on_a_platform(preset, limits, **changes):
+    """The preset on six legs, T1 shortened to 20 s with two precessions."""
+    t1 = preset.document["trajectory"]["T1"] | {"duration": "20 s", "ramp": "3 s", "precessions": 2}
+    document = preset.document | {"platform": PLATFORM | {"limits": limits}, "trajectory": {"T1": t1}}
+    return Experiment.from_dict(document | changes)
+
+
+@pytest.fixture(scope="module")
+def given(preset):
+    return on_a_platform(preset, {"needs_of": "T1", "bandwidth": "3 Hz"})
+
+
+@pytest.fixture(scope="module")
+def searched(given):
+    """A small design, and the search inside it, which takes long to compile."""
+    told, made = [], []
+
+    def spy(*arguments):
+        made.append(Search(*arguments))
+        return made[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uq.excitation.design.Search", spy)
+        one = design(given, starts=1, period=1.0, rounds=5, steps=40, progress=lambda *at: told.append(at))
+    assert {at[0] for at in told} == {"reference", "starts", "limits"}
+    return one, made[0]
+
+
+@pytest.fixture(scope="module")
+def found(searched):
+    return searched[0]
+
+
+@pytest.mark.study
+def test_no_limit_is_exceeded_at_any_instant(given, found):
+    """On a grid of 3,000 Hz over the whole run with its ramps, which no part of the search has seen."""
+    t = jnp.linspace(0, 20, 60_001)
+    motion = platform_motion(given.platform, found.spec.trajectory, t, jnp.zeros(3))
+    asked = effort(given.platform, given.body, jnp.asarray(given.r_cg_from_omb), motion, jnp.asarray(given.gravity))
+    worst = peaks(asked, found.limits, t)[0]
+    assert worst.share < 1 + 1e-4
+    assert worst.share > 0.97  # and one of them is used
+    assert found.active
+    assert found.peaks[0].share <= 1
+
+
+@pytest.mark.study
+def test_it_starts_and_ends_at_rest_at_home(found):
+    trajectory = found.spec.trajectory
+    for t in (0.0, 20.0):
+        np.testing.assert_allclose(trajectory.coordinates(jnp.array(t)), 0, atol=1e-30)
+        np.testing.assert_allclose(trajectory.omega(jnp.array(t)), 0, atol=1e-30)
+
+
+@pytest.mark.study
+def test_it_beats_the_reference_and_not_the_bound(found):
+    assert isinstance(found, Design)
+    assert found.improved
+    for part, least in (([0, 3, 5], found.bound.moments), ([1, 2, 4], found.bound.products)):
+        assert least < found.expanded[part].mean() < found.expanded_reference[part].mean()
+    assert found.bound.relaxes == RELAXED
+    assert highest_frequency(found.spec) <= found.band <= 3.0
+
+
+@pytest.mark.study
+def test_the_promise_is_the_laws(found):
+    from uq import law
+
+    experiment = found.montecarlo_experiment()
+    total = law(experiment, "designed", "designed")["designed", "designed"].groups["total"]
+    np.testing.assert_allclose(found.expanded, 3 * np.sqrt(np.diag(total.covariance)), rtol=0.03)
+
+
+@pytest.mark.study
+def test_a_gradient_is_that_of_differences(searched, generator):
+    """Of goal and limits together, along a random direction."""
+    search = searched[1]
+    x, along = 0.3 * generator.normal(size=(2, search.stages.unknowns))
+    multipliers = np.full(jax.eval_shape(search.lagrangian.goal, x)[1].shape, 0.2)
+    value = lambda h: search.lagrangian.at(x + h * along, multipliers, 30.0)[0]  # noqa: E731
+    slope = search.lagrangian.at(x, multipliers, 30.0)[1] @ along
+    np.testing.assert_allclose(slope, (value(1e-5) - value(-1e-5)) / 2e-5, rtol=1e-5)
+
+
+@pytest.mark.study
+def test_the_design_in_the_docs_is_what_they_say():
+    """docs/experiments/designed.toml: limits at 800 Hz over the whole run, average 3σ of docs/design.md, the bounds."""
+    experiment = Experiment.load("docs/experiments/designed.toml")
+    limits, figures = resolved_limits(experiment, 160), {"designed": (1.795, 1.265), "T1_at_its_best": (2.627, 1.795)}
+    for name, expected in figures.items():
+        spec = experiment.trajectories[name]
+        assert uses(experiment, spec, limits, 800.0)[0].share <= 1 + 1e-8
+        three = 3e3 * np.sqrt(np.diag(promise(experiment, spec, 50.0).covariance))
+        np.testing.assert_allclose([three[[0, 3, 5]].mean(), three[[1, 2, 4]].mean()], expected, atol=6e-4)
+    least = design_bound(experiment, experiment.trajectories["T1"], limits)
+    np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.531, 1.057], atol=6e-4)
+    least = repeating_bound(experiment, experiment.trajectories["designed"], limits)
+    np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.700, 1.174], atol=6e-4)
+
+
+# --- limits and reference ---
+
+
+def test_limits_are_the_needs_where_none_are_declared(preset, given):
+    own = resolved_limits(given, 100)
+    stated = on_a_platform(preset, {"needs_of": "T1", "bandwidth": "3 Hz", "speed": "0.05 m/s"})
+    mixed = resolved_limits(stated, 100)
+    np.testing.assert_array_equal(mixed.speed, 0.05)
+    np.testing.assert_array_equal(mixed.acceleration, own.acceleration)
+    listed = uses(given, given.trajectories["T1"], own, 300.0)
+    np.testing.assert_allclose([peak.share for peak in listed], 1, rtol=1e-12)
+
+
+def test_pieces_are_put_together(given, monkeypatch):
+    whole = efforts(given, given.trajectories["T1"], 20.0)
+    monkeypatch.setattr("uq.excitation.rig_limits.PIECE", 150)
+    for one, other in zip(
+        jax.tree.leaves(efforts(given, given.trajectories["T1"], 20.0)), jax.tree.leaves(whole), strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_the_largest_size_just_meets_the_limits(given):
+    spec, limits = given.trajectories["T1"], resolved_limits(given, 20)
+    half = limits._replace(speed=limits.speed / 2)
+    size = largest(given, lambda size: scaled(spec, size, 1.0), half, 60.0)
+    worst = uses(given, scaled(spec, size, 1.0), half, 60.0)[0]
+    assert worst.quantity == "speed"
+    assert 0.998 < worst.share <= 1 + 1e-9
+
+
+def test_a_scaled_trajectory_is_faster_and_smaller(given):
+    spec = given.trajectories["T1"]
+    faster = scaled(spec, 0.25, 2.0)
+    assert highest_frequency(faster) == pytest.approx(2 * highest_frequency(spec) - 2 / 20, rel=1e-12)
+    np.testing.assert_allclose(faster.trajectory.angular_acceleration, spec.trajectory.angular_acceleration)
+    assert scaled(spec, 1.0, 1.0, 40.0).duration == 40.0
+
+
+# --- goals ---
+
+
+@pytest.mark.parametrize("name", GOALS)
+def test_goals_fall_with_the_covariance(name):
+    inertia, one = np.array([0.38, 0.01, 0.0, 0.02, 0.0, 0.3]), np.diag(np.arange(1.0, 7.0))
+    measure = goal_of(name, inertia, one)
+    assert float(measure(jnp.asarray(one / 4))) == pytest.approx(float(measure(jnp.asarray(one))) / 2)
+    if name != "worst":
+        assert float(measure(jnp.asarray(one))) == pytest.approx(1.0)
+
+
+def test_slope_of_a_principal_moment(generator):
+    inertia, step = np.array([0.38, 0.01, -0.02, 0.02, 0.03, 0.3]), 1e-6 * generator.normal(size=6)
+    from identify.rigid_body.inertia import principal
+
+    change = principal(jnp.asarray(inertia + step))[0] - principal(jnp.asarray(inertia - step))[0]
+    for axis in range(3):
+        np.testing.assert_allclose(principal_slope(inertia, axis) @ step * 2, change[axis], rtol=1e-4)
+
+
+# --- bad input ---
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"needs_of": "T1"}, "platform.limits.bandwidth"),
+        ({"bandwidth": "3 Hz", "speed": "1 m/s"}, "platform.limits.length or speed"),
+        ({"needs_of": "T9", "bandwidth": "3 Hz"}, "unknown trajectory 'T9'"),
+        (
+            {"bandwidth": "3 Hz", "length": ["0.5 m", "0.7 m"], "speed": "1 m/s", "force": "60 N"},
+            r"force of leg \d at 0.000 s: 1\d\d.\d % of its limit at rest at home",
+        ),
+        (
+            {"bandwidth": "3 Hz", "length": ["0.6 m", "0.7 m"], "speed": "1 m/s"},
+            r"length of leg \d at 0.000 s: 1\d\d.\d % of its limit at rest at home",
+        ),
+    ],
+)
+def test_limits_that_cannot_be(preset, limits, message):
+    with pytest.raises(ExperimentError, match=message):
+        design(on_a_platform(preset, limits))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"goal": "best"}, "unknown goal 'best'"),
+        ({"reference": "T7"}, "unknown trajectory 'T7'"),
+        ({"starts": 0}, "0 starts"),
+        ({"period": -1.0}, "a period of -1 s"),
+        ({"duration": float("nan")}, "a duration of nan s"),
+        ({"period": 6.0}, "a period of 6 s"),
+    ],
+)
+def test_bad_options(given, options, message):
+    with pytest.raises(ExperimentError, match=message):
+        design(given, **options)
+
+
+def test_without_limits(preset, given):
+    with pytest.raises(ExperimentError, match=r"missing table \[platform.limits\]"):
+        design(dataclasses.replace(given, limits=None))
+
+
+def test_motions_that_repeat_have_a_bound_of_their_own(given):
+    """Above the general one, and the nearer to it the more of the run is ramps; T1 does not repeat, nor does a slow motion."""
+    limits, base = resolved_limits(given, 20), given.trajectories["T1"]
+    general = design_bound(given, base, limits)
+
+    def of(frequency, ramp, start=None):
+        amplitudes = np.full((6, np.size(frequency)), 0.01)
+        motion = Multisine(np.atleast_1d(frequency), amplitudes, amplitudes, np.array(20.0), np.array(ramp), start)
+        return repeating_bound(given, dataclasses.replace(base, trajectory=motion), limits)
+
+    soon, longer, parts = of(1.0, 0.5), of(1.0, 2.0), of(1.0, 0.7)
+    assert general.moments < longer.moments < soon.moments
+    assert general.products < longer.products < soon.products
+    assert parts.moments < soon.moments  # 0.6 s are left of whole periods
+    assert soon.period == 5 / 3
+    assert "for 1 s, mostly ramps, the motion need not repeat" in soon.relaxes
+    assert "for 2 s, mostly ramps, the motion need not repeat" in parts.relaxes
+    for slow in (0.6, [0.6, 2.4], [1.0, 2.1], [1.0, 1.0, 0.5]):
+        assert of(slow, 0.5, np.array([0, 0, 10.0]) if np.size(slow) == 3 else None) is None
+    assert of([1.0, 3.0, 1.5], 0.5, np.array([0, 0, 10.0])) is not None
+    assert repeating_bound(given, base, limits) is None
+
+
+def test_without_noise_there_is_no_bound(given):
+    quiet = dataclasses.replace(given, sources=tuple(s for s in given.sources if s.target == "omega"))
+    assert design_bound(quiet, quiet.trajectories["T1"], resolved_limits(given, 20)) is None

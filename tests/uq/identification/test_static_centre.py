@@ -1,0 +1,399 @@
+"""Mass, centre of gravity and offsets from static poses: against closed forms, and with bad tables refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from identify.signals.run import RunError
+from identify.static.accelerometer import calibrate
+from identify.static.centre import PARAMETERS, centre
+from rig import runs as bag
+from rig.channels import ImuChannel, WrenchChannel
+from uq.cli.main import main
+from uq.experiment.experiment import Experiment
+from uq.identification.static_centre import centre_file
+
+ROOT = Path(__file__).parents[3]
+POSES = ROOT.parent / "shared" / "data" / "poses" / "calibration_poses.csv"
+GRAVITY = 9.81
+MASS, R_CG = 3.7, np.array([0.013, -0.027, 0.081])
+FORCE_OFFSET, MOMENT_OFFSET = np.array([4.0, -7.0, 2.5]), np.array([0.3, -0.1, 0.7])
+TRUTH = np.concatenate([[MASS], R_CG, FORCE_OFFSET, MOMENT_OFFSET])
+
+
+def specific_forces(draw, n):
+    return GRAVITY * Rotation.random(n, rng=draw).as_matrix()[:, 2]
+
+
+def wrench_on_body(f):
+    return MASS * f + FORCE_OFFSET, np.cross(R_CG, MASS * f) + MOMENT_OFFSET
+
+
+def test_exact_poses_give_the_exact_parameters(generator):
+    f = specific_forces(generator, 5)
+    found = centre(*wrench_on_body(f), f)
+    np.testing.assert_allclose(found.values, TRUTH, rtol=1e-12, atol=1e-13)
+    assert found.poses == 5
+    assert found.gravity == pytest.approx(GRAVITY)
+
+
+def test_the_stated_covariance_is_that_of_repeated_experiments(generator):
+    """400 draws of 12 poses: every normalised deviation has the variance of Student's t, and so has the whole.
+
+    A noise level from 10 to 30 degrees of freedom makes it 1.07 to 1.25; the variance of 400 draws has a standard error
+    of 9 %, so that 5 of them are 0.45.
+    """
+    f = specific_forces(generator, 12)
+    force, moment = wrench_on_body(f)
+    deviations, distances = [], []
+    for _ in range(400):
+        noisy = force + 0.3 * generator.normal(size=f.shape), moment + 0.004 * generator.normal(size=f.shape)
+        found = centre(*noisy, f)
+        error = found.values - TRUTH
+        deviations.append(error / found.standard_uncertainty)
+        distances.append(error @ np.linalg.solve(found.covariance, error))
+    assert (np.abs(np.var(deviations, axis=0) - 1.15) < 0.1 + 5 * 0.09).all(), np.var(deviations, axis=0)
+    assert np.mean(distances) == pytest.approx(10 * 1.2, abs=5 * np.sqrt(2 * 10 / 400) + 0.5)
+
+
+def test_an_accelerometers_offset_and_gain_are_found(generator):
+    f = specific_forces(generator, 15)
+    offset = np.array([0.8, -0.3, 0.1])
+    found = calibrate(1.02 * f + offset, GRAVITY)
+    assert found.fitted
+    np.testing.assert_allclose(found.offset, offset, atol=1e-9)
+    assert found.gain == pytest.approx(1.02)
+    np.testing.assert_allclose(found.specific_force(1.02 * f + offset, GRAVITY), f, atol=1e-9)
+
+
+def test_flat_poses_do_not_tell_an_accelerometers_offset(generator):
+    angle = np.linspace(0, 0.05, 8)
+    flat = GRAVITY * np.stack([np.sin(angle), np.sin(2 * angle) / 2, np.ones(8)], axis=1)
+    assert not calibrate(flat, GRAVITY).fitted
+    with pytest.raises(RunError, match="do not determine the accelerometer's offset"):
+        calibrate(flat, GRAVITY, method="offset")
+    with pytest.raises(RunError, match="reads zero at pose 3"):
+        calibrate(np.where(np.arange(8)[:, None] == 2, 0.0, flat), GRAVITY)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda F, M, f: (-F, -M, f), "points along gravity .*correct recording.wrench"),
+        (lambda F, M, f: (F[:2], M[:2], f[:2]), "2 poses in the poses: give three or more"),
+        (lambda F, M, f: (F, M, np.tile(f[:1], (6, 1))), "too much alike"),
+        (lambda F, M, f: (F, M[:4], f), r"moment of the poses has shape \(4, 3\)"),
+        (lambda F, M, f: (np.where(F[4, 1] == F, np.nan, F), M, f), "force of the poses is not finite at pose 5"),
+    ],
+)
+def test_poses_that_cannot_be_used(generator, change, words):
+    f = specific_forces(generator, 6)
+    with pytest.raises(RunError, match=words) as error:
+        centre(*change(*wrench_on_body(f), f))
+    assert "\n" not in str(error.value)
+
+
+def test_poses_about_one_axis_are_refused_and_about_two_are_not():
+    """Turned about the level x axis alone, the CG's x is not seen: no moment depends on it but the offset."""
+    angle = np.linspace(0, 1.0, 8)
+    about_one = GRAVITY * np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
+    found = centre(
+        *wrench_on_body(about_one), about_one
+    )  # a plane of directions: two differences that are not parallel
+    np.testing.assert_allclose(found.r_cg, R_CG, rtol=1e-9)
+    line = about_one[:1] + np.outer(np.linspace(0, 1, 5), [0.0, 0.5, -0.3])
+    with pytest.raises(RunError, match="too much alike"):
+        centre(*wrench_on_body(line), line)
+
+
+# Tables
+
+TABLE = """
+[platform]
+gravity = "9.81 m/s^2"
+[recording]
+wrench = "on_sensor"
+force_unit = "lbf"
+moment_unit = "N*mm"
+wrench_rotation_to_body = "y, z, x"
+wrench_point = ["0 mm", "0 mm", "-30 mm"]
+imu_rotation_to_body = "-y, z, -x"
+{recording}
+[poses]
+force = ["Fx", "Fy", "Fz"]
+moment = ["Mx", "My", "Mz"]
+{poses}
+"""
+ATTITUDES = {
+    "gravity": 'gravity = ["g1", "g2", "g3"]',
+    "acceleration": 'acceleration = ["a1", "a2", "a3"]',
+    "matrix": 'takes = "sensor_to_level"\nmatrix = ["r1", "r2", "r3", "r4", "r5", "r6", "r7", "r8", "r9"]',
+    "quaternion": 'takes = "level_to_sensor"\nquaternion = { w = "qw", x = "qx", y = "qy", z = "qz" }',
+}
+
+
+def experiment(attitude="gravity", *, table=TABLE, extra="", recording=""):
+    import tomllib
+
+    if attitude == "acceleration":
+        recording += '\nacceleration_unit = "g"'
+    return Experiment.from_dict(tomllib.loads(table.format(poses=ATTITUDES[attitude] + extra, recording=recording)))
+
+
+def rows(generator, n=12):
+    """The table of a cell on the other side, its axes turned, in lbf and N·mm about a point below Q."""
+    level = Rotation.random(n, rng=generator)  # from the IMU's frame to the level frame
+    imu_to_body = np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]])
+    cell_to_body = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0.0]])
+    up = level.as_matrix()[:, 2]
+    force, moment = wrench_on_body(GRAVITY * up @ imu_to_body.T)
+    moment = moment - np.cross([0, 0, -0.03], force)
+    columns = {f"F{a}": v for a, v in zip("xyz", (-force @ cell_to_body / 4.4482216152605).T, strict=True)}
+    columns |= {f"M{a}": v for a, v in zip("xyz", (-1e3 * moment @ cell_to_body).T, strict=True)}
+    columns |= {f"g{k}": v for k, v in enumerate(-GRAVITY * up.T, 1)}
+    columns |= {f"a{k}": v for k, v in enumerate((1.01 * GRAVITY * up + [0.2, -0.5, 0.3]).T / 9.80665, 1)}
+    columns |= {f"r{k}": v for k, v in enumerate(level.as_matrix().reshape(n, 9).T, 1)}
+    return columns | {f"q{a}": v for a, v in zip("xyzw", level.inv().as_quat().T, strict=True)}
+
+
+def write(path, columns, *, delimiter=",", decimal=".", start=""):
+    table = zip(*columns.values(), strict=True)
+    cells = [[str(value).replace(".", decimal) for value in row] for row in table]
+    lines = [delimiter.join(row) for row in [list(columns), *cells]]
+    path.write_text(start + "\n".join(lines) + "\n", "utf-8")
+    return path
+
+
+@pytest.mark.parametrize("attitude", list(ATTITUDES))
+def test_declared_conventions_and_every_attitude_give_the_same(tmp_path, generator, attitude):
+    columns = rows(generator)
+    found = centre_file(write(tmp_path / "p.csv", columns), experiment(attitude))
+    np.testing.assert_allclose(found.values, TRUTH, rtol=1e-9, atol=1e-10)
+    if attitude == "acceleration":
+        assert "the accelerometer's offset is (0.2, −0.5, 0.3) m/s², its gain 1.0100" in found.assumptions
+    # without a load the cell reads its zero: the offsets in its own sign, axes and about its own point, in SI
+    at_point = MOMENT_OFFSET - np.cross([0, 0, -0.03], FORCE_OFFSET)
+    expected = -np.concatenate([np.roll(FORCE_OFFSET, 1), np.roll(at_point, 1)])
+    np.testing.assert_allclose(found.zero, expected, rtol=1e-9)
+
+
+def test_a_spreadsheets_dialect(tmp_path, generator):
+    declared = experiment(extra='\ndelimiter = ";"\ndecimal = ","')
+    path = write(tmp_path / "p.csv", rows(generator), delimiter=";", decimal=",", start="\ufeff")
+    np.testing.assert_allclose(centre_file(path, declared).values, TRUTH, rtol=1e-9)
+
+
+def test_centre_json_holds_the_covariance_by_name(tmp_path, generator, capsys):
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    path = write(tmp_path / "p.csv", rows(generator))
+    out = tmp_path / "out"
+    assert main(["centre", str(path), "--experiment", str(tmp_path / "e.toml"), "--out", str(out)]) == 0
+    content = json.loads((out / "centre.json").read_text())
+    assert content["parameters"] == list(PARAMETERS)
+    assert np.shape(content["covariance"]) == (10, 10)
+    assert content["mass"]["value"] == pytest.approx(MASS)
+    assert content["cg"]["value"] == pytest.approx(R_CG.tolist())
+    assert {"centre.json", "report.html"} <= {file.name for file in out.iterdir()}
+    assert "mass 3.7000" in capsys.readouterr().out
+
+
+def test_the_result_shows_itself(generator):
+    f = specific_forces(generator, 8)
+    force, moment = wrench_on_body(f)
+    found = centre(force + 0.1 * generator.normal(size=force.shape), moment, f)
+    assert "centre of gravity, mm" in repr(found)
+    assert "<table>" in found._repr_html_()
+    assert set(found.to_dict()) >= {"mass", "cg", "offsets", "covariance", "parameters", "units", "residual"}
+
+
+def refused(capsys, *arguments):
+    assert main([str(a) for a in arguments]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("error: ")
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: {k: v for k, v in c.items() if k != "Fy"}, "no column 'Fy' in p.csv: it has Fx, Fz"),
+        (lambda c: c | {"Mz ": c["Mz"]}, "2 columns 'Mz' in p.csv"),
+        (lambda c: c | {"g2": [*c["g2"][:6], "nan", *c["g2"][7:]]}, "column 'g2' in p.csv is 'nan' at row 8"),
+        (lambda c: c | {"Fx": [*c["Fx"][:-1], "1e999"]}, "column 'Fx' in p.csv is '1e999' at row 13"),
+        (lambda c: c | {"Fx": ["", *c["Fx"][1:]]}, "column 'Fx' in p.csv is '' at row 2"),
+        (lambda c: c | {"Fx": ["1_0", *c["Fx"][1:]]}, "column 'Fx' in p.csv is '1_0' at row 2"),
+        (lambda c: c | {"Fx": ["1,2", *c["Fx"][1:]]}, "row 2 of p.csv has 26 cells, its head 25"),
+        (lambda c: {k: v[:0] for k, v in c.items()}, "no rows in p.csv"),
+        (lambda c: {k: v[:2] for k, v in c.items()}, "2 poses in p.csv: give three or more"),
+        (lambda c: c | dict.fromkeys(("g1", "g2", "g3"), np.zeros(12)), "gravity of pose 1 in p.csv is zero"),
+    ],
+)
+def test_tables_that_cannot_be_used(tmp_path, generator, capsys, change, words):
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    path = write(tmp_path / "p.csv", change(rows(generator)))
+    out = tmp_path / "out"
+    assert words in refused(capsys, "centre", path, "--experiment", tmp_path / "e.toml", "--out", out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("attitude", "change", "words"),
+    [
+        ("matrix", {"r5": 1.0}, "matrix of pose 3 in p.csv is no rotation"),
+        ("matrix", {"r1": None}, "matrix of pose 3 in p.csv is left-handed"),
+        ("quaternion", {"qw": 2.0}, "quaternion of pose 3 in p.csv has the norm"),
+    ],
+)
+def test_attitudes_that_are_none(tmp_path, generator, attitude, change, words):
+    columns = rows(generator)
+    for name, value in change.items():
+        if value is None:  # the first column mirrored
+            for k in (1, 4, 7):
+                columns[f"r{k}"][2] *= -1
+        else:
+            columns[name][2] = value
+    with pytest.raises(RunError, match=words):
+        centre_file(write(tmp_path / "p.csv", columns), experiment(attitude))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('["Fx", "Fy", "Fz"]', '["Fx", "Fy"]', "poses.force is ['Fx', 'Fy']: write the names of 3 columns"),
+        ('["Fx", "Fy", "Fz"]', "3", "poses.force is 3: write the names of 3 columns"),
+        ('["Fx", "Fy", "Fz"]', '["Fx", "Fy", "Mx"]', "column 'Mx' is named twice in [poses]"),
+        ('gravity = ["g1", "g2", "g3"]', "", "poses tells no attitude"),
+        ('gravity = ["g1"', 'acceleration = ["a1", "a2", "a3"]\ngravity = ["g1"', "by gravity and acceleration"),
+        ('gravity = ["g1", "g2", "g3"]', ATTITUDES["matrix"].split("\n")[1], "missing key poses.takes"),
+        ('gravity = ["g1", "g2", "g3"]', 'quaternion = { w = "qw" }', "missing key poses.quaternion.x"),
+        ("[poses]", '[poses]\ndelimiter = "::"', "poses.delimiter is '::'"),
+        ("[poses]", '[poses]\ndecimal = ","', "poses.delimiter is ','"),
+        ("[poses]", '[poses]\naccelerometer = "best"', "poses.accelerometer is 'best': choose one of offset, scale"),
+        ("[poses]", "[poses]\nheight = 3", "unknown key poses.height"),
+        ('"9.81 m/s^2"', "9.81", "platform.gravity is 9.81: write a value with its unit"),
+        ('"lbf"', '"m"', "recording.force_unit is 'm'"),
+        ('"y, z, x"', '"y, x, z"', "left-handed"),
+        ('"on_sensor"', '"on_body"', "points along gravity"),
+    ],
+)
+def test_declarations_that_cannot_be_used(tmp_path, generator, capsys, old, new, words):
+    text = TABLE.format(poses=ATTITUDES["gravity"], recording="")
+    assert old in text
+    (tmp_path / "e.toml").write_text(text.replace(old, new, 1))
+    path = write(tmp_path / "p.csv", rows(generator))
+    assert words in refused(capsys, "centre", path, "--experiment", tmp_path / "e.toml")
+
+
+def test_files_that_are_no_tables(tmp_path, capsys):
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    (tmp_path / "p.csv").write_bytes(b"\xff\xfe\x00\x01")
+    assert "not a text file" in refused(capsys, "centre", tmp_path / "p.csv", "--experiment", tmp_path / "e.toml")
+    (tmp_path / "p.csv").write_text("")
+    assert "no head in p.csv" in refused(capsys, "centre", tmp_path / "p.csv", "--experiment", tmp_path / "e.toml")
+    assert "none.csv" in refused(capsys, "centre", tmp_path / "none.csv", "--experiment", tmp_path / "e.toml")
+    preset = refused(capsys, "centre", tmp_path / "p.csv", "--experiment", "barreto2016")
+    assert "nothing declares the columns of p.csv: name them in [poses]" in preset
+
+
+def test_an_experiment_without_a_centre_identifies_and_simulates_nothing(tmp_path, generator, capsys):
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    line = refused(capsys, "identify", tmp_path / "run.mcap", "--experiment", tmp_path / "e.toml")
+    assert "estimator" in line or "r_cg_from_q" in line
+
+
+@pytest.mark.skipif(not POSES.exists(), reason="the table of poses is not at hand")
+@pytest.mark.parametrize("attitude", ["matrix", "gravity", "acceleration"])
+def test_a_real_load_cells_poses(attitude):
+    """Its own least squares: 0.9323 kg, 43.90 mm, (9.08, -1.02, 9.98) N, residuals 0.087 N and 0.0030 N·m."""
+    import tomllib
+
+    text = (ROOT / "docs" / "experiments" / "poses.toml").read_text()
+    document = tomllib.loads(text)
+    if attitude != "matrix":
+        del document["poses"]["matrix"], document["poses"]["takes"]
+        document["poses"][attitude] = {"gravity": ["gx", "gy", "gz"], "acceleration": ["ax", "ay", "az"]}[attitude]
+    if attitude == "acceleration":
+        document["recording"] |= {"imu_rotation_to_body": "-y, z, -x", "acceleration_unit": "g"}
+    found = centre_file(POSES, Experiment.from_dict(document))
+    assert found.mass == pytest.approx(0.9323, abs=0.00005 if attitude != "acceleration" else 0.001)
+    assert 1e3 * found.r_cg[2] == pytest.approx(43.90, abs=0.005)
+    assert found.zero[:3] == pytest.approx([9.08, -1.02, 9.98], abs=0.005)
+    assert found.standard_uncertainty[0] == pytest.approx(0.0018 if attitude != "acceleration" else 0.0024, abs=0.0001)
+    low, high = 1e3 * found.interval95[3]
+    assert (low, high) == pytest.approx((43.90 - 0.33, 43.90 + 0.33), abs=0.02)
+    if attitude != "acceleration":
+        assert found.residual == pytest.approx((0.087, 0.0030), abs=0.0006)
+    else:  # the accelerometer's own offset of 0.08 g is found
+        assert "0.759) m/s²" in " ".join(found.assumptions)
+
+
+# Recorded runs
+
+
+def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, accelerometer=True, seconds=3.0):
+    """A run that holds poses for three seconds each and turns to the next in one; its accelerometer is 0.3 m/s² off."""
+    rate, still, turn = 200.0, round(seconds * 200), 200
+    aims = Rotation.random(poses, rng=generator)
+    up, omega = [], []
+    for k in range(poses):
+        step = (aims[k].inv() * aims[(k + 1) % poses]).as_rotvec()
+        part = np.linspace(0, 1, turn, endpoint=False)
+        smooth, speed = part - np.sin(2 * np.pi * part) / (2 * np.pi), (1 - np.cos(2 * np.pi * part))
+        path_of = aims[k] * Rotation.from_rotvec(np.multiply.outer(smooth, step))
+        up += [np.tile(aims[k].as_matrix()[2], (still, 1)), path_of.as_matrix()[:, 2]]
+        omega += [np.zeros((still, 3)), np.multiply.outer(speed, step)]
+    f, omega = GRAVITY * np.vstack(up), np.vstack(omega)
+    force, moment = wrench_on_body(f)
+    n = len(f)
+    stamp = 10**9 + np.round(np.arange(n) / rate * 1e9).astype(np.int64)
+    shake = lambda size: noise * size * generator.normal(size=(n, 3))  # noqa: E731
+    seen = f + offset + shake(0.02) if accelerometer else 0 * f
+    imu = ImuChannel("/imu", "body", stamp, stamp, omega + shake(1e-3), seen)
+    wrench = WrenchChannel("/wrench", "body", stamp, stamp, force + shake(0.2), moment + shake(0.005))
+    bag.write(path, wrench=wrench, imu=imu, metadata={"rig.run": {"wrench": "on_body"}})
+    return path
+
+
+def test_each_still_stretch_of_a_run_is_a_pose(tmp_path, generator):
+    """Means over 600 samples: 0.008 N, 0.0002 N·m and 0.0008 m/s² a pose; ten times these in mass, CG and offsets."""
+    path = recorded(tmp_path / "run.mcap", generator)
+    found = centre_file(path, Experiment.from_dict({"platform": {"gravity": "9.81 m/s^2"}, "poses": {}}))
+    assert found.poses == 8
+    assert (np.abs(found.values - TRUTH) < 5 * found.standard_uncertainty + 1e-6).all()
+    np.testing.assert_allclose(found.mass, MASS, rtol=2e-3)
+    np.testing.assert_allclose(found.r_cg, R_CG, atol=2e-4)
+    assert "8 still stretches are its poses" in " ".join(found.assumptions)
+    assert "the accelerometer's offset is (0.3" in " ".join(found.assumptions)
+
+
+def test_only_the_named_parts_of_a_run_count(tmp_path, generator, capsys):
+    path = recorded(tmp_path / "run.mcap", generator)
+    (tmp_path / "e.toml").write_text('[platform]\ngravity = "9.81 m/s^2"\n[poses]\n')
+    command = ["centre", path, "--experiment", tmp_path / "e.toml"]
+    assert main([str(a) for a in [*command, "--from", 0, "--to", 15, "--from", 20.5, "--to", 28]]) == 0
+    assert "from 6 poses" in capsys.readouterr().out
+    assert "2 poses in run.mcap" in refused(capsys, *command, "--to", 7.5)
+    assert "no mark 'poses' in run.mcap" in refused(capsys, *command, "--from", "poses")
+    assert "is outside run.mcap" in refused(capsys, *command, "--to", 99)
+
+
+def test_runs_that_hold_no_poses(tmp_path, generator, capsys):
+    (tmp_path / "e.toml").write_text("[poses]\n")
+    command = ["--experiment", tmp_path / "e.toml"]
+    path = recorded(tmp_path / "no.mcap", generator, accelerometer=False)
+    assert "neither acceleration nor poses in no.mcap" in refused(capsys, "centre", path, *command)
+    path = recorded(tmp_path / "short.mcap", generator, seconds=0.5)
+    assert "0 poses in short.mcap" in refused(capsys, "centre", path, *command)
+    (tmp_path / "e.toml").write_text('[poses]\n[recording]\ncompensated = "gravity"\n')
+    assert "record without the compensation" in refused(capsys, "centre", path, *command)
+    (tmp_path / "e.toml").write_text('[poses]\n[recording]\nacceleration_unit = "g"\n')
+    path = recorded(tmp_path / "units.mcap", generator)
+    assert "the accelerometer reads 9.8" in refused(capsys, "centre", path, *command)
+    table = write(tmp_path / "p.csv", rows(generator))
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    assert "is a table, which has no times" in refused(capsys, "centre", table, *command, "--from", 1)

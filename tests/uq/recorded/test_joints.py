@@ -1,0 +1,171 @@
+"""A robot arm in MuJoCo swings a payload: joint states, a URDF and a wrist sensor give the payload's tensor.
+
+MuJoCo computes the wrist's force and moment, and Pinocchio, from a URDF of the same arm, how the wrist turns: two
+libraries that know nothing of one another.
+"""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from identify.signals.run import RunError
+from rig.exceptions import RigError
+from tests.bags import STORE, header, wrench, write_rosbag2
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.identification.identify_files import identify_files
+from uq.recorded.load_run import load_run
+
+AXES = ["0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1"]
+OFFSETS = ["0 0 0.33", "0 0 0.10", "0 0 0.20", "0.08 0 0.10", "-0.08 0 0.30", "0.02 0 0.05", "0.09 0 0.10"]
+FLANGE, TURN = "0.01 -0.02 0.11", "0.3 -0.2 0.5"  # roll, pitch, yaw about fixed axes
+MASS, R_CG = 2.3, np.array([0.012, -0.021, 0.063])
+TENSOR = np.array([[0.021, 0.0013, -0.0021], [0.0013, 0.017, 0.0009], [-0.0021, 0.0009, 0.011]])
+RATE, SECONDS = 500.0, 8.0
+NAMES = [f"arm_{k}" for k in range(1, 8)]
+
+
+def mjcf():
+    payload = " ".join(map(str, [*TENSOR.diagonal(), TENSOR[0, 1], TENSOR[0, 2], TENSOR[1, 2]]))
+    inner = (
+        f'<body name="payload" pos="{FLANGE}" euler="{TURN}"><site name="wrist"/><inertial mass="{MASS}" '
+        f'pos="{" ".join(map(str, R_CG))}" fullinertia="{payload}"/></body>'
+    )
+    for name, axis, offset in reversed(list(zip(NAMES, AXES, OFFSETS, strict=True))):
+        link = '<inertial mass="1.5" pos="0 0 0.05" diaginertia="0.01 0.01 0.01"/>'
+        inner = f'<body pos="{offset}"><joint name="{name}" axis="{axis}"/>{link}{inner}</body>'
+    return (
+        '<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><compiler angle="radian" eulerseq="XYZ"/>'
+        f'<worldbody>{inner}</worldbody><sensor><force site="wrist"/><torque site="wrist"/></sensor></mujoco>'
+    )
+
+
+def urdf(kinds=None):
+    """The same arm; ``kinds`` names joints that are continuous instead of revolute."""
+    links = ['<link name="base"/>']
+    for k, (name, axis, offset) in enumerate(zip(NAMES, AXES, OFFSETS, strict=True), start=1):
+        parent = "base" if k == 1 else f"link_{k - 1}"
+        kind = (kinds or {}).get(name, "revolute")
+        limit = '<limit lower="-3" upper="3" effort="1" velocity="1"/>' if kind == "revolute" else ""
+        links.append(
+            f'<link name="link_{k}"/><joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+            f'<child link="link_{k}"/><origin xyz="{offset}"/><axis xyz="{axis}"/>{limit}</joint>'
+        )
+    links.append(
+        f'<link name="tool"/><joint name="flange" type="fixed"><parent link="link_7"/><child link="tool"/>'
+        f'<origin xyz="{FLANGE}" rpy="{TURN}"/></joint>'
+    )
+    return f'<robot name="arm">{"".join(links)}</robot>'
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """Time, joints' positions and velocities, force and moment on the payload at the wrist."""
+    model = mujoco.MjModel.from_xml_string(mjcf())
+    data = mujoco.MjData(model)
+    t = np.arange(round(RATE * SECONDS)) / RATE
+    speed = 2 * np.pi * np.array([0.4, 0.55, 0.7, 0.5, 0.9, 0.8, 1.0])
+    size = np.array([0.5, 0.4, 0.5, 0.5, 0.6, 0.6, 0.8])
+    phase = np.multiply.outer(t, speed) + np.arange(7)
+    q, v, a = size * np.sin(phase), size * speed * np.cos(phase), -size * speed**2 * np.sin(phase)
+    readings = []
+    for one in zip(q, v, a, strict=True):
+        data.qpos[:], data.qvel[:], data.qacc[:] = one
+        mujoco.mj_inverse(model, data)
+        readings.append(data.sensordata.copy())
+    return t, q, v, np.array(readings)
+
+
+def write(path, swing, *, velocities=True, noise=0.0, names=NAMES):
+    t, q, v, readings = swing
+    kind, draw, items = "sensor_msgs/msg/JointState", np.random.default_rng(7), []
+    finger = np.zeros((len(t), 1))
+    q, v = np.hstack([finger, q + noise * draw.normal(size=q.shape)]), np.hstack([finger, v])
+    for k in range(len(t)):
+        time = 10**9 + round(t[k] * 1e9)
+        velocity = v[k] if velocities else np.zeros(0)
+        joints = STORE.types[kind](header(STORE, time, ""), ["finger", *names], q[k], velocity, np.zeros(0))
+        name = "geometry_msgs/msg/WrenchStamped"
+        stamped = STORE.types[name](header(STORE, time, "wrist"), wrench(STORE, readings[k, :3], readings[k, 3:]))
+        items += [(time, "/joint_states", kind, joints), (time, "/wrist", name, stamped)]
+    write_rosbag2(path, items)
+    return path
+
+
+def experiment(folder, text=None, **declared):
+    (folder / "arm.urdf").write_text(text or urdf())
+    keys = {"urdf": "arm.urdf", "urdf_frame": "tool", "wrench": "on_body"} | declared
+    lines = "".join(f'{key} = "{value}"\n' for key, value in keys.items() if value is not None)
+    (folder / "e.toml").write_text(
+        f'[body]\nr_cg_from_q = ["{R_CG[0]} m", "{R_CG[1]} m", "{R_CG[2]} m"]\n'
+        f'[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "6 Hz"\n[recording]\n{lines}'
+    )
+    return Experiment.load(folder / "e.toml")
+
+
+@pytest.mark.parametrize(("velocities", "kind"), [(True, "revolute"), (False, "revolute"), (True, "continuous")])
+def test_the_payloads_tensor(tmp_path, swing, velocities, kind):
+    path = write(tmp_path / "bag", swing, velocities=velocities)
+    declared = experiment(tmp_path, urdf({"arm_3": kind, "arm_7": kind}))
+    result = identify_files([path], declared)
+    expected = TENSOR[np.triu_indices(3)]
+    np.testing.assert_allclose(result.inertia[[0, 3, 5]], expected[[0, 3, 5]], rtol=1e-3)
+    np.testing.assert_allclose(result.inertia, expected, atol=1e-3 * expected[5])
+    said = " ".join(result.assumptions)
+    assert "base of the robot rests" in said
+    assert ("velocities in /joint_states is white" in said) == velocities
+
+
+def test_encoders_with_noise_are_within_a_percent_and_their_bias_is_stated(tmp_path, swing):
+    """20 µrad of noise on every joint, positions alone: the moments within 1 %."""
+    result = identify_files([write(tmp_path / "bag", swing, velocities=False, noise=2e-5)], experiment(tmp_path))
+    moments = TENSOR.diagonal()
+    np.testing.assert_allclose(result.inertia[[0, 3, 5]], moments, rtol=0.01)
+    off = np.abs(result.inertia[[0, 3, 5]] - moments - result.bias[[0, 3, 5]])
+    assert (off < 4 * result.standard_uncertainty[[0, 3, 5]] + 2e-4 * moments).all()
+
+
+@pytest.mark.parametrize(
+    ("declared", "text", "words"),
+    [
+        ({"urdf": None, "urdf_frame": None}, None, "declare the robot by recording.urdf and recording.urdf_frame"),
+        ({"urdf_frame": None}, None, "declare the robot by recording.urdf"),
+        ({"urdf": "gone.urdf"}, None, "no file .*gone.urdf at recording.urdf"),
+        ({"urdf_frame": "hand"}, None, "unknown frame 'hand' at recording.urdf_frame: .*link_7"),
+        ({}, "<robot", "no URDF .*arm.urdf"),
+        ({}, "hello", "no URDF .*arm.urdf"),
+        ({"angular_velocity_unit": "deg/s"}, None, "remove recording.angular_velocity_unit"),
+    ],
+)
+def test_a_robot_that_cannot_be_used(tmp_path, swing, declared, text, words, capfd):
+    path = write(tmp_path / "bag", tuple(part[:100] for part in swing))
+    spec = experiment(tmp_path, text, **declared)
+    with pytest.raises((ExperimentError, RunError, RigError), match=words) as error:
+        load_run(path, spec.recording)
+    assert "\n" not in str(error.value)
+
+
+def test_an_unknown_joint_is_named(tmp_path, swing):
+    path = write(tmp_path / "bag", tuple(part[:100] for part in swing), names=["elbow", *NAMES[1:]])
+    with pytest.raises(
+        RunError, match=r"joint 'arm_1' of arm.urdf is not in /joint_states in bag: it has finger, elbow"
+    ):
+        load_run(path, experiment(tmp_path).recording)
+
+
+def test_values_that_are_no_joints(tmp_path, swing):
+    t, q, v, readings = (part[:100] for part in swing)
+    bad = q.copy()
+    bad[7, 2] = np.nan
+    path = write(tmp_path / "bag", (t, bad, v, readings))
+    with pytest.raises(RunError, match="position of /joint_states in bag is not finite at sample 7"):
+        load_run(path, experiment(tmp_path).recording)
+
+
+def test_without_the_extra_its_name_is_told(tmp_path, swing, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
+    path = write(tmp_path / "bag", tuple(part[:100] for part in swing))
+    with pytest.raises(RigError, match=r"pip install inertia-uq\[urdf\]"):
+        load_run(path, dataclasses.replace(experiment(tmp_path).recording))

@@ -1,0 +1,320 @@
+"""The certificate: its figures against closed forms, what stands on it, and how it prints."""
+
+import copy
+import dataclasses
+import json
+import shutil
+import subprocess
+import tomllib
+
+import numpy as np
+import pytest
+
+from identify.estimators.admissible import Admissible
+from identify.estimators.residual_trace import trace
+from identify.results.alignment import Aligned
+from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.text_tables import decimals, fixed
+from tests.browser import Reader, drawn
+from tests.uq.experiment.test_report_table import FULL, T1
+from uq.campaign.simulation import simulate
+from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal, of_tensor
+from uq.experiment.conformity import Conformity, decide
+from uq.experiment.experiment import Experiment
+from uq.figures import sphere_axes as sphere
+from uq.figures.contributions import contributions
+from uq.identification.identify_files import identify_files
+from uq.identification.tare import tared
+from uq.report import acceptance_checks as checks
+from uq.report.certificate_front import number_of
+from uq.report.certificate_tables import alignment, bodies
+from uq.report.page_parts import input_table, run_table
+from uq.report.report_files import files, report
+
+HOSTILE = 'A"} </style><script>alert(1)</script>\\'
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    experiment = Experiment.from_dict(tomllib.loads(T1))
+    for seed in (0, 1):
+        simulate(experiment, seed=seed).write(folder / f"run-{seed}.mcap")
+    (folder / "experiment.toml").write_text(T1 + FULL, "utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plain(runs):
+    return identify_files(sorted(runs.glob("*.mcap")), Experiment.from_dict(tomllib.loads(T1)))
+
+
+@pytest.fixture(scope="module")
+def full(runs):
+    return identify_files(sorted(runs.glob("*.mcap")), Experiment.load(runs / "experiment.toml"))
+
+
+def reported(result, **table):
+    """The result as if its experiment had this table [report]."""
+    return dataclasses.replace(result, provenance={**result.provenance, "report": table})
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "value", "texts"),
+    [
+        (5.26, 380.74, ("5.3", "380.7")),
+        (11.5, 380.74, ("12", "381")),
+        (0.0996, -2.0, ("0.10", "−2.00")),
+        (0.0994, -2.0, ("0.099", "−2.000")),
+        (99.6, 1234.0, ("100", "1230")),
+        (1234.0, -98765.0, ("1200", "−98800")),
+        (0.2, -0.04, ("0.20", "−0.04")),
+        (2.0, -0.04, ("2.0", "0.0")),
+    ],
+)
+def test_two_digits_of_the_uncertainty(uncertainty, value, texts):
+    assert (fixed(uncertainty, decimals(uncertainty)), fixed(value, decimals(uncertainty))) == texts
+
+
+def test_coverage_factors_are_those_of_the_guide():
+    """GUM, table G.2 (Student's t) and table G.1 (normal)."""
+    for freedom, factor in ((2, 4.30), (4, 2.78), (10, 2.23), (50, 2.01)):
+        assert degrees_of_freedom(factor) == pytest.approx(freedom, rel=0.1)
+    assert degrees_of_freedom(1.96) == np.inf
+    one = np.ones(1)
+    assert of_normal(("a",), one, one, factor=2.0).probability[0] == pytest.approx(0.9545, abs=1e-4)
+    assert of_normal(("a",), one, one, probability=0.99).factor[0] == pytest.approx(2.576, abs=1e-3)
+
+
+def test_expanded_uncertainty_keeps_the_results_intervals_or_scales_them(plain):
+    usual = of_tensor(plain)
+    np.testing.assert_allclose(usual.interval, plain.interval95, rtol=1e-12)
+    np.testing.assert_allclose(usual.factor * usual.standard, usual.expanded, rtol=1e-12)
+    wide = of_tensor(plain, probability=0.99)
+    assert (wide.expanded > usual.expanded).all()
+    two = of_tensor(plain, factor=2.0)
+    np.testing.assert_allclose(two.expanded, 2 * plain.standard_uncertainty, rtol=1e-9)
+    same = of_tensor(plain, factor=float(usual.factor[0]))
+    assert same.probability[0] == pytest.approx(0.95, abs=1e-6)
+    skewed = dataclasses.replace(plain, interval95=plain.interval95 + 1e-3)
+    assert all("+" in row[2] and "−" in row[2] for row in of_tensor(skewed).rows(1e3))
+
+
+def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
+    """A component that nothing bounds above, and one of which nothing is known."""
+    covariance, interval = plain.covariance.copy(), plain.interval95.copy()
+    covariance[[1, 3]] = covariance[:, [1, 3]] = np.nan
+    interval[3], interval[1] = (1e-3, np.inf), (-np.inf, np.inf)
+    weak = dataclasses.replace(plain, covariance=covariance, interval95=interval, bias=np.full(6, np.nan))
+    rows = of_tensor(weak).rows(1e3)
+    assert rows[1][1:] == [rows[1][1], "–", "–", "–", "–", "−∞ … ∞"]
+    assert rows[3][6] == "1 … ∞"
+    assert rows[0] == of_tensor(plain).rows(1e3)[0]
+    for rule in ("simple", "guarded"):
+        (one,) = decide(Conformity("a", rule, {"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
+                        of_tensor(weak).expanded)  # fmt: skip
+        assert one.outcome == "undecided"
+    why = Admissible(weak.inertia, interval, np.arange(6) % 2 == 0, plain.inertia, plain.interval95, "data too weak")
+    (table,) = bodies(dataclasses.replace(weak, admissible=why))
+    assert [row[3] for row in table.rows] == ["yes", "no"] * 3
+    assert table.rows[0][1] == of_tensor(plain).rows(1e3)[0][1]
+    text = Reader(report(dataclasses.replace(reported(weak, coverage_factor=2), admissible=why))).text
+    assert "not determined about every axis" in " ".join(text)
+    assert not {"nan", "inf"} & set(" ".join(text).split())
+
+
+def test_uncertainty_about_an_axis_is_that_of_the_turned_tensor(plain):
+    about = sphere.uncertainty_about(plain.covariance)
+    draws = np.random.default_rng(0).multivariate_normal(np.zeros(6), plain.covariance, 4000, method="cholesky")
+    matrices = draws[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    for k in (0, 300, 999):
+        axis = about.directions[k]
+        scatter = np.einsum("i,kij,j->k", axis, matrices, axis).std()
+        assert about.values[k] == pytest.approx(scatter, rel=0.045)  # 4 standard errors of a deviation from 4,000 draws
+    assert about.largest[1] >= np.sqrt(np.diag(plain.covariance)[[0, 3, 5]]).max() * 0.999
+
+
+def test_shares_of_visited_axes_are_those_of_caps_and_belts():
+    """Within 15° of an axis lie 1 - cos 15° of all axes, within 15° of a plane sin 15°; 2,000 directions tell 0.5 %."""
+    turn = np.linspace(0, 2 * np.pi, 400)
+    belt = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    assert sphere.visited(np.array([[0.0, 0.0, 2.0]])) == pytest.approx(1 - np.cos(np.pi / 12), abs=5e-3)
+    assert sphere.visited(belt) == pytest.approx(np.sin(np.pi / 12), abs=1e-2)
+    assert sphere.visited(np.vstack([belt, [[0.0, 0.0, 0.4]]])) == sphere.visited(belt)
+    assert sphere.visited(np.zeros((3, 3))) == 0
+    weak, rms = sphere.rms_about(belt).least
+    np.testing.assert_allclose(abs(weak), [0, 0, 1], atol=0.05)
+    assert rms < 0.05
+    assert sphere.rms_about(belt).largest[1] == pytest.approx(np.sqrt(0.5), rel=1e-2)
+
+
+def test_a_trace_keeps_every_extreme_the_noise_level_and_a_line():
+    rate, rng = 400.0, np.random.default_rng(1)
+    t = np.arange(20_000) / rate
+    t = np.concatenate([t[:12_000], t[14_000:]])
+    noise = rng.normal(size=(len(t), 3))
+    noise[7_777, 1] = 9.0
+    line = noise + 0.5 * np.sin(2 * np.pi * 50 * t)[:, None] * [1, 0, 0]
+    found = trace(t, line, 10 * noise, noise, 2 * noise)
+    assert found.high[:, 1].max() == 9.0
+    assert found.low.min() == line.min()
+    assert len(found.t) <= 300
+    density = np.median(found.residual_density[:, 2])
+    assert density == pytest.approx(np.sqrt(2 / rate), rel=0.1)  # one-sided density of unit white noise
+    assert np.median(found.moment_density) == pytest.approx(10 * np.sqrt(2 / rate), rel=0.1)
+    assert found.frequency[np.argmax(found.residual_density[:, 0])] == pytest.approx(50, abs=0.5)
+    assert (np.diff(found.frequency) > 0).all()
+    np.testing.assert_array_equal(found.alpha, 2 * found.omega)
+
+
+def test_a_trace_of_a_few_samples_is_small_but_there():
+    found = trace(np.arange(3.0), *(np.ones((3, 3)) for _ in range(4)))
+    assert len(found.t) == 3
+    assert np.isfinite(found.residual_density).all()
+
+
+def test_contributions_add_up_to_the_variance(plain):
+    squares = sum(np.square(part) for part in contributions(plain).values())
+    np.testing.assert_allclose(squares, np.diag(plain.covariance), rtol=0.02)  # 10,000 draws of each source
+    without = dataclasses.replace(plain, budget=None)
+    assert set(contributions(without)) <= {"residuals", "scatter between runs", "r_cg"}
+    assert contributions(dataclasses.replace(without, diagnostics={})) == {}
+
+
+@pytest.mark.parametrize(
+    ("value", "simple", "guarded"),
+    [
+        (10.0, "conforms", "conforms"),
+        (10.9, "conforms", "undecided"),
+        (11.1, "does not conform", "undecided"),
+        (11.3, "does not conform", "does not conform"),
+        (9.1, "conforms", "undecided"),
+        (8.5, "does not conform", "does not conform"),
+    ],
+)
+def test_the_decision_rule_decides(value, simple, guarded):
+    inertia, u = np.full(6, value), np.full(6, 0.1)
+    for rule, outcome in (("simple", simple), ("guarded", guarded)):
+        (one,) = decide(Conformity("a", rule, {"I22": (9.0, 11.0)}), inertia, u, 2 * u)
+        assert (one.component, one.outcome) == ("I22", outcome)
+    assert one.probability == pytest.approx({10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3)
+
+
+def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
+    fixture = InertialParameters(
+        2.0, np.array([0.0, 0.0, 0.01]), np.diag([5e-3, 5e-3, 9e-3])[np.triu_indices(3)],
+        np.diag([1e-3, *[1e-4] * 3, *[5e-5] * 6]) ** 2,
+    )  # fmt: skip
+    body = tared(plain, fixture)
+    text = " ".join(Reader(report(body)).text)
+    assert "Tare: mass, centre of gravity from Q, tensor" in text
+    assert "fixture taken off" in text
+    squares = sum(np.square(part) for part in contributions(body).values())
+    np.testing.assert_allclose(squares, np.diag(body.covariance), rtol=0.02)
+    shown = np.array([float(cell.replace("−", "-")) for cell in run_table(body).rows[0][4:]])
+    off = 1e3 * (plain.inertia - body.inertia)
+    assert off[0] > 5
+    np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth
+
+
+def test_delay_and_rotation_have_their_table_where_they_were_estimated(plain):
+    delay = Aligned(np.array([2.1e-3]), np.diag([1e-8]), np.array([[1.9e-3, 2.3e-3]]), np.array([0.01]))
+    turned = Aligned(np.deg2rad([1.0, -2.0, 0.5]), np.diag(np.deg2rad([0.1] * 3) ** 2),
+                     np.deg2rad([[0.8, 1.2], [-2.2, -1.8], [0.3, 0.7]]), np.array([0.1, 0.2, 0.9]))  # fmt: skip
+    (found,) = alignment(dataclasses.replace(plain, delay=delay, rotation=turned))
+    assert found.rows[0] == ["delay of the IMU, ms", "2.10", "0.10", "1.90 … 2.30", "1"]
+    assert found.rows[2] == ["rotation vector of the IMU, deg, b2", "−2.00", "0.10", "−2.20 … −1.80", "20"]
+    assert alignment(plain) == []
+    assert "Alignment of load cell and IMU" in report(dataclasses.replace(plain, delay=delay, rotation=turned))
+
+
+def test_every_item_stands_on_the_page_and_nothing_is_lost(full):
+    html = report(full)
+    page = Reader(html)
+    text = " ".join(page.text)
+    table = tomllib.loads(FULL)["report"]
+    for key in ("title", "number", "location", "method", "traceability"):
+        assert table[key] in text
+    for words in (
+        "Test hall", "1 Street", "A customer", "drone", "serial number 17", "2026-03-02", "2026-03-04 to 2026-03-05",
+        "temperature: (21.3 ± 0.5) °C", "Approved by A. Person, head; issued 2026-03-09", "LC-1", "K 17", "2025-04-01",
+        "Conformity with drawing 4", "guarded acceptance", "relate only to the item", "No accreditation is claimed",
+        "The data are simulated", "End of 2026-0173", "Checks", "Budget: contributions",
+    ):  # fmt: skip
+        assert words in text, words
+    assert all(entry["sha256"] in text for entry in full.provenance["inputs"])
+    assert full.provenance["experiment_file"]["sha256"] in text
+    assert {"script", "link"}.isdisjoint(page.tags)
+    assert all(page.values("alt"))
+    assert [row[3] for row in of_tensor(full, factor=2.0).rows(1e3)] == ["2.00"] * 6
+
+
+def test_what_is_missing_is_not_stated(plain):
+    text = Reader(report(plain)).text
+    assert text.count("not stated") >= 12
+    assert "Inertia tensor of a body" in text
+    assert "accredit" not in " ".join(text).lower().replace("no accreditation is claimed", "")
+
+
+def test_warnings_of_dates_reach_result_and_page(runs):
+    document = tomllib.loads(T1 + FULL)
+    document["report"]["instrument"][0]["due"] = "2026-03-01"
+    result = identify_files([runs / "run-0.mcap"], Experiment.from_dict(document))
+    (warning,) = [text for text in result.warnings if "was due" in text]
+    html = report(result)
+    assert warning in html[html.index('class="attention"') : html.index("<h2>Result</h2>")]
+    assert checks.rows(result)[-1][3] == "see Attention"
+
+
+def test_the_number_is_that_of_the_content(plain):
+    content = files(plain)
+    number = json.loads(content["result.json"])["certificate"]
+    assert number in content["report.html"].decode()
+    assert number == number_of(plain.to_dict())
+    later = dataclasses.replace(plain, provenance={**plain.provenance, "time": "2030-01-01T00:00:00+00:00"})
+    assert number_of(later.to_dict()) == number
+    other = reported(plain, customer={"name": "another"})
+    assert number_of(other.to_dict()) != number
+    changed = dataclasses.replace(plain, inertia=plain.inertia * (1 + 1e-12))
+    assert number_of(changed.to_dict()) != number
+
+
+def test_every_file_that_went_in_is_named_once():
+    provenance = {
+        "inputs": [{"file": "a", "sha256": "1"}, {"file": "b", "sha256": "2", "more": {"file": "c", "sha256": "3"}}],
+        "others": [{"inputs": ({"file": "a", "sha256": "1"}, {"file": "d", "sha256": None})}],
+    }
+    assert input_table(provenance).rows == [("a", "1"), ("b", "2"), ("c", "3")]
+
+
+def test_hostile_particulars_are_text(plain):
+    table = copy.deepcopy(tomllib.loads(FULL)["report"])
+    table |= {"title": HOSTILE, "number": HOSTILE, "customer": {"name": HOSTILE}, "conditions": {HOSTILE: HOSTILE}}
+    page = Reader(report(reported(plain, **table)))
+    assert "script" not in page.tags
+    assert HOSTILE in page.text
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+def test_it_prints_as_a_numbered_a4_document_without_complaint(full, tmp_path):
+    html = report(full)
+    _, printed, complaints = drawn(html, tmp_path)
+    assert complaints == []
+    if shutil.which("pdftotext") is not None:
+        pages = subprocess.run(["pdftotext", printed, "-"], check=True, capture_output=True).stdout.decode().split("\f")
+        pages = pages[:-1]
+        assert 4 <= len(pages) <= 7
+        for k, text in enumerate(pages, 1):
+            assert "2026-0173" in text
+            assert f"page {k} of {len(pages)}" in text
+            assert len(text.split()) > 20  # no empty page
+        assert "End of 2026-0173" in pages[-1]
+        about = subprocess.run(["pdfinfo", printed], check=True, capture_output=True).stdout.decode()
+        assert "(A4)" in about
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+def test_the_browser_would_complain_of_a_request(plain, tmp_path):
+    """The oracle of the test above."""
+    html = report(plain).replace("</body>", '<img alt="" src="http://127.0.0.1:9/x.png"></body>')
+    assert any("127.0.0.1:9" in text for text in drawn(html, tmp_path)[2])

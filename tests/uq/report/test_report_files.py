@@ -1,0 +1,176 @@
+"""The report stands alone, says everything, and is written whole or not at all."""
+
+import json
+import re
+import shutil
+from base64 import b64decode
+from importlib import resources
+from xml.etree import ElementTree
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+import uq.report.report_files
+from identify.rigid_body.inertia import COMPONENTS
+from identify.text_tables import with_error
+from tests.browser import Reader, drawn
+from tests.small_campaign import campaign, document, paper_result
+from uq.campaign.campaign import montecarlo
+from uq.experiment.experiment import Experiment
+from uq.report.page_parts import inferred
+from uq.report.report_files import report, write
+
+HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
+
+
+@pytest.fixture(scope="module", params=["montecarlo", "paper"])
+def result(request):
+    return campaign() if request.param == "montecarlo" else paper_result()
+
+
+@pytest.fixture(scope="module")
+def html(result):
+    return report(result)
+
+
+def test_page_is_well_formed_and_loads_nothing(html):
+    page = Reader(html)
+    assert html.startswith("<!DOCTYPE html>")
+    assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(page.tags)
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in page.values("src"))
+    assert not page.values("href") + page.values("srcset") + page.values("style")
+    assert "url(" not in html
+    assert "@import" not in html
+
+
+def test_figures_inside_are_drawings_that_load_nothing(html):
+    sources = Reader(html).values("src")
+    assert len(sources) >= 6
+    for source in sources:
+        root = ElementTree.fromstring(b64decode(source.partition(",")[2]))
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        links = [value for node in root.iter() for name, value in node.attrib.items() if name.endswith("href")]
+        assert all(link.startswith(("#", "data:")) for link in links)
+
+
+def test_page_holds_every_figure_beside_its_mean_error(result, html):
+    text = Reader(html).text
+    dispersions = means = 0
+    for of_trajectory in campaign().breakdowns.values():
+        for breakdown in of_trajectory.values():
+            for s in [*breakdown.groups.values(), *breakdown.sources.values()]:
+                for k in range(len(COMPONENTS)):
+                    assert with_error(1e3 * s.mean_error[k], 1e3 * s.mean_error_standard_error[k]) in text
+                    assert with_error(1e3 * s.three_sigma[k], 1e3 * s.three_sigma_standard_error[k]) in text
+                dispersions, means = dispersions + 1, means + 1
+    totals = 8
+    assert text.count("3σ") == dispersions + totals
+    assert text.count("mean error") == means + totals
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (-30.6437, 0.0543, "−30.644 ± 0.054"),
+        (2.813, 0.12, "2.81 ± 0.12"),
+        (1234.6, 23.0, "1235 ± 23"),
+        (-1e-9, 1e-9, "0.0000 ± 0.0000"),
+        (1.0, np.nan, "1"),
+        (np.nan, np.nan, "–"),
+    ],
+)
+def test_figures_are_rounded_to_their_standard_error(value, error, text):
+    assert with_error(value, error) == text
+
+
+def test_page_names_sources_with_references_and_marks_inferred_values():
+    preset = Experiment.load("barreto2016").document
+    text = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
+    rows = inferred(preset)
+    assert len(rows) == len(re.findall(r"= .*# INFERRED", text))
+    assert ["trajectory.T1.rate", "400 Hz", ""] in rows
+    assert ["platform.r_cg_from_omb", "0 m, 0 m, 0.11 m", "g/Ω² = 0.111 m halves the CG effect with a still CG"] in rows
+    assert inferred(document()) == []  # another experiment: its values are its own
+    page = Reader(report(campaign())).text
+    assert "the source, Table 1: one draw per experiment" in page
+    assert "19e-4 rad/s" in " ".join(page)
+
+
+def test_page_warns_of_mean_errors_beyond_the_dispersion(html):
+    findings = html[html.index('class="attention"') : html.index("<h2>Results</h2>")]
+    assert "T1, central: the mean error exceeds 3σ: " in findings
+    assert "smoothed" not in findings
+
+
+def test_hostile_names_are_text():
+    changed = document()
+    changed["trajectory"] = {f"../{HOSTILE}": changed["trajectory"]["T1"]}
+    changed["source"][0] |= {"name": HOSTILE, "group": f"{HOSTILE}2", "reference": HOSTILE}
+    changed["recording"] = {}
+    changed["estimator"] = [changed["estimator"][0] | {"name": f"a/{HOSTILE}$x$"}]
+    result = montecarlo(Experiment.from_dict(changed), trials=4)
+    page = Reader(report(result))
+    assert "script" not in page.tags
+    assert not page.values("onerror")
+    assert HOSTILE in page.text
+    assert all("/" not in name for name in uq.report.report_files.files(result))
+
+
+def test_result_json_is_the_result(result, tmp_path):
+    write(result, tmp_path)
+    assert json.loads((tmp_path / "result.json").read_text("utf-8")) == json.loads(json.dumps(result.to_dict()))
+    assert (tmp_path / "report.html").read_text("utf-8") == report(result)
+    drawings = {path.stem for path in tmp_path.glob("*.svg")}
+    assert len(drawings) >= 6
+    assert {path.stem for path in tmp_path.glob("*.png")} == drawings
+
+
+def test_nan_reaches_neither_json_nor_page(tmp_path):
+    write(campaign(1, ("T1",)), tmp_path)
+    content = json.loads((tmp_path / "result.json").read_text("utf-8"), parse_constant=pytest.fail)
+    total = content["trajectories"]["T1"]["central"]["groups"]["total"]
+    assert set(total["three_sigma"].values()) == {None}
+    text = Reader((tmp_path / "report.html").read_text("utf-8")).text
+    assert not any(re.search(r"\b(nan|inf)\b", cell) for cell in text)
+
+
+def test_writing_replaces_its_own_files_and_no_others(tmp_path):
+    out = tmp_path / "new" / "folder"
+    write(campaign(1, ("T1",)), out)
+    (out / "result.json").write_text("old")
+    (out / "notes.txt").write_text("mine")
+    write(campaign(1, ("T1",)), out)
+    assert json.loads((out / "result.json").read_text("utf-8"))["trials"] == 1
+    assert (out / "notes.txt").read_text() == "mine"
+    assert not [path for path in out.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("where", ["drawing", "disk"])
+def test_a_failure_leaves_nothing_half_written(where, tmp_path, monkeypatch):
+    (tmp_path / "result.json").write_text("old")
+
+    def fail(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    if where == "drawing":
+        monkeypatch.setattr(uq.report.report_files, "_render", fail)
+    else:
+        monkeypatch.setattr(uq.report.report_files.os, "fsync", fail)
+    with pytest.raises(OSError, match="No space"):
+        write(campaign(1, ("T1",)), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
+    assert (tmp_path / "result.json").read_text() == "old"
+
+
+def test_no_report_for_other_things():
+    with pytest.raises(TypeError, match="must be a result with a report, but is a dict"):
+        report({})
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+def test_a_browser_draws_and_prints_the_page(tmp_path):
+    picture, printed, complaints = drawn(report(paper_result()), tmp_path)
+    assert complaints == []
+    assert matplotlib.image.imread(picture)[..., :3].std() > 0.05  # not a blank page
+    assert printed.read_bytes().startswith(b"%PDF")

@@ -1,0 +1,373 @@
+"""The experiment's budget: closed forms, the campaign's own draws, honest standard errors, tables that say it all."""
+
+import csv
+import dataclasses
+import io
+import json
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from identify.rigid_body.inertia import COMPONENTS, unpack
+from identify.rigid_body.regressor import omega_r
+from tests.small_campaign import document
+from uq.campaign.campaign import montecarlo, prepare_setup, run_trials, true_motion
+from uq.campaign.simulation import simulate
+from uq.cli import main as cli
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.figures import budget_figures as budget_plot
+from uq.report.report_files import files, report
+from uq.sensitivity.budget_result import COLUMNS, BudgetResult
+from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
+from uq.sources.source import Mixing, Source
+
+LINEAR = ("F_precision", "F_bias", "M_precision", "M_bias", "r_cg")
+
+
+def only(experiment, *names):
+    return dataclasses.replace(experiment, sources=tuple(s for s in experiment.sources if s.name in names))
+
+
+def run(experiment, trials, **options):
+    """The twinned set-up on T1, estimator central, and the errors of its cases: (trials, cases, 6)."""
+    chosen = [experiment.estimator("central")]
+    twins = twinned(prepare_setup(experiment, experiment.trajectories["T1"], chosen, **options))
+    return twins, (run_trials(twins.setup, trials, 0, jax.devices()).inertia - np.asarray(experiment.inertia))[:, 0]
+
+
+@pytest.fixture(scope="module")
+def linear(short):
+    """Sources in which the estimate is linear: the gyro is exact."""
+    experiment = only(short, *LINEAR)
+    return run(experiment, 3000)
+
+
+@pytest.fixture(scope="module")
+def closed(short):
+    """Variances by source and component of the linear sources: (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹ from the rows themselves."""
+    motion = true_motion(short, short.trajectories["T1"])
+    alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
+    rows = np.asarray(jax.vmap(omega_r, in_axes=1)(motion.omega[:, 1:-1], alpha))
+    force = np.asarray(simulate(only(short)).run.force)[1:-1]
+    solve = np.einsum(
+        "ie,nje->nij", np.linalg.inv(np.einsum("nji,nje->ie", rows, rows)), rows
+    )  # of each sample's moment
+    of_force = -solve @ np.cross(short.r_cg_from_q, np.eye(3)).T
+    of_r = np.einsum("nij,nrj->ir", solve, np.cross(np.eye(3), -force[:, None]))
+    gains = {
+        "F_precision": of_force, "F_bias": of_force.sum(0), "M_precision": solve, "M_bias": solve.sum(0), "r_cg": of_r,
+    }  # fmt: skip
+    sigma = {source.name: source.sigma for source in short.sources}
+    return np.array([np.sum((gains[n] * sigma[n]) ** 2, axis=-1).reshape(-1, 6).sum(0) for n in LINEAR])
+
+
+@pytest.fixture(scope="module")
+def result(short):
+    return budget(short, trials=60, trajectories="T1")
+
+
+# --- closed forms ---
+
+
+def test_shares_of_linear_sources_are_the_closed_form(linear, closed):
+    """105 comparisons at 4 standard errors: 0.7 % false alarms. The error of r meets the noise of F in the product r × F:
+    an interaction, of a hundred-thousandth of the variance."""
+    b = budget_of(linear[0], linear[1])
+    shares, whole = closed / closed.sum(0), closed @ WEIGHTS / (closed @ WEIGHTS).sum()
+    for indices, product in ((b.sources.first, 1e-9), (b.sources.total, 3e-5), (b.sources.shapley, 3e-5)):
+        assert (np.abs(indices.value - shares) <= 4 * indices.standard_error + product).all()
+        assert (np.abs(indices.generalised - whole) <= 4 * indices.generalised_standard_error).all()
+        assert indices.standard_error.max() < 0.01
+    variance = closed.sum(0)
+    assert (np.abs(b.mean_square.variance - variance) <= 4 * b.mean_square.variance_standard_error).all()
+    assert b.closes
+    assert b.culprit == "M_precision"
+    load_cell = b.groups.shapley.value[b.groups.players.index("load_cell")]
+    np.testing.assert_allclose(load_cell, b.sources.shapley.value[:4].sum(0), atol=1e-3)  # no interaction between them
+
+
+def coverage(errors, twins, closed, block):
+    """How often 1.96 standard errors of a budget of ``block`` pairs hold the closed form, for shares above 1e-3."""
+    shares, hits = closed / closed.sum(0), []
+    for part in errors.reshape(-1, block, *errors.shape[1:]):
+        b = budget_of(twins, part)
+        for indices in (b.sources.first, b.sources.shapley):
+            hit = np.abs(indices.value - shares) <= 1.96 * indices.standard_error
+            whole = np.abs(indices.generalised - closed @ WEIGHTS / (closed @ WEIGHTS).sum())
+            hits.append([*hit[shares > 1e-3], *(whole <= 1.96 * indices.generalised_standard_error)])
+    return np.mean(hits)
+
+
+def test_standard_errors_cover_the_closed_form(linear, closed):
+    """60 budgets of 50 pairs: the small sample's ratio costs a little of the 95 %."""
+    assert 0.90 <= coverage(linear[1], linear[0], closed, 50) <= 0.99
+
+
+@pytest.mark.study
+def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(short, closed):
+    """200 budgets of 200 pairs."""
+    twins, errors = run(only(short, *LINEAR), 40_000)
+    found = coverage(errors, twins, closed, 200)
+    print("coverage of 200 budgets of 200 pairs:", found)
+    assert 0.90 <= found <= 0.99
+
+
+@pytest.fixture(scope="module")
+def bare(short):
+    """A set-up without sources."""
+    return prepare_setup(only(short), short.trajectories["T1"], [short.estimator("central")])
+
+
+def board(bare, *groups, mixing=()):
+    """The set-up with sources a, b, c … of these groups."""
+    sources = tuple(Source("abcdefghijklmnop"[k], "F", "bias", g, np.ones(3)) for k, g in enumerate(groups))
+    return dataclasses.replace(bare, sources=sources, mixing=mixing)
+
+
+def played(twins, model, generator, trials):
+    """Errors of all cases of a model of standard normal draws {name: values}, the same for all six components."""
+    drawn = {s.name: generator.normal(size=trials) for s in twins.setup.sources}
+    names = [s.name for s in twins.setup.sources if "′" not in s.name]
+
+    def of_case(case):
+        return model({n: drawn[n] * (n in case.sources) + drawn[f"{n}′"] * (f"{n}′" in case.sources) for n in names})
+
+    return np.repeat(np.stack([of_case(case) for case in twins.setup.cases], axis=1)[:, :, None], 6, axis=2)
+
+
+def test_an_interaction_is_shared_in_halves(bare, generator):
+    """Y = 5 + a + 2 b + 3 a b of standard normals, c idle: V = 1 + 4 + 9, the product's part in halves."""
+    twins = twinned(board(bare, "one", "one", "two"))
+    found = budget_of(twins, played(twins, lambda x: 5 + x["a"] + 2 * x["b"] + 3 * x["a"] * x["b"], generator, 40_000))
+    for indices, exact in (
+        (found.sources.first, [1, 4, 0]),
+        (found.sources.total, [10, 13, 0]),
+        (found.sources.shapley, [5.5, 8.5, 0]),
+        (found.groups.shapley, [14, 0]),
+    ):
+        assert (np.abs(indices.value[:, 0] - np.array(exact) / 14) <= 4 * indices.standard_error[:, 0] + 1e-12).all()
+    share = found.mean_square.bias_share[0], found.mean_square.bias_share_standard_error[0]
+    assert abs(share[0] - 25 / 39) <= 4 * share[1]
+
+
+def test_more_than_ten_sources_walk(bare, generator):
+    """Twelve sources: Σ k x_k, and a triple product of a, b, c: V = Σ k² + 400, the product's part in thirds."""
+    twins = twinned(board(bare, *4 * ["one"], *4 * ["two"], *4 * ["three"]))
+    assert len(twins.design.choices) < 400
+    names = "abcdefghijkl"
+
+    def model(x):
+        return sum(k * x[n] for k, n in enumerate(names)) + 20 * x["a"] * x["b"] * x["c"]
+
+    found = budget_of(twins, played(twins, model, generator, 3000))
+    own, product = np.arange(12) ** 2, 400 * (np.arange(12) < 3)
+    of_groups = np.array([own[:4].sum() + 400, own[4:8].sum(), own[8:].sum()])
+    variance = own.sum() + 400
+    for indices, exact in (
+        (found.sources.first, own),
+        (found.sources.total, own + product),
+        (found.sources.shapley, own + product / 3),
+        (found.groups.shapley, of_groups),
+        (found.groups.total, of_groups),
+    ):
+        error = np.abs(indices.value[:, 0] - exact / variance)
+        assert (error <= 4 * indices.standard_error[:, 0]).all(), (error, indices.standard_error[:, 0])
+        np.testing.assert_allclose(indices.generalised, indices.value[:, 0])
+    np.testing.assert_allclose(found.sources.shapley.sum[0], 1)
+    assert found.closes
+    # eight orders of three: the share in the product is as uncertain as they scatter
+    assert found.sources.shapley.standard_error[0, 0] > 2 * found.sources.first.standard_error[0, 0]
+
+
+def test_correlated_sources_are_one_player_and_fixed_ones_none(bare):
+    joined = twinned(board(bare, "one", "one", "two", "three", mixing=(Mixing(("b", "c"), (3, 3), np.eye(6)),)))
+    assert [p.name for p in joined.sources] == ["a", "b + c", "d"]
+    assert [(p.name, p.draws) for p in joined.groups] == [("one + two", 0b011), ("three", 0b100)]
+    assert joined.setup.mixing[1].names == ("b′", "c′")
+    assert len(joined.design.choices) == 8
+    assert all(("b" in case.sources) == ("c" in case.sources) for case in joined.setup.cases[-8:])
+    sources = (*board(bare, "one").sources, Source("range", "M", "saturation", "two", np.ones(3)))
+    fixed = twinned(dataclasses.replace(bare, sources=sources))
+    assert [p.draws for p in fixed.sources] == [1, 0]
+    assert all("range" in case.sources for case in fixed.setup.cases[-2:])
+
+
+@pytest.mark.parametrize("bias", [0.0, 0.05, 0.5, 2.0])
+def test_the_bias_share_has_an_honest_standard_error(bias, generator):
+    """2,000 repeats of 200 trials; near zero, where the squared mean is far from normal, it is on the safe side."""
+    sigma, hits = np.array([1.0, 2.0]), []
+    truth = 2 * bias**2 / (2 * bias**2 + np.sum(sigma**2))
+    for _ in range(2000):
+        error = bias + sigma * generator.normal(size=(200, 2))
+        variance = (error - bias) ** 2
+        share, standard_error = _bias_share(error, variance, np.ones(2))
+        hits.append(abs(share - truth) <= 1.96 * standard_error)
+    assert 0.92 <= np.mean(hits) <= (0.99 if bias > 0.1 else 1)
+
+
+# --- the engine's draws ---
+
+
+@pytest.mark.parametrize("sampling", ["conditioned", "samples"])
+def test_choices_are_the_campaigns_own_trials(short, sampling):
+    """All from the first draws is the campaign's total; a twin's is the campaign's with that source renamed."""
+    some = only(short, "M_precision", "omega_precision", "omega_bias")
+    options = {"trials": 3, "trajectories": "T1", "estimators": "central", "sampling": sampling}
+    (setup, *_), errors = run(some, 3, sampling=sampling)
+    np.testing.assert_allclose(errors[:, -1], montecarlo(some, **options).errors["T1"][:, 0, 0], atol=1e-13)
+    assert [c.name for c in setup.cases[:4]] == ["none", "alone:load_cell", "alone:imu", "alone:M_precision"]
+    twin = setup.sources[4]
+    assert (twin.name, twin.target) == ("omega_precision′", "omega")
+    renamed = dataclasses.replace(some, sources=(some.sources[0], twin, some.sources[2]))
+    if sampling == "samples":  # what noise leaves in the sums is drawn in the order of the gyro's variants
+        other = montecarlo(renamed, **options).errors["T1"][:, 0, 0]
+        np.testing.assert_allclose(errors[:, -8 + 0b101], other, atol=1e-13)
+
+
+def test_each_alone_has_the_campaigns_mean_error(short, result):
+    campaign = montecarlo(short, trials=60, trajectories="T1")
+    for estimator in ("central", "smoothed"):
+        b = result["T1", estimator]
+        for effects, statistics in ((b.sources, campaign["T1", estimator].sources),
+                                    (b.groups, campaign["T1", estimator].groups)):  # fmt: skip
+            for name, alone in effects.alone.items():
+                np.testing.assert_allclose(alone.mean_error, statistics[name].mean_error, atol=1e-11)
+                np.testing.assert_allclose(alone.three_sigma, statistics[name].three_sigma, atol=1e-10)
+    mean = result["T1", "central"].mean_square.mean_error[5]
+    assert abs(1e3 * mean + 30.5) < 1  # regression dilution, nearly that of the preset
+    assert result["T1", "central"].mean_square.bias_share[5] > 0.5
+
+
+def test_the_tensors_share_does_not_hang_on_the_frame(linear, generator):
+    """In a frame turned anywhere, components have other shares, the whole tensor the same."""
+    twins, errors = linear
+    turn, _ = np.linalg.qr(generator.normal(size=(3, 3)))
+    some = errors[:200]
+    full = np.asarray(jax.vmap(jax.vmap(unpack))(jnp.asarray(some)))
+    turned = turn @ full @ turn.T
+    packed = turned[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    one, other = budget_of(twins, some), budget_of(twins, packed)
+    np.testing.assert_allclose(other.sources.shapley.generalised, one.sources.shapley.generalised, rtol=1e-9)
+    assert np.abs(other.sources.shapley.value - one.sources.shapley.value).max() > 0.01
+
+
+def test_a_source_of_no_size_has_no_share_but_is_there(short):
+    silent = dataclasses.replace(
+        only(short, "M_bias", "F_bias"),
+        sources=tuple(eqx.tree_at(lambda s: s.sigma, s, s.sigma * (s.name == "M_bias")) for s in short.sources[1:4:2]),
+    )
+    b = budget(silent, trials=5, trajectories="T1", estimators="central")["T1", "central"]
+    assert b.sources.players == ("F_bias", "M_bias")
+    np.testing.assert_allclose(b.sources.shapley.generalised, [0, 1], atol=1e-12)
+
+
+def test_failed_pairs_are_counted_and_left_out(linear):
+    errors = linear[1][:50].copy()
+    errors[3, 7] = np.nan
+    b = budget_of(linear[0], errors)
+    assert b.failed == 1
+    np.testing.assert_array_equal(b.closure, budget_of(linear[0], np.delete(errors, 3, axis=0)).closure)
+
+
+# --- tables, files, figures, command ---
+
+
+def test_tables_and_csv_hold_every_source_group_and_component(result):
+    text = repr(result)
+    names = ["F precision", "M precision", "r CG", "ω precision", "group load cell", "closure", "no source", "bias, %"]
+    assert all(text.count(name) >= 2 for name in names)
+    assert "M precision causes" in text
+    assert result._repr_html_().count("<table>") == 6
+    records = list(csv.DictReader(io.StringIO(result.csv())))
+    shares = [r for r in records if r["quantity"] == "shapley" and r["of"] == "source" and r["estimator"] == "central"]
+    assert {r["component"] for r in shares} == set(COLUMNS)
+    for column in COLUMNS:
+        of_column = [float(r["value"]) for r in shares if r["component"] == column]
+        assert len(of_column) == 7
+        np.testing.assert_allclose(sum(of_column), 1)
+    assert all(r["standard_error"] for r in records)
+    assert {r["component"] for r in records if r["quantity"] == "closure"} == set(COMPONENTS)
+
+
+def test_the_report_and_files_of_a_budget(result):
+    content = files(result)
+    assert {"result.json", "report.html", "budget.csv", "budget.png", "budget-T1-central.png"} <= set(content)
+    assert json.loads(content["result.json"]) == json.loads(json.dumps(result.to_dict()))
+    page = report(result)
+    assert "M precision causes" in page
+    assert page.count("closure") >= 6
+
+
+def test_a_finding_when_the_shares_do_not_add_up(result):
+    b = dataclasses.replace(result["T1", "central"], closure=np.full(6, 1.5), closure_standard_error=np.full(6, 0.1))
+    changed = dataclasses.replace(result, budgets={"T1": {"central": b}})
+    assert "do not add up" in changed.findings()[0]
+    assert result.findings() == []
+
+
+def test_figures_show_every_source(result):
+    figure = budget_plot.shares(result["T1", "central"])
+    stacks, tensor = figure.axes[0], figure.axes[2]
+    assert [t.get_text() for t in tensor.get_yticklabels()][:2] == ["F precision", "F bias"]
+    assert len(stacks.patches) == 7 * len(COLUMNS)
+    heights = np.reshape([p.get_height() for p in stacks.patches], (7, len(COLUMNS)))
+    np.testing.assert_allclose(heights.sum(0), 100)
+    assert len(budget_plot.overview(result).axes[1].patches) == 4
+
+
+def test_the_command_adds_the_budget_to_the_report(tmp_path, capsys):
+    changed = document()
+    changed["trajectory"] = {"T1": changed["trajectory"]["T1"]}
+    changed["source"] = [s for s in changed["source"] if s["name"] in ("M_bias", "r_cg")]
+    changed["estimator"], changed["recording"] = changed["estimator"][:1], {}
+    file = tmp_path / "experiment.toml"
+    file.write_text(toml(changed), "utf-8")
+    out = tmp_path / "out"
+    assert cli.main(["montecarlo", str(file), "--trials", "4", "--budget", "6", "--out", str(out)]) == 0
+    assert "Budget, 6 pairs of trials × 4 choices of draws" in capsys.readouterr().out
+    content = json.loads((out / "result.json").read_text("utf-8"))
+    assert content["trials"] == 4
+    assert content["budget"]["trials"] == 6
+    assert (out / "budget.csv").exists()
+    page = (out / "report.html").read_text("utf-8")
+    assert "r CG causes" in page or "M bias causes" in page
+    assert "Monte Carlo of an inertia tensor" in page
+
+
+def test_too_small_a_budget_is_refused_before_any_work(capsys):
+    assert cli.main(["montecarlo", "barreto2016", "--budget", "1"]) == 2
+    assert "--budget is 1: ask for two pairs of trials or more" in capsys.readouterr().err
+
+
+def toml(table, where=""):
+    """Write a nested dict of strings, numbers, lists of strings and tables as TOML."""
+    plain = {
+        k: v
+        for k, v in table.items()
+        if not isinstance(v, dict) and not (v and isinstance(v, list) and isinstance(v[0], dict))
+    }
+    lines = [f"{k} = {json.dumps(v)}" for k, v in plain.items()]
+    for key, value in table.items():
+        if isinstance(value, dict):
+            lines += [f"[{where}{key}]", toml(value, f"{where}{key}.")]
+        elif key not in plain:
+            lines += [line for item in value for line in (f"[[{where}{key}]]", toml(item, f"{where}{key}."))]
+    return "\n".join(lines)
+
+
+def test_mistakes_are_named(short):
+    with pytest.raises(ExperimentError, match="1 trials of a budget: ask for two or more"):
+        budget(short, trials=1)
+    with pytest.raises(ExperimentError, match="from which anything is drawn"):
+        budget(only(short), trials=4)
+
+
+def test_public_names():
+    import uq
+
+    assert uq.budget is budget
+    assert uq.BudgetResult is BudgetResult
+    assert Experiment is uq.Experiment

@@ -1,0 +1,91 @@
+"""Coloured noise has the Allan deviation that was asked for; allantools measures it."""
+
+import warnings
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.source_lab import experiment, simulated, source
+from uq.campaign.simulation import simulate
+from uq.sources.flicker_noise import draw_coloured, pink
+from uq.sources.source import draw_block
+
+RATE, SAMPLES = 100.0, 200_000
+
+
+def allan_deviation(signal, taus):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import allantools
+    taus, deviation, _, pairs = allantools.adev(signal, rate=RATE, data_type="freq", taus=taus)
+    return taus, deviation, pairs
+
+
+@eqx.filter_jit
+def draw(source, key, trial, n):
+    return draw_coloured(source, key, trial, n, jnp.asarray(RATE), jnp.dtype(float))
+
+
+def drawn(source, seed, trial, n):
+    return draw(source, jax.random.key(seed), jnp.asarray(trial), n)
+
+
+def asked(white=0.0, flicker=0.0, random_walk=0.0):
+    """A gyro's noise with these Allan parameters on axis 1, two and three times as much on the others."""
+    units = {"white": "rad/s/Hz**0.5", "flicker": "rad/s", "random_walk": "rad/s/s**0.5"}
+    given = {"white": white, "flicker": flicker, "random_walk": random_walk}
+    keys = {name: [f"{float(k * value)!r} {units[name]}" for k in (1, 2, 3)] for name, value in given.items() if value}
+    return source("gyro", "omega", "coloured", **keys)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [{"white": 2e-4}, {"flicker": 3e-5}, {"random_walk": 1e-5}, {"white": 2e-4, "flicker": 3e-4, "random_walk": 1e-4}],
+    ids=["white", "flicker", "walk", "all"],
+)
+def test_the_allan_deviation_is_the_one_asked_for(parameters):
+    """IEEE Std 952: N²/τ + (2 ln 2/π) B² + K² τ/3."""
+    gyro = experiment(asked(**parameters)).sources[0]
+    noise = drawn(gyro, 5, 3, SAMPLES)
+    n, b, k = (parameters.get(name, 0.0) for name in ("white", "flicker", "random_walk"))
+    for axis in range(3):
+        taus, deviation, pairs = allan_deviation(np.asarray(noise[axis]), 2.0 ** np.arange(3, 15) / RATE)
+        expected = (axis + 1) * np.sqrt(n**2 / taus + 2 * np.log(2) / np.pi * b**2 + k**2 * taus / 3)
+        assert len(taus) == 12  # from 0.08 s to 164 s
+        # a deviation from `pairs` differences is known within 1/√pairs at worst: 144 comparisons at 5: 1e-4 false alarms
+        np.testing.assert_array_less(np.abs(deviation / expected - 1), 5 / np.sqrt(pairs) + 0.005)
+
+
+def test_white_noise_alone_is_white(generator):
+    """A noise density N is a standard deviation of N √rate at each sample, independent between axes."""
+    gyro = experiment(asked(white=2e-4)).sources[0]
+    noise = np.asarray(drawn(gyro, 5, 0, SAMPLES))
+    np.testing.assert_allclose(noise.std(1), 2e-3 * np.array([1, 2, 3]), rtol=5 / np.sqrt(2 * SAMPLES))
+    assert np.abs(np.corrcoef(noise) - np.eye(3)).max() < 5 / np.sqrt(SAMPLES)
+    lags = [np.mean(noise[:, k:] * noise[:, :-k], axis=1) / noise.var(1) for k in (1, 2, 7)]
+    assert np.abs(lags).max() < 5 / np.sqrt(SAMPLES)
+
+
+def test_half_an_integration_twice_is_an_integration(generator):
+    white = jnp.asarray(generator.normal(size=(3, 500)))
+    np.testing.assert_allclose(pink(pink(white)), jnp.cumsum(white, axis=1), atol=1e-12)
+
+
+def test_draws_are_keyed_by_block_and_depend_on_nothing_else():
+    gyro = experiment(asked(white=2e-4, flicker=3e-4, random_walk=1e-4)).sources[0]
+    long = drawn(gyro, 0, 1, 9000)
+    np.testing.assert_allclose(drawn(gyro, 0, 1, 5000), long[:, :5000], atol=1e-15)  # a longer run begins the same
+    for other in (drawn(gyro, 0, 2, 9000), drawn(gyro, 1, 1, 9000)):
+        assert not np.any(other == long)
+
+
+def test_a_simulated_run_has_it():
+    e = experiment(asked(white=2e-4, flicker=3e-4), source("white", "omega", "precision", sigma=["1 mrad/s"] * 3))
+    noise = simulate(e, trial=2).run.omega - simulated(e)[1]
+    n = len(noise)
+    coloured = drawn(e.sources[0], 0, 2, n)
+    white = draw_block(e.sources[1], jax.random.key(0), 2, 0, jnp.dtype(float))[:, :n]
+    np.testing.assert_allclose(noise, (coloured + white).T, atol=1e-13)

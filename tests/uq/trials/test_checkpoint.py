@@ -1,0 +1,241 @@
+"""Checkpoints: an interrupted campaign goes on to the same bits; what is cut, edited or another's is refused."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from tests.small_campaign import document
+from uq.campaign.campaign import montecarlo
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.trials.checkpoint import Checkpoint
+
+TRIALS = 500
+OPTIONS = {"batch": 4, "trajectories": ["T1", "T3"], "estimators": "central"}
+
+
+def brief():
+    """The preset with trajectories of 3 s."""
+    content = document()
+    for trajectory in content["trajectory"].values():
+        trajectory |= {"duration": "3 s", "ramp": "0.45 s"}
+    return content
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return Experiment.from_dict(brief())
+
+
+@pytest.fixture(scope="module")
+def whole(experiment):
+    return montecarlo(experiment, trials=TRIALS, **OPTIONS)
+
+
+class Killed(BaseException):
+    """Stands for a signal: nothing may be tidied up after it."""
+
+
+class Mortal(Checkpoint):
+    """A checkpoint whose process is killed after some writes: what waits is lost, a half-written file stays."""
+
+    def __init__(self, folder, writes):
+        super().__init__(folder, every=0.0)
+        self.writes = writes
+
+    def flush(self):
+        if self.writes == 0:
+            path, data = self.pending[0]
+            path.with_name(path.name + ".partial").write_bytes(data[:1000])
+            self.pending = []
+            raise Killed
+        self.writes -= 1
+        super().flush()
+
+    def close(self):
+        self.pending = []
+        os.close(self.lock)
+        self.lock = -1
+
+
+def interrupted(experiment, folder, writes):
+    with pytest.raises(Killed):
+        montecarlo(experiment, trials=TRIALS, checkpoint=Mortal(folder, writes), **OPTIONS)
+
+
+def assert_the_same(one, two):
+    for name in one.errors:
+        np.testing.assert_array_equal(one.errors[name], two.errors[name])
+    assert one.to_dict()["trajectories"] == two.to_dict()["trajectories"]
+
+
+@pytest.mark.parametrize("writes", [0, 1, 4])
+def test_a_killed_campaign_goes_on_to_the_same_bits(experiment, whole, tmp_path, writes):
+    """Before the first write, within the first trajectory, within the second."""
+    interrupted(experiment, tmp_path, writes)
+    said = []
+    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=said.append), **OPTIONS)
+    assert_the_same(whole, resumed)
+    one, three = "resuming T1 at trial {} of 500".format, "resuming T3 at trial 200 of 500"
+    assert said == {0: [], 1: [one(200)], 4: [one(500), three]}[writes]
+
+
+def test_an_interrupt_keeps_all_that_is_done(experiment, whole, tmp_path):
+    """Ctrl-C: what waited to be written is written on the way out."""
+
+    def stop(name, done, asked):
+        if (name, done) == ("T1", 400):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, progress=stop, **OPTIONS)
+    said = []
+    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=said.append), **OPTIONS)
+    assert said == ["resuming T1 at trial 400 of 500"]
+    assert_the_same(whole, resumed)
+
+
+def test_more_trials_go_on_from_those_that_are_done(experiment, tmp_path):
+    interrupted(experiment, tmp_path, 2)
+    options = OPTIONS | {"trajectories": "T1"}
+    resumed = montecarlo(experiment, trials=700, checkpoint=tmp_path, **options)
+    assert_the_same(montecarlo(experiment, trials=700, **options), resumed)
+    fewer = montecarlo(experiment, trials=300, checkpoint=tmp_path, **options)
+    np.testing.assert_array_equal(fewer.errors["T1"], resumed.errors["T1"][:300])
+
+
+def cut(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def edit(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(bytes(data))
+
+
+@pytest.mark.parametrize("harm", [cut, edit, lambda path: path.write_bytes(b""), lambda path: path.unlink()])
+def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, harm):
+    interrupted(experiment, tmp_path, 2)
+    parts = sorted(tmp_path.glob("*.part"))
+    harm(parts[0])
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(ExperimentError, match=r"(cut or edited|is missing).*: delete .* to start again") as error:
+        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+    assert str(tmp_path) in str(error.value)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text[: len(text) // 2], "cut or edited"),
+        (lambda text: text.replace('"seed": 0', '"seed": 1'), "is edited"),
+        (lambda text: text.replace('"format": 2', '"format": 9'), "has the format 9, not 2"),
+        (lambda text: None, "no campaign.json"),
+    ],
+)
+def test_a_damaged_head_is_refused(experiment, tmp_path, change, words):
+    interrupted(experiment, tmp_path, 1)
+    head = tmp_path / "campaign.json"
+    text = change(head.read_text())
+    head.unlink() if text is None else head.write_text(text)
+    with pytest.raises(ExperimentError, match=words):
+        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+
+
+def test_a_checkpoint_of_another_campaign_is_refused(experiment, tmp_path):
+    interrupted(experiment, tmp_path, 1)
+    with pytest.raises(ExperimentError, match=r"of another campaign \(other seed, batch, estimators\): give the same"):
+        montecarlo(experiment, trials=TRIALS, seed=1, trajectories="T1", checkpoint=tmp_path)
+    heavier = Experiment.from_dict({**brief(), "body": {**brief()["body"], "mass": "19.8 kg"}})
+    with pytest.raises(ExperimentError, match=r"other experiment"):
+        montecarlo(heavier, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+
+
+def test_a_part_of_another_campaign_is_refused(experiment, tmp_path):
+    interrupted(experiment, tmp_path / "a", 1)
+    with pytest.raises(Killed):
+        montecarlo(experiment, trials=TRIALS, seed=1, checkpoint=Mortal(tmp_path / "b", 1), **OPTIONS)
+    (part,) = (tmp_path / "b").glob("*.part")
+    (tmp_path / "a" / part.name).write_bytes(part.read_bytes())
+    with pytest.raises(ExperimentError, match="is of another campaign"):
+        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path / "a", **OPTIONS)
+
+
+def test_two_campaigns_do_not_share_a_checkpoint(experiment, tmp_path):
+    first = Checkpoint(tmp_path)
+    first.open({"seed": 0})
+    with pytest.raises(ExperimentError, match="another campaign writes in"):
+        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+    first.close()
+
+
+def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
+    content = brief()
+    content["source"] = [source for source in content["source"] if source["target"] == "M"]
+    experiment = Experiment.from_dict(content)
+    options = {"trials": 4000, "adaptive": True, "trajectories": "T1", "estimators": "central"}
+
+    def stop(name, done, asked):
+        if done >= 2400:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        montecarlo(experiment, checkpoint=tmp_path, progress=stop, **options)
+    resumed = montecarlo(experiment, checkpoint=tmp_path, **options)
+    assert_the_same(montecarlo(experiment, **options), resumed)
+    assert resumed.trials == 4000
+    assert resumed.to_dict()["adaptive"]["blocks"] == 2
+    assert "the limit of 4,000 trials came before the asked tolerance" in resumed.findings()[0]
+
+
+CAMPAIGN = """
+import sys
+import numpy as np
+from uq.cli.common import start_jax
+start_jax()
+from tests.small_campaign import document
+from uq.campaign.campaign import montecarlo
+from uq.trials.checkpoint import Checkpoint
+from uq.experiment.experiment import Experiment
+experiment, checkpoint = Experiment.from_dict(document()), Checkpoint(sys.argv[1], every=0.1)
+result = montecarlo(experiment, trials=5000, trajectories="T1", estimators="central", checkpoint=checkpoint)
+np.savez(sys.argv[2], **result.errors)
+"""
+
+
+@pytest.mark.study
+def test_ten_kills_at_random_moments(tmp_path):
+    """SIGKILL ten times, at a moment between the first part that a process writes and a second later."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    generator = np.random.default_rng(12)
+    folder = tmp_path / "checkpoint"
+
+    def start(out, checkpoint):
+        return subprocess.Popen([sys.executable, "-c", CAMPAIGN, str(checkpoint), str(out)], env=environment)
+
+    for kill in range(10):
+        before = len(list(folder.glob("*.part")))
+        process = start(tmp_path / "resumed.npz", folder)
+        while len(list(folder.glob("*.part"))) == before:
+            assert process.poll() is None, "the campaign ended before it was killed ten times"
+            time.sleep(0.01)
+        time.sleep(generator.uniform(0, 1))
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+        print(
+            f"kill {kill + 1}: {len(list(folder.glob('*.part')))} parts, {len(list(folder.glob('*.partial')))} halves"
+        )
+    assert start(tmp_path / "resumed.npz", folder).wait() == 0
+    assert start(tmp_path / "whole.npz", tmp_path / "other").wait() == 0
+    with np.load(tmp_path / "resumed.npz") as resumed, np.load(tmp_path / "whole.npz") as whole:
+        assert sorted(resumed) == sorted(whole)
+        for name in whole:
+            np.testing.assert_array_equal(resumed[name], whole[name])
+    assert json.loads((folder / "campaign.json").read_text())["campaign"]["seed"] == 0

@@ -1,0 +1,172 @@
+"""Several processes as one campaign: the same bits as one, one line when one is lost, going on from what is kept."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from uq.cli.main import main
+from uq.experiment.experiment import ExperimentError
+from uq.trials.checkpoint import Checkpoint
+from uq.trials.trial import TrialEstimates
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    """The preset's T1 of three seconds, as a file."""
+    text = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
+    text = re.sub(r'duration = ".*?"', 'duration = "3 s"', re.sub(r'ramp = ".*?"', 'ramp = "0.4 s"', text))
+    path = tmp_path / "brief.toml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def start(arguments, core=0, **environment):
+    """Start the command on one core."""
+    code = f"import os, sys; os.sched_setaffinity(0, {{{core}}}); from uq.cli.main import main; sys.exit(main())"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, **environment},
+    )  # fmt: skip
+
+
+def finished(*processes):
+    """Exit status, output and errors of each."""
+    said = [process.communicate(timeout=240) for process in processes]
+    return [(process.returncode, *text) for process, text in zip(processes, said, strict=True)]
+
+
+def command(experiment, out, trials, *more):
+    return ["montecarlo", str(experiment), "--trials", str(trials), "--trajectory", "T1", "--estimator", "central",
+            "--out", str(out), *more]  # fmt: skip
+
+
+def of_two(experiment, out, trials, port=None):
+    """Start two processes that are told of one another."""
+    where = ["--distributed", "--coordinator", f"127.0.0.1:{port or free_port()}", "--processes", "2", "--process"]
+    return [start(command(experiment, out, trials, *where, str(k)), core=k % os.cpu_count()) for k in range(2)]
+
+
+def figures(out):
+    return json.loads((out / "result.json").read_text())["trajectories"]
+
+
+def test_two_processes_of_slurm_give_the_bits_of_one(experiment, tmp_path):
+    """As Slurm would start them, with its variables; the first alone speaks."""
+    cache = {"INERTIA_CACHE": str(tmp_path / "cache")}
+    (alone,) = finished(start(command(experiment, tmp_path / "one", 300), **cache))
+    slurm = {"SLURM_JOB_ID": str(free_port()), "SLURM_STEP_NODELIST": "localhost", "SLURM_NTASKS": "2",
+             "SLURM_STEP_NUM_NODES": "1", **cache}  # fmt: skip
+    mine = command(experiment, tmp_path / "two", 300, "--distributed")
+    two = [start(mine, core=k % os.cpu_count(), **slurm, SLURM_PROCID=str(k), SLURM_LOCALID=str(k)) for k in range(2)]
+    first, second = finished(*two)
+    assert (first[0], second[0], alone[0]) == (0, 0, 0), (first, second, alone)
+    assert second[1:] == ("", "")
+    assert first[1].replace(str(tmp_path / "two"), str(tmp_path / "one")) == alone[1]
+    assert figures(tmp_path / "two") == figures(tmp_path / "one")
+    assert not (tmp_path / "two" / "checkpoint").exists()
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("killed", "resumed"), [(0, 1), (0, 2), (1, 1), (1, 2)])
+def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, killed, resumed):
+    """SIGKILL of either process; the other ends within a minute with one line; one or two processes go on."""
+    trials, out = 30_000, tmp_path / "out"
+    two = of_two(experiment, out, trials)
+    while len(list(out.glob("checkpoint/*.part"))) < 4:
+        assert all(process.poll() is None for process in two), finished(*two)
+        time.sleep(0.05)
+    two[killed].send_signal(signal.SIGKILL)
+    finished(two[killed])
+    began = time.monotonic()
+    status, said, errors = finished(two[1 - killed])[0]
+    print(f"process {killed} of 2 killed: the other ends after {time.monotonic() - began:.1f} s with: {errors.strip()}")
+    assert (status, said) == (3, "")
+    assert errors.count("\n") == 1
+    assert "goes on from what is kept" in errors
+    again = of_two(experiment, out, trials) if resumed == 2 else [start(command(experiment, out, trials))]
+    ended = finished(*again)
+    assert [status for status, *_ in ended] == [0] * resumed, ended
+    assert re.search(r"resuming T1 at trial [1-9]", ended[0][2])
+    assert finished(start(command(experiment, tmp_path / "whole", trials)))[0][0] == 0
+    assert figures(out) == figures(tmp_path / "whole")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--processes", "2"], "add --distributed"),
+        (["--distributed", "--processes", "2"], "give all three, or none"),
+        (["--distributed", "--coordinator", "here", "--processes", "2", "--process", "0"], "write HOST:PORT"),
+        (
+            ["--distributed", "--coordinator", "a:1", "--processes", "2", "--process", "2"],
+            "number the processes from 0",
+        ),
+        (["--distributed", "--budget"], "--budget is for one process"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_line(options, words, capsys):
+    assert main(["montecarlo", "barreto2016", *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def estimates(first, count):
+    numbers = np.arange(first, first + count, dtype=float)
+    return TrialEstimates(np.broadcast_to(numbers[:, None, None, None], (count, 1, 1, 6)), np.ones((count, 1, 1), bool))
+
+
+def test_what_a_lost_process_left_unwritten_is_run_again(tmp_path):
+    """Two processes, of which the second wrote one stretch less: the first's last part is forgotten."""
+    both = [Checkpoint(tmp_path, every=0.0, processes=2, process=k) for k in range(2)]
+    for member in both:
+        member.open({"seed": 0})
+    for first, member in ((0, 0), (100, 1), (200, 0), (300, 1), (400, 0), (600, 0)):
+        both[member].keep("T1", first, estimates(first, 100))
+    for member in both:
+        member.close()
+    alone = Checkpoint(tmp_path)
+    alone.open({"seed": 0})
+    parts = alone.load("T1", 1000)
+    assert np.concatenate([part.inertia for part in parts])[:, 0, 0, 0].tolist() == list(range(500))
+    assert len(list(tmp_path.glob("*.part"))) == 5
+    alone.close()
+
+
+def test_a_folder_that_is_not_shared_is_refused(tmp_path):
+    with pytest.raises(ExperimentError, match="give --out a folder that all processes share"):
+        Checkpoint(tmp_path, processes=2, process=1).open({"seed": 0})
+
+
+FILES = Path(__file__).parents[3] / "docs" / "cluster"
+
+
+def test_the_script_for_slurm_parses():
+    subprocess.run(["bash", "-n", str(FILES / "campaign.sbatch")], check=True)
+
+
+def test_the_job_for_kubernetes_parses():
+    service, job = YAML(typ="safe").load_all(FILES / "campaign.yaml")
+    assert (service["kind"], job["kind"]) == ("Service", "Job")
+    pod = job["spec"]["template"]["spec"]
+    command = pod["containers"][0]["command"][-1]
+    assert f"--processes {job['spec']['completions']} " in command
+    assert f"--coordinator {job['metadata']['name']}-0.{service['metadata']['name']}:" in command
+    assert pod["subdomain"] == service["metadata"]["name"]

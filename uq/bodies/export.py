@@ -1,0 +1,179 @@
+"""Inertial parameters as files for simulators, ROS and robot controllers."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identify.exceptions import RunError
+from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
+from identify.text_tables import html_table, text_table
+from uq.bodies import robot_loads as export_loads
+from uq.bodies import simulator_models as export_models
+from uq.bodies.exported_body import ExportedBody, principal_axes
+from uq.files.document import ExperimentError
+
+FORMATS: Mapping[str, tuple[str, Callable[[ExportedBody], str], str]] = {
+    "urdf": ("body.urdf", export_models.urdf, "URDF, a robot of one link"),
+    "mjcf": ("body.xml", export_models.mjcf, "MuJoCo's MJCF, a free body"),
+    "sdf": ("body.sdf", export_models.sdf, "SDFormat, a model of one link"),
+    "json": ("body.json", export_models.json_, "JSON with covariance and provenance"),
+    "ros": ("body.yaml", export_models.ros, "geometry_msgs/Inertia as YAML"),
+    "kuka": ("body.kuka.dat", export_loads.kuka, "KUKA load data (KRL)"),
+    "abb": ("body.abb.mod", export_loads.abb, "ABB loaddata (RAPID)"),
+    "ur": ("body.ur.script", export_loads.ur, "Universal Robots payload (URScript)"),
+    "franka": ("body.franka.yaml", export_loads.franka, "Franka load (franka_msgs/SetLoad)"),
+}
+"""File, writer and description of each format."""
+ROUNDING = 1e-12
+"""Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Export files, made but not yet written."""
+
+    contents: Mapping[str, str]
+    """Text by file name."""
+    formats: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    name: str = "export"
+
+    def files(self) -> dict[str, bytes]:
+        """Return the files' bytes by name."""
+        return {name: text.encode() for name, text in self.contents.items()}
+
+    def write(self, folder: str | Path) -> None:
+        """Write the files into a folder, all or none; a file of the same name is replaced.
+
+        Raises:
+            OSError: the folder cannot be made or written.
+        """
+        from uq.files.output_folder import place
+
+        place(self.files(), Path(folder))
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the table of files."""
+        return ["format", "file", "what"], [[one, FORMATS[one][0], FORMATS[one][2]] for one in self.formats]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says: the files by format."""
+        return {one: FORMATS[one][0] for one in self.formats}
+
+    def __repr__(self) -> str:
+        return "\n".join([text_table(*self.rows()), *(f"warning: {text}" for text in self.warnings)])
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption="Exported files")
+
+
+def export(result: Any, formats: str | Sequence[str], folder: str | Path | None = None) -> Exported:
+    """Export mass, centre of gravity and tensor in the formats of simulators, ROS and robot controllers.
+
+    The frame is the result's declared datum; without one the body frame B with its origin at Q, the load cell's centre.
+    Uncertainties and the runs' SHA-256 stand in a comment.
+
+    Args:
+        result: an :class:`identify.Identification`, or :class:`identify.InertialParameters`.
+        formats: names out of ``FORMATS``, or one string of them with commas.
+        folder: where to write them, all or none; None: they are only made.
+
+    Raises:
+        ExperimentError: no format, or one that there is not.
+        RunError: the mass is not known, or no body has this tensor.
+        OSError: the folder cannot be written.
+    """
+    wanted = formats_of(formats)
+    body, warnings = _body(result)
+    contents = {FORMATS[one][0]: FORMATS[one][1](body) for one in wanted}
+    made = Exported(contents, wanted, warnings, getattr(result, "provenance", {}))
+    if folder is not None:
+        made.write(folder)
+    return made
+
+
+def _body(result: Any) -> tuple[ExportedBody, tuple[str, ...]]:
+    """What is to be exported, and warnings."""
+    parameters, frame = _parameters(result)
+    _refuse_unfit(parameters)
+    weak, tare = getattr(result, "admissible", None), getattr(result, "tare", None)
+    warnings = () if weak is None else (f"the data are weak and the exported tensor is a fit to bodies: {weak.reason}",)
+    runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
+    runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
+    notes = tuple(_notes(parameters, frame, runs, warnings))
+    content = {"frame": frame} | _content(parameters, runs, warnings)
+    return ExportedBody(float(parameters.mass), parameters.r_cg, parameters.inertia, notes, content), warnings
+
+
+def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of formats, each once, from names or from one string of them with commas.
+
+    Raises:
+        ExperimentError: no format, or one that there is not.
+    """
+    given = formats.split(",") if isinstance(formats, str) else formats
+    wanted = tuple(dict.fromkeys(one.strip() for one in given))
+    for one in wanted or ("",):
+        if one not in FORMATS:
+            raise ExperimentError(f"unknown export format '{one}': choose of {', '.join(FORMATS)}")
+    return wanted
+
+
+def _parameters(result: Any) -> tuple[InertialParameters, str]:
+    """The ten parameters, and in which frame."""
+    if isinstance(result, InertialParameters):
+        return result, "as given"
+    if getattr(result, "datum", None) is not None:
+        return result.parameters.in_datum(result.datum), "declared datum"
+    return result.parameters, "body, origin Q (load cell's centre)"
+
+
+def _refuse_unfit(parameters: InertialParameters) -> None:
+    if not parameters.mass > 0:
+        raise RunError("the mass is not known, and an export needs it: state body.mass, or give --centre")
+    if not np.isfinite(parameters.values).all():
+        raise RunError("mass, centre of gravity or tensor are not finite: identify them before they are exported")
+    low, middle, high = principal_axes(parameters.inertia)[0]
+    if low <= 0 or low + middle < high * (1 - ROUNDING):
+        raise RunError(
+            f"no body has this tensor (principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m²), so it is not "
+            "exported: check signs, frames and r_CG, or record a motion that tells more"
+        )
+
+
+def _notes(
+    parameters: InertialParameters, frame: str, runs: Sequence[tuple[str, str | None]], warnings: Sequence[str]
+) -> list[str]:
+    """The comment: what it is, how uncertain, of which runs; ASCII only, as controllers want it."""
+    u = dict(zip(PARAMETERS, parameters.standard_uncertainty, strict=True))
+    known = [f"{name} {value:.3g}" if value > 0 else f"{name} not stated" for name, value in u.items()]
+    lines = [
+        f"Written by inertia-uq. Tensor about the centre of gravity. Frame: {frame}.",
+        f"Standard uncertainties in kg, m, kg*m^2: {', '.join(known)}",
+        *(f"run {file} sha256 {sha or 'not known'}" for file, sha in runs),
+        *(f"warning: {text}" for text in warnings),
+    ]
+    plain = [" ".join(line.replace("·", "*").replace("²", "^2").split()) for line in lines]
+    return [line.encode("ascii", "replace").decode() for line in plain]
+
+
+def _content(
+    parameters: InertialParameters, runs: Sequence[tuple[str, str | None]], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """What the JSON adds; what is not known is null."""
+
+    def known(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    return {
+        "standard_uncertainty": {
+            name: known(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)
+        },
+        "covariance": {"order": list(PARAMETERS), "values": [[known(x) for x in row] for row in parameters.covariance]},
+        "runs": [{"file": file, "sha256": sha} for file, sha in runs],
+        "warnings": list(warnings),
+    }

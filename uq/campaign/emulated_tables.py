@@ -1,0 +1,236 @@
+"""The source's experiment, emulated: repeated runs of T1 to T4 on a rig with its imperfections; Tables 3 and 4 in form.
+
+The centre of gravity is determined once, before all runs: its error is one draw a repeat, which the runs of all
+trajectories share. Everything else is drawn anew in each run, alike for all trajectories (common random numbers).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.precision import check_precision
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
+from identify.text_tables import html_table, text_table, with_error
+from uq.campaign.campaign import fitted_estimators, platform_of, true_motion
+from uq.campaign.statistics import GRAM_METRE
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.files.provenance import provenance
+from uq.gram_sums.setup import Case
+from uq.sources.source import Index, Source, draw_constants
+from uq.trials.samplewise import SampledSetup, prepare_samples, sampled_trial
+
+TABLE3: Mapping[str, Mapping[str, float]] = {
+    "expected": {"I11": 382.89, "I12": 0.0, "I13": 0.0, "I22": 18.72, "I23": 0.0, "I33": 380.66},
+    "mean": {"I11": 387.24, "I12": 1.19, "I13": 1.20, "I22": 18.30, "I23": -1.78, "I33": 380.99},
+    "standard deviation": {"I11": 0.22, "I12": 1.79, "I13": 0.15, "I22": 0.01, "I23": 0.21, "I33": 0.48},
+}
+"""The source's Table 3, five runs of T1 [g·m²]."""
+TABLE4: Mapping[str, tuple[float, float]] = {
+    "T1": (1.7, 1.39), "T2": (3.72, 1.6), "T3": (1.73, 1.76), "T4": (4.19, 2.05),
+}  # fmt: skip
+"""The source's Table 4: average deviation of moments and of products [g·m²]."""
+PAIRS = (("T1", "T2"), ("T3", "T4"))
+"""Trajectories that differ in the point that keeps still: the centre of gravity, or the platform's centre."""
+
+
+class Imperfections(NamedTuple):
+    """What a real rig does besides Table 1's noise and offsets; standard deviations of normal draws, one a run."""
+
+    still_point: float = 1e-3
+    """How far the point that keeps still misses its place on each axis [m], besides the error of the centre of gravity:
+    the centre of gravity then has a residual acceleration of about that times the angular acceleration."""
+    delay: float = 1e-3
+    """How late the gyro is against the load cell [s]."""
+
+
+@dataclass(frozen=True)
+class EmulatedTables:
+    """Repeats of the source's experiment, with the errors of every run."""
+
+    runs: int
+    """Runs of each trajectory in a repeat."""
+    seed: int
+    nominal: np.ndarray
+    """True tensor [kg·m²]."""
+    errors: Mapping[str, np.ndarray]
+    """Estimate minus truth by trajectory, (repeats, runs, 6) [kg·m²]."""
+    imperfections: Imperfections
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def repeats(self) -> int:
+        """How often the experiment was repeated."""
+        return len(next(iter(self.errors.values())))
+
+    def average_deviation(self, trajectory: str) -> np.ndarray:
+        """Return ``|mean of the runs - truth|`` averaged over the moments and over the products, (repeats, 2)."""
+        off = np.abs(self.errors[trajectory].mean(axis=1))
+        return np.stack([off[:, list(group)].mean(axis=1) for group in (MOMENTS, PRODUCTS)], axis=1)
+
+    def gain(self, one: str, other: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return how much smaller the average deviation of ``one`` is than that of ``other``, and its standard error.
+
+        Moments, then products [kg·m²]; the difference is taken repeat by repeat.
+        """
+        difference = self.average_deviation(other) - self.average_deviation(one)
+        with np.errstate(invalid="ignore"):
+            return difference.mean(axis=0), difference.std(axis=0, ddof=1) / np.sqrt(self.repeats)
+
+    def rows3(self, repeat: int = 0, trajectory: str = "T1") -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of Table 3 of one repeat, beside the source's, in g·m²."""
+        found = self.errors[trajectory][repeat] + self.nominal
+        ours = {"expected": self.nominal, "mean": found.mean(axis=0), "standard deviation": found.std(axis=0, ddof=1)}
+        rows = []
+        for name, values in ours.items():
+            rows.append([f"{name}, emulated", *(_figure(GRAM_METRE * x) for x in values)])
+            rows.append([f"{name}, source", *(_figure(TABLE3[name][c]) for c in COMPONENTS)])
+        return [f"{trajectory}, {self.runs} runs", *COMPONENTS], rows
+
+    def rows4(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of Table 4, the mean over the repeats beside the source's, in g·m²."""
+        rows = []
+        for name in self.errors:
+            off = GRAM_METRE * self.average_deviation(name)
+            error = off.std(axis=0, ddof=1) / np.sqrt(len(off)) if len(off) > 1 else np.full(2, np.nan)
+            ours = [with_error(x, u, 3) for x, u in zip(off.mean(axis=0), error, strict=True)]
+            printed = [_figure(x) for x in TABLE4.get(name, (np.nan, np.nan))]
+            rows.append([name, ours[0], printed[0], ours[1], printed[1]])
+        return ["average deviation", "moments", "source", "products", "source"], rows
+
+    def gain_rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the paired differences, in g·m² and in their standard errors."""
+        rows = []
+        for one, other in PAIRS:
+            if {one, other} <= set(self.errors):
+                for what, gain, error in zip(("moments", "products"), *self.gain(one, other), strict=True):
+                    figure = with_error(GRAM_METRE * gain, GRAM_METRE * error, 4)
+                    rows.append([f"{other} less {one}, {what}", figure, _figure(gain / error if error else np.nan, 1)])
+        return ["average deviation", "difference", "in standard errors"], rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every run's tensor, in g·m²."""
+        return {
+            "unit": "g*m^2",
+            "repeats": self.repeats,
+            "runs": self.runs,
+            "seed": self.seed,
+            "imperfections": self.imperfections._asdict(),
+            "nominal": (GRAM_METRE * self.nominal).tolist(),
+            "errors": {name: (GRAM_METRE * errors).tolist() for name, errors in self.errors.items()},
+            "warnings": list(self.warnings),
+            "provenance": dict(self.provenance),
+        }
+
+    def _tables(self) -> list[tuple[list[str], list[list[str]]]]:
+        third = [self.rows3()] if "T1" in self.errors and self.runs > 1 else []
+        return [*third, self.rows4(), *([self.gain_rows()] if self.repeats > 1 else [])]
+
+    def __repr__(self) -> str:
+        title = f"The source's experiment, emulated {self.repeats} times, {self.runs} runs of each trajectory; g·m²"
+        warnings = [f"warning: {text}" for text in self.warnings]
+        return "\n\n".join([title, *(text_table(*table) for table in self._tables()), *warnings])
+
+    def _repr_html_(self) -> str:
+        return "".join(html_table(*table) for table in self._tables())
+
+
+def emulated_tables(
+    experiment: Experiment | None = None,
+    *,
+    repeats: int = 1,
+    runs: int = 5,
+    seed: int = 0,
+    estimator: str = "smoothed",
+    trajectories: Sequence[str] = ("T1", "T2", "T3", "T4"),
+    imperfections: Imperfections = Imperfections(),  # noqa: B008
+    progress: Callable[[str, int, int], None] | None = None,
+) -> EmulatedTables:
+    """Emulate the source's experiment: runs of each trajectory that share the error of the centre of gravity.
+
+    Args:
+        experiment: body, platform, trajectories, sources, estimators; None for the preset ``barreto2016``.
+        repeats: how often the whole experiment is done, each with its own centre of gravity.
+        runs: of each trajectory in a repeat.
+        seed: of all draws.
+        estimator: its name.
+        trajectories: their names.
+        imperfections: what the rig does besides the experiment's sources.
+        progress: called with a trajectory's name, repeats done and asked for.
+
+    Raises:
+        ExperimentError: no repeats or runs, no such trajectory or estimator, or no source of r_cg.
+    """
+    experiment = Experiment.load("barreto2016") if experiment is None else experiment
+    if repeats < 1 or runs < 1:
+        raise ExperimentError(f"{repeats} repeats of {runs} runs: ask for one or more of each")
+    warned = check_precision("float64")
+    key = jax.random.key(seed)
+    errors = {}
+    for name in trajectories:
+        setup = _prepared(experiment, name, estimator, imperfections)
+        found = []
+        for repeat in range(repeats):
+            shared = _shared_error(experiment, key, repeat)
+            found.append(np.asarray(_repeat(setup, shared, key, jnp.arange(repeat * runs, (repeat + 1) * runs))))
+            if progress:
+                progress(name, repeat + 1, repeats)
+        errors[name] = np.stack(found) - np.asarray(experiment.body.inertia)
+    record = provenance(**experiment.inputs(), repeats=repeats, runs=runs, seed=seed, estimator=estimator)
+    return EmulatedTables(runs, seed, np.asarray(experiment.body.inertia), errors, imperfections, tuple(warned), record)
+
+
+class _Rig(eqx.Module):
+    """One trajectory's runs, and whether its platform holds the believed centre of gravity still."""
+
+    setup: SampledSetup
+    holds_cg: jax.Array
+    """1 or 0."""
+
+
+def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: Imperfections) -> _Rig:
+    """A trajectory with the rig's sources; those of r_cg and of the still point have a mean that each repeat sets."""
+    name, spec = experiment.select(name)
+    motion = true_motion(experiment, spec)
+    fitted = fitted_estimators([experiment.estimator(estimator)], spec, len(motion.t))
+    setup = prepare_samples(
+        motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted
+    )
+    together = Case("total", frozenset(source.name for source in setup.sources))
+    return _Rig(replace(setup, cases=(together,)), jnp.asarray(float(spec.still == "cg")))
+
+
+def _sources(experiment: Experiment, imperfections: Imperfections) -> list[Source]:
+    zero, still = np.zeros(3), np.full(3, imperfections.still_point)
+    return [
+        *(source for source in experiment.sources if source.target != "r_cg"),
+        Source("shared r_cg", "r_cg", "bias", "rig", zero, mean=jnp.zeros(3)),
+        Source("still point", "r_cg_from_omb", "bias", "rig", still, mean=jnp.zeros(3)),
+        Source("delay", "omega", "delay", "rig", np.array(imperfections.delay)),
+    ]
+
+
+def _shared_error(experiment: Experiment, key: jax.Array, repeat: Index) -> jax.Array:
+    """The error of the believed centre of gravity that all runs of a repeat share [m]."""
+    of_centre = [source for source in experiment.sources if source.target == "r_cg"]
+    drawn = draw_constants(of_centre, (), key, repeat, float)
+    return sum(drawn.values(), jnp.zeros(3))
+
+
+@eqx.filter_jit
+def _repeat(rig: _Rig, shared: jax.Array, key: jax.Array, indices: jax.Array) -> jax.Array:
+    """Tensors of one repeat's runs; a platform that holds the believed centre misses the true one by its error."""
+    at = [k for k, source in enumerate(rig.setup.sources) if source.name in ("shared r_cg", "still point")]
+    means = (shared, -rig.holds_cg * shared)
+    setup = eqx.tree_at(lambda setup: [setup.sources[k].mean for k in at], rig.setup, means)
+    return jax.lax.map(lambda index: sampled_trial(setup, key, index).inertia[0, 0], indices)
+
+
+def _figure(value: float, digits: int = 2) -> str:
+    return "–" if np.isnan(value) else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")

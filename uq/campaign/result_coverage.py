@@ -1,0 +1,71 @@
+"""What result.json says of coverage: intervals, the ellipsoid of the six components, the principal axes; in g·m²."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from identify.rigid_body.inertia import COMPONENTS
+from uq.campaign.statistics import GRAM_METRE
+from uq.coverage.adaptive_procedure import Stability
+from uq.coverage.coverage_intervals import CoverageInterval, shortest_interval, symmetric_interval
+from uq.coverage.coverage_regions import EllipsoidalRegion, ellipsoidal_region
+
+PROBABILITY = 0.95
+
+
+def coverage_record(errors: np.ndarray) -> dict[str, Any]:
+    """Return intervals and ellipsoid of a total's errors (trials, 6) [kg·m²]; None for what the trials do not give."""
+    return {
+        "probability": PROBABILITY,
+        "symmetric": _interval(symmetric_interval(errors, PROBABILITY)),
+        "shortest": _interval(shortest_interval(errors, PROBABILITY)),
+        "ellipsoid": _ellipsoid(errors),
+    }
+
+
+def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) -> dict[str, Any] | None:
+    """Return what an adaptive campaign was asked and what it reached; None for one that is not adaptive."""
+    if stability is None:
+        return None
+    found = [of for trajectory in stability.values() for of in trajectory.values()]
+    return {
+        "digits": found[0].goal.digits if found[0].goal.tolerance is None else None,
+        "stable": all(of.stable for of in found),
+        "blocks": found[0].blocks,
+        "trajectories": {
+            trajectory: {
+                name: {"tolerance": _by_component(of.tolerance), "reached": _by_component(of.reached)}
+                for name, of in estimators.items()
+            }
+            for trajectory, estimators in stability.items()
+        },
+    }
+
+
+def _interval(interval: CoverageInterval) -> dict[str, dict[str, float | None]]:
+    names = ("low", "low_standard_error", "high", "high_standard_error")
+    return {name: _by_component(getattr(interval, name)) for name in names}
+
+
+def _by_component(values: np.ndarray) -> dict[str, float | None]:
+    return {
+        component: float(value) * GRAM_METRE if np.isfinite(value) else None
+        for component, value in zip(COMPONENTS, values, strict=True)
+    }
+
+
+def _ellipsoid(errors: np.ndarray) -> dict[str, Any] | None:
+    try:
+        region: EllipsoidalRegion = ellipsoidal_region(errors, PROBABILITY)
+    except ValueError:  # too few trials, or components of which one follows from the others
+        return None
+    return {
+        "centre": _by_component(region.centre),
+        "covariance": (GRAM_METRE**2 * region.covariance).tolist(),
+        "factor": region.factor.value,
+        "factor_standard_error": region.factor.standard_error,
+        "factor_if_normal": region.normal_factor,
+        "coverage": region.coverage.value,
+        "coverage_standard_error": region.coverage.standard_error,
+    }

@@ -1,0 +1,105 @@
+"""A synthetic recorded run: one trial's signals, as the load cell and the IMU would give them."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from identify.motion.trajectory import Motion, acceleration_of
+from identify.precision import check_precision
+from identify.rigid_body.dynamics import acceleration_at
+from identify.rigid_body.rotation import exponential
+from identify.signals.run import Run
+from rig.channels import ImuChannel, WrenchChannel
+from rig.runs import write
+from uq.campaign.campaign import platform_of, true_motion
+from uq.experiment.experiment import Experiment
+from uq.sources.constant_errors import errors_of
+from uq.sources.source import draw_constants
+from uq.trials.samplewise import Record, SampledSetup, draw_noise, prepare_samples, sensed, smooth_signals
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class SimulatedRun:
+    """What a rig with the experiment's errors would record, and the truth behind it."""
+
+    run: Run
+    """Measured force, moment and angular velocity."""
+    specific_force: np.ndarray = field(repr=False)
+    """True specific force at Q in B [m/s²], (n, 3): an accelerometer without errors."""
+    rotation: np.ndarray = field(repr=False)
+    """True attitude R_AB, (n, 3, 3)."""
+    trajectory: str
+    seed: int
+    trial: int
+
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the run as ROS 2 MCAP: ``/wrench`` on the body at Q in B, ``/imu``, metadata ``rig.run``.
+
+        Raises:
+            RigError: the file exists.
+            OSError: it cannot be written.
+        """
+        stamp = np.round(self.run.t * NANOSECONDS).astype(np.int64)
+        about = {
+            "simulated": json.dumps({"trajectory": self.trajectory, "seed": self.seed, "trial": self.trial}),
+            "wrench": "on_body",
+            "frames": json.dumps({"/wrench": "force and moment on the body at Q, in B", "/imu": "in B, at Q"}),
+            "units": json.dumps({"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}),
+        }
+        write(
+            path,
+            wrench=WrenchChannel("/wrench", "body", stamp, stamp, self.run.force, self.run.moment),
+            imu=ImuChannel("/imu", "body", stamp, stamp, self.run.omega, self.specific_force),
+            metadata={"rig.run": about},
+            overwrite=overwrite,
+        )
+
+
+def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int = 0, trial: int = 0) -> SimulatedRun:
+    """Simulate one run with all the experiment's errors, but that of r_CG, which no sensor sees.
+
+    The draws are those of the Monte Carlo's trial of that number with ``sampling="samples"``.
+
+    Args:
+        experiment: body, platform, trajectories, sources.
+        trajectory: name of the trajectory; None for the first.
+        seed: seed of the draws.
+        trial: number of the trial.
+
+    Raises:
+        ExperimentError: there is no such trajectory, or the body is not stated.
+    """
+    name, spec = experiment.select(trajectory)
+    warnings = check_precision("float64")
+    motion, body, platform = true_motion(experiment, spec), experiment.body, platform_of(experiment, spec)
+    setup = prepare_samples(motion, body, platform, experiment.sources, (), mixing=experiment.mixing)
+    record, specific_force, rotation = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
+    run = Run(
+        np.asarray(motion.t),
+        np.asarray(record.wrench[:3].T),
+        np.asarray(record.wrench[3:].T),
+        np.asarray(record.omega.T),
+        name=f"simulated {name}",
+        warnings=tuple(warnings),
+    )
+    return SimulatedRun(run, np.asarray(specific_force), np.asarray(rotation), name, seed, trial)
+
+
+@eqx.filter_jit
+def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
+    """What the sensors say, the true specific force at Q, and the true attitude."""
+    errors = errors_of(setup.sources, draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype))
+    record = sensed(setup, smooth_signals(setup, errors), draw_noise(setup, key, trial), [True] * len(setup.sources))
+    rotation = exponential(errors.tilt) @ motion.rotation
+    q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
+    turning = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
+    moving = jax.vmap(lambda t, r_ab: acceleration_of(setup.platform.trajectory, t) @ r_ab)(motion.t, motion.rotation)
+    return record, turning + moving + (setup.platform.gravity + errors.gravity) * rotation[:, 2, :], rotation

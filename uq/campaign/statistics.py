@@ -1,0 +1,92 @@
+"""What the trials of a campaign say: mean error and dispersion of each case, with their standard errors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.rigid_body.inertia import COMPONENTS
+from uq.gram_sums.setup import Case
+
+GRAM_METRE = 1e3
+"""g·m² in a kg·m²."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What the trials of one case say of the six components, in kg·m², in the order of ``COMPONENTS``."""
+
+    mean_error: np.ndarray
+    """Mean of estimate minus truth: the bias."""
+    mean_error_standard_error: np.ndarray
+    three_sigma: np.ndarray
+    """Three standard deviations of the estimates: the source's index of uncertainty."""
+    three_sigma_standard_error: np.ndarray
+    """From the fourth moment of the estimates, so that it holds for any distribution."""
+
+    @classmethod
+    def of(cls, errors: np.ndarray) -> "Statistics":
+        """Return the statistics of errors, shape (trials, 6), leaving out trials that failed (NaN)."""
+        finite = np.isfinite(errors).all(axis=1)
+        errors = errors if finite.all() else errors[finite]
+        n = len(errors)
+        if n < 2:
+            nothing = np.full(errors.shape[1], np.nan)
+            return cls(errors.mean(0) if n else nothing, nothing, nothing, nothing)
+        mean = errors.mean(0)
+        squares = np.square(errors - mean)
+        variance = squares.sum(0) / (n - 1)
+        fourth = np.square(squares).mean(0)
+        of_variance = np.maximum(fourth - variance**2 * (n - 3) / (n - 1), 0) / n
+        with np.errstate(invalid="ignore", divide="ignore"):
+            of_sigma = np.where(variance > 0, np.sqrt(of_variance) / (2 * np.sqrt(variance)), 0.0)
+        return cls(mean, np.sqrt(variance / n), 3 * np.sqrt(variance), 3 * of_sigma)
+
+    def to_dict(self) -> dict[str, dict[str, float | None]]:
+        """Return the four figures by component, in g·m²; a figure that does not exist is None."""
+        return {
+            name: {
+                component: float(value) * GRAM_METRE if np.isfinite(value) else None
+                for component, value in zip(COMPONENTS, getattr(self, name), strict=True)
+            }
+            for name in ("mean_error", "mean_error_standard_error", "three_sigma", "three_sigma_standard_error")
+        }
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """One estimator on one trajectory: what each group and each source does to the answer."""
+
+    groups: Mapping[str, Statistics]
+    """``total`` (all sources) and each group alone."""
+    sources: Mapping[str, Statistics]
+    """Each source alone."""
+    failed: int
+    """Trials in which some case could not be solved; they are left out of that case."""
+
+    @property
+    def total(self) -> Statistics:
+        """All sources together."""
+        return self.groups["total"]
+
+    def share(self, group: str) -> float:
+        """Return a group's (or source's) share: its 3σ alone over the total's, averaged over the components."""
+        alone = self.groups[group] if group in self.groups else self.sources[group]
+        return float(np.mean(alone.three_sigma / self.total.three_sigma))
+
+
+def breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Breakdown:
+    """Return the statistics of every case of one estimator.
+
+    Args:
+        cases: what acts in each.
+        errors: estimate minus truth, (trials, cases, 6) [kg·m²].
+        ok: which could be solved, (trials, cases).
+    """
+    groups: dict[str, Statistics] = {}
+    sources: dict[str, Statistics] = {}
+    by_case = np.ascontiguousarray(np.moveaxis(errors, 0, -1))  # trials side by side, for fast sums
+    for case, of_case in zip(cases, by_case, strict=True):
+        kind, _, name = case.name.partition(":")
+        (sources if kind == "source" else groups)[name or kind] = Statistics.of(of_case.T)
+    return Breakdown(groups, sources, int(np.sum(~ok.all(axis=1))))

@@ -1,0 +1,31 @@
+"""``inertia centre``: mass, centre of gravity and the load cell's offsets from static poses."""
+
+import argparse
+
+from uq.cli.common import ERRORS, add_part_options, finish, output_folder, start_jax
+from uq.experiment.experiment import Experiment
+from uq.identification.static_centre import centre_file
+from uq.recorded.parts import pair
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument(
+        "poses", metavar="POSES", help="a table of static poses, one a row, or a recorded run that holds them"
+    )
+    parser.add_argument(
+        "--experiment", required=True, metavar="E.toml", help="columns, units, signs, frames and local gravity"
+    )
+    add_part_options(parser, "every still stretch of a run is a pose")
+    parser.add_argument("--out", metavar="DIR", help="folder for centre.json and report.html")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    experiment = Experiment.load(arguments.experiment)
+    with output_folder(arguments.out) as out:
+        finish(centre_file(arguments.poses, experiment, parts=pair(arguments.limits)), out)
+    return 0

@@ -1,0 +1,138 @@
+"""What the commands share: float64, devices, checks of the output folder, the progress bar."""
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import jax
+from tqdm import tqdm
+
+from identify.signals.run import RunError
+from rig.exceptions import RigError
+from uq.cli.compilation_cache import keep_compiled
+from uq.experiment.experiment import ExperimentError
+
+ERRORS = (ExperimentError, RunError, RigError)
+
+
+def start_jax() -> None:
+    """Switch on float64, keep what is compiled, let each processor be a device; before the first array is made."""
+    jax.config.update("jax_enable_x64", True)
+    with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook
+        jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+    keep_compiled()
+
+
+@contextlib.contextmanager
+def output_folder(text: str | None) -> Iterator[Path | None]:
+    """Make the output folder and see that it can be written, before any work is done; gone again if the work fails.
+
+    Raises:
+        OSError: it cannot be made or written.
+    """
+    if text is None:
+        yield None
+        return
+    folder = Path(text)
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(13, "cannot write to", str(folder))
+    try:
+        yield folder
+    except BaseException:
+        with contextlib.suppress(OSError):
+            for empty in made:
+                empty.rmdir()
+        raise
+
+
+class _Limit(argparse.Action):
+    """Keeps ``--from`` and ``--to`` in the order in which they were given."""
+
+    def __call__(
+        self, parser: object, namespace: argparse.Namespace, values: object, option: str | None = None
+    ) -> None:
+        found = [*getattr(namespace, self.dest), ((option or "").lstrip("-"), values)]
+        setattr(namespace, self.dest, found)
+
+
+def add_part_options(parser: argparse.ArgumentParser, without: str = "the stretches that move are found") -> None:
+    """Add ``--from`` and ``--to``, repeatable; :func:`uq.recorded.parts.pair` makes parts of ``limits``."""
+    for option, what in (("--from", "begins"), ("--to", "ends")):
+        parser.add_argument(
+            option, dest="limits", action=_Limit, default=(), metavar="S",
+            help=f"where a part of the run that counts {what}: seconds from the run's start, or a mark's name; "
+            f"repeatable (without it, {without})",
+        )  # fmt: skip
+
+
+def finish(result: Any, out: Path | None, *more: Any) -> None:
+    """Print results and write their files, if there is a folder for them."""
+    print(*(result, *more), sep="\n\n")
+    if out is not None:
+        from uq.report.report_files import write
+
+        write(result, out, *more)
+        name = getattr(result, "file_name", "result.json")
+        print(f"\n{name}, report.html and figures are in {out}")
+
+
+def whole_number(text: str) -> int:
+    """Parse a whole number, for argparse."""
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if abs(number) >= 2**32:
+        raise argparse.ArgumentTypeError(f"{text} is out of range")
+    return number
+
+
+def say(line: str) -> None:
+    """Print a line that is no result."""
+    print(line, file=sys.stderr)
+
+
+class ProgressBar:
+    """A progress bar on a terminal, nothing elsewhere: a context manager to be called with name, done, asked."""
+
+    def __init__(self, *, silent: bool = False, unit: str = "trials") -> None:
+        """Name what shows no bar, ``silent`` or no terminal; and what is counted."""
+        self.bar: tqdm | None = None
+        self.unit = f" {unit}"
+        self.silent = silent or not sys.stderr.isatty()
+
+    def print(self, line: str) -> None:
+        """Print a line of results above the bar, at once."""
+        tqdm.write(line, file=sys.stdout)
+        sys.stdout.flush()
+
+    def __call__(self, name: str, done: int, asked: int) -> None:
+        """Show how many trials of a trajectory are done."""
+        if self.silent:
+            return
+        if self.bar is None or self.bar.desc != name:
+            self.close()
+            self.bar = tqdm(desc=name, total=asked, unit=self.unit, leave=False)
+            self.bar.desc = name
+            self.bar.initial = self.bar.n = self.bar.last_print_n = done  # what is resumed took no time
+        self.bar.total = asked
+        self.bar.update(done - self.bar.n)
+
+    def close(self) -> None:
+        """End the line of the bar."""
+        if self.bar is not None:
+            self.bar.close()
+            self.bar = None
+
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()

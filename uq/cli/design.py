@@ -1,0 +1,109 @@
+"""``inertia design``: the best trajectory that a platform can run, and what a platform really ran."""
+
+import argparse
+from typing import Any
+
+from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
+from uq.excitation.design import design
+from uq.excitation.design_report import check_rate, design_report
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.files.units import UnitError, quantity
+from uq.planning.achieved_motion import achieved
+from uq.planning.motion_export import MotionExport, export_motion
+from uq.planning.pose_plan import POSES, plan_poses
+
+__all__ = ["ERRORS", "configure", "run"]
+
+ONLY_DESIGN = ("goal", "reference", "duration", "starts", "seed", "target", "poses", "rehearsal", "rehearsal_amplitude")
+"""Options that say nothing of a run that is there already."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="body, sources, [platform] geometry and limits")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for result.json, report.html, designed.toml and the motion"
+    )
+    parser.add_argument(
+        "--goal", metavar="GOAL",
+        help="what is to be known best: all, moments, products, worst, 'axis 1' to 'axis 3' (all)",
+    )  # fmt: skip
+    parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (T1)")
+    parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
+    parser.add_argument(
+        "--starts", type=whole_number, metavar="N", help="motions to start from, the first in stages (6)"
+    )
+    parser.add_argument("--seed", type=whole_number, metavar="N", help="seed of the starts (0)")
+    parser.add_argument(
+        "--target", action="append", metavar="'1 g*m^2'",
+        help="an average 3σ whose duration is wanted, of moments and of products; repeatable (half of the design's)",
+    )  # fmt: skip
+    parser.add_argument("--poses", type=whole_number, metavar="N", help=f"static poses to plan, 0 for none ({POSES})")
+    parser.add_argument(
+        "--rehearsal", type=float, metavar="PART", help="export the motion at this part of its speed, too, such as 0.5"
+    )
+    parser.add_argument(
+        "--rehearsal-amplitude", type=float, metavar="PART", help="and at this part of its amplitude (1)"
+    )
+    parser.add_argument("--achieved", metavar="RUN.mcap", help="compare a recorded run with its plan, design nothing")
+    parser.add_argument("--trajectory", metavar="NAME", help="with --achieved: the plan (designed, or the first)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    _check(arguments)
+    targets = [_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
+    duration = None if arguments.duration is None else _quantity("--duration", arguments.duration, "s")
+    start_jax()
+    experiment = Experiment.load(arguments.experiment)
+    with output_folder(arguments.out) as out:
+        if arguments.achieved is not None:
+            finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
+            return 0
+        check_rate(experiment, arguments.reference)
+        with ProgressBar(unit="steps") as bar:
+            given = {name: value for name in ("goal", "reference", "starts", "seed")
+                     if (value := getattr(arguments, name)) is not None}  # fmt: skip
+            found = design(experiment, duration=duration, progress=bar, **given)
+            report = design_report(found, goal=given.get("goal", "all"), targets=targets, progress=bar)
+        more: list[Any] = [export_motion(experiment, found.spec), *_rehearsal(arguments, experiment, found.spec)]
+        count = POSES if arguments.poses is None else arguments.poses
+        if count:
+            more.append(plan_poses(experiment, found.spec, found.limits, count=count, seed=given.get("seed", 0)))
+        finish(report, out, *more)
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Refuse options that cannot be before anything is computed."""
+    given = [name for name in ONLY_DESIGN if getattr(arguments, name) is not None]
+    if arguments.achieved is not None and given:
+        option = given[0].replace("_", "-")
+        raise ExperimentError(f"--{option} designs a motion, --achieved looks at one: leave one out")
+    if arguments.achieved is None and arguments.trajectory is not None:
+        raise ExperimentError("--trajectory names the plan of a recorded run: add --achieved, or use --reference")
+    for name in ("rehearsal", "rehearsal_amplitude"):
+        part = getattr(arguments, name)
+        if part is not None and not 0 < part <= 1:
+            option = name.replace("_", "-")
+            raise ExperimentError(f"--{option} is {part:g}: give a part above 0 and at most 1")
+    if arguments.poses is not None and arguments.poses != 0 and arguments.poses < 3:
+        raise ExperimentError(f"--poses is {arguments.poses}: ask for three or more, or 0 for none")
+
+
+def _rehearsal(arguments: argparse.Namespace, experiment: Experiment, spec) -> list[MotionExport]:
+    speed, amplitude = arguments.rehearsal, arguments.rehearsal_amplitude
+    if speed is None and amplitude is None:
+        return []
+    parts = {"speed": speed or 1.0, "amplitude": amplitude or 1.0}
+    return [export_motion(experiment, spec, name="rehearsal", **parts)]
+
+
+def _quantity(option: str, text: str, unit: str) -> float:
+    try:
+        value = quantity(text, unit)
+    except UnitError as error:
+        raise ExperimentError(f"{option} {error}") from None
+    if value <= 0:
+        raise ExperimentError(f"{option} is {text!r}: give a value above zero")
+    return value

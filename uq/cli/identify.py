@@ -1,0 +1,92 @@
+"""``inertia identify``: the tensor from recorded runs."""
+
+import argparse
+from typing import get_args
+
+from identify.results.identification_result import Method
+from uq.bodies.export import FORMATS, export, formats_of
+from uq.bodies.normalised_error import compare
+from uq.bodies.reference import load_reference
+from uq.cli.common import ERRORS, add_part_options, finish, output_folder, start_jax
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.identification.identify_files import identify_files
+from uq.identification.tare import check_tare, tare_files
+from uq.recorded.mountings import names
+from uq.recorded.parts import pair
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("runs", nargs="+", metavar="RUN.mcap", help="recorded runs of one body")
+    parser.add_argument(
+        "--experiment", required=True, metavar="E.toml", help="r_CG, estimators, channels; or the preset barreto2016"
+    )
+    parser.add_argument("--estimator", metavar="NAME", help="the estimator (recording.estimator, or the first)")
+    parser.add_argument(
+        "--offsets",
+        choices=("estimate", "still", "none"),
+        help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
+    )
+    parser.add_argument(
+        "--mounting",
+        metavar="A,A,B,…",
+        help="name of the mounting that each run was made with, in the runs' order (as the runs' metadata say)",
+    )
+    parser.add_argument(
+        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
+    )
+    parser.add_argument(
+        "--tare",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="EMPTY.mcap",
+        help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
+    )
+    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
+    parser.add_argument(
+        "--method",
+        choices=get_args(Method),
+        help="the estimator: the source's, or all unknowns together (recording.method)",
+    )
+    add_part_options(parser)
+    parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
+    parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
+    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    if arguments.export is not None and arguments.out is None:
+        raise ExperimentError("--export has no folder: add --out DIR")
+    formats = None if arguments.export is None else formats_of(arguments.export)
+    experiment = Experiment.load(arguments.experiment)
+    reference = None if arguments.expected is None else load_reference(arguments.expected)
+    check_tare(arguments.tare, experiment, arguments.tare_centre)
+    with output_folder(arguments.out) as out:
+        result = identify_files(
+            arguments.runs,
+            experiment,
+            estimator=arguments.estimator,
+            offsets=arguments.offsets,
+            parts=pair(arguments.limits),
+            mountings=None if arguments.mounting is None else names(arguments.mounting),
+            centre=arguments.centre,
+            method=arguments.method,
+        )
+        result = tare_files(
+            result,
+            arguments.tare,
+            experiment,
+            estimator=arguments.estimator,
+            offsets=arguments.offsets,
+            centre=arguments.centre,
+            tare_centre=arguments.tare_centre,
+        )
+        more = [] if reference is None else [compare(result, reference)]
+        finish(result, out, *more, *([] if formats is None else [export(result, formats)]))
+    return 0

@@ -1,0 +1,154 @@
+"""``inertia montecarlo``: any body, platform, sensors and trajectory."""
+
+import argparse
+from pathlib import Path
+
+from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
+from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
+from uq.cli.processes import add_cluster_options, kept_in, together
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.files.units import UnitError, quantity
+from uq.propagation.experiment_law import law
+from uq.propagation.law_validation import law_report
+from uq.sensitivity.budget_result import BudgetResult
+from uq.sensitivity.source_budget import budget
+from uq.trials.checkpoint import Checkpoint
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
+    parser.add_argument(
+        "--trials", type=whole_number, help=f"number of trials ({TRIALS}); with --adaptive the most ({MOST_TRIALS})"
+    )
+    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
+    parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
+    parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
+    parser.add_argument(
+        "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
+    )
+    parser.add_argument(
+        "--collapsed", action="store_true", help="draw sums over samples instead of samples: much faster, nearly exact"
+    )
+    parser.add_argument(
+        "--adaptive", action="store_true", help="run until mean, uncertainty and 95 %% interval are stable"
+    )
+    parser.add_argument(
+        "--digits", type=whole_number, help="with --adaptive: significant digits of the uncertainty to be stable (1)"
+    )
+    parser.add_argument("--law", action="store_true", help="show the law of propagation beside the Monte Carlo")
+    parser.add_argument("--tolerance", metavar="'0.05 g*m^2'", help="with --adaptive: the tolerance instead of digits")
+    parser.add_argument(
+        "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
+        help="who causes what: shares of every source and group, from this many pairs of trials (1000)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
+    )
+    add_cluster_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    goal = _goal(arguments)
+    if arguments.budget is not None and arguments.budget < 2:
+        raise ExperimentError(f"--budget is {arguments.budget}: ask for two pairs of trials or more")
+    if arguments.budget is not None and arguments.distributed:
+        raise ExperimentError("--budget is for one process: leave out --distributed, or make the budget by itself")
+    start_jax()
+    with together(arguments) as speaks:
+        return _run(arguments, goal, speaks)
+
+
+def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
+    experiments = Experiment.load_bodies(arguments.experiment)
+    asked = experiments if arguments.law else {}
+    laws = {name: law(e, arguments.trajectory, arguments.estimator) for name, e in asked.items()}
+    with output_folder(arguments.out) as out:
+        folders = {name: None if out is None else out / name for name in experiments}
+        checkpoints = {
+            name: None if folder is None else checkpoint_of(kept_in(folder), say) for name, folder in folders.items()
+        }
+        try:
+            results = {
+                name: _campaign(arguments, name, experiment, checkpoints[name], goal, speaks)
+                for name, experiment in experiments.items()
+            }
+            more = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
+        except KeyboardInterrupt:
+            if out is None or arguments.distributed:
+                raise
+            say("error: interrupted; the same command goes on from there")
+            return 130
+        for name, result in results.items() if speaks else ():
+            _finish(name, result, folders[name], more[name])
+            if name in laws:
+                print(law_report(laws[name], result))
+        for checkpoint in checkpoints.values() if speaks else ():
+            if checkpoint is not None:
+                checkpoint.remove()
+    return 0
+
+
+def _campaign(
+    arguments: argparse.Namespace,
+    name: str,
+    experiment: Experiment,
+    checkpoint: Checkpoint | None,
+    goal: dict,
+    speaks: bool,
+) -> MonteCarloResult:
+    with ProgressBar(silent=not speaks) as bar:
+        return montecarlo(
+            experiment,
+            trials=arguments.trials,
+            seed=arguments.seed,
+            trajectories=arguments.trajectory,
+            estimators=arguments.estimator,
+            dtype=arguments.dtype,
+            sampling="collapsed" if arguments.collapsed else "conditioned",
+            checkpoint=checkpoint,
+            progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
+            **goal,
+        )
+
+
+def _goal(arguments: argparse.Namespace) -> dict:
+    """What an adaptive run is to reach, as arguments of the campaign."""
+    if not arguments.adaptive:
+        if arguments.digits is not None or arguments.tolerance is not None:
+            raise ExperimentError("--digits and --tolerance are for an adaptive run: add --adaptive")
+        return {}
+    if arguments.tolerance is None:
+        return {"adaptive": True, "digits": 1 if arguments.digits is None else arguments.digits}
+    if arguments.digits is not None:
+        raise ExperimentError("--digits and --tolerance are given: choose one")
+    try:
+        return {"adaptive": True, "tolerance": quantity(arguments.tolerance, "kg*m^2")}
+    except UnitError as error:
+        raise ExperimentError(f"--tolerance {error}") from None
+
+
+def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) -> list[BudgetResult]:
+    """The budget, if it is asked for."""
+    if arguments.budget is None:
+        return []
+    with ProgressBar() as bar:
+        result = budget(
+            experiment,
+            trials=arguments.budget,
+            seed=arguments.seed,
+            trajectories=arguments.trajectory,
+            estimators=arguments.estimator,
+            dtype=arguments.dtype,
+            progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
+        )
+    return [result]
+
+
+def _finish(name: str, result: MonteCarloResult, folder: Path | None, more: list[BudgetResult]) -> None:
+    if name:
+        print(f"\nbody {name}\n")
+    finish(result, folder, *more)

@@ -1,0 +1,51 @@
+"""``inertia paper``: the source's Table 2 and figures, beside its printed values."""
+
+import argparse
+from collections.abc import Mapping
+
+from uq.barreto2016 import paper, row
+from uq.campaign.campaign import Breakdown, checkpoint_of
+from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
+from uq.cli.processes import add_cluster_options, kept_in, together
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
+    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
+    parser.add_argument(
+        "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
+    )
+    add_cluster_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    with together(arguments) as speaks, output_folder(arguments.out) as out:
+        checkpoint = None if out is None else checkpoint_of(kept_in(out), say)
+        with ProgressBar(silent=not speaks) as progress:
+
+            def show(trajectory: str, trials: int, found: Mapping[str, Breakdown]) -> None:
+                for estimator, breakdown in found.items() if speaks else ():
+                    progress.print(row(trajectory, trials, estimator, breakdown.total))
+
+            given = {"trials": arguments.trials, "seed": arguments.seed, "dtype": arguments.dtype}
+            try:
+                result = paper(**given, progress=progress, checkpoint=checkpoint, shown=show)
+            except KeyboardInterrupt:
+                if checkpoint is None or arguments.distributed:
+                    raise
+                say("error: interrupted; the same command goes on from there")
+                return 130
+        if speaks:
+            print()
+            finish(result, out)
+            if checkpoint is not None:
+                checkpoint.remove()
+    return 0

@@ -1,0 +1,82 @@
+"""What the commands share that run on several processes: their options, who speaks, how they end."""
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from uq.cli.common import ERRORS, whole_number
+from uq.experiment.experiment import ExperimentError
+from uq.trials import distributed as cluster
+from uq.trials.watchdog import LOST
+
+
+def add_cluster_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--distributed`` and what it needs where no cluster is detected."""
+    parser.add_argument(
+        "--distributed", action="store_true",
+        help="one of several processes that share the trials; found by the cluster's own environment, or stated:",
+    )  # fmt: skip
+    parser.add_argument("--coordinator", metavar="HOST:PORT", help="where the first process listens")
+    parser.add_argument("--processes", type=whole_number, metavar="N", help="how many processes there are")
+    parser.add_argument("--process", type=whole_number, metavar="I", help="which of them this is, from 0")
+
+
+@contextlib.contextmanager
+def together(arguments: argparse.Namespace) -> Iterator[bool]:
+    """Join the other processes, if asked for; yields whether this one speaks.
+
+    A process that fails among several ends at once, after its checkpoint is written: it must not wait for the others.
+    """
+    stated = [arguments.coordinator, arguments.processes, arguments.process]
+    if not arguments.distributed:
+        if any(value is not None for value in stated):
+            raise ExperimentError(
+                "--coordinator, --processes and --process are for several processes: add --distributed"
+            )
+        yield True
+        return
+    if any(value is None for value in stated) and any(value is not None for value in stated):
+        raise ExperimentError("--coordinator, --processes and --process belong together: give all three, or none")
+    if arguments.coordinator is not None:
+        _check(*stated)
+    cluster.join(*stated)
+    try:
+        yield cluster.is_first()
+    except BaseException as error:
+        _end(error)
+    cluster.leave()
+
+
+def _check(coordinator: str, processes: int, process: int) -> None:
+    host, _, port = coordinator.rpartition(":")
+    if not host or not port.isdigit():
+        raise ExperimentError(f"--coordinator is {coordinator}: write HOST:PORT")
+    if not 0 <= process < processes:
+        raise ExperimentError(f"--process is {process} of {processes}: number the processes from 0")
+
+
+def _end(error: BaseException) -> None:
+    line, status = None, 1
+    if isinstance(error, cluster.FailedElsewhere):
+        status = 2
+    elif isinstance(error, KeyboardInterrupt):
+        line, status = "error: interrupted; the same command goes on from what is kept in --out", 130
+    elif isinstance(error, cluster.LostProcess):
+        line, status = f"error: {error}", LOST
+    elif isinstance(error, (*ERRORS, OSError)):
+        line, status = f"error: {error}", 2
+    else:
+        sys.excepthook(type(error), error, error.__traceback__)
+    if line:
+        print(line, file=sys.stderr)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
+
+
+def kept_in(folder: Path) -> Path:
+    """Return where in an output folder what is done is kept until the result is written."""
+    return folder / "checkpoint"

@@ -1,0 +1,33 @@
+"""``inertia simulate``: a synthetic recorded run with the experiment's errors."""
+
+import argparse
+
+from uq.campaign.simulation import simulate
+from uq.cli.common import ERRORS, start_jax, whole_number
+from uq.experiment.experiment import Experiment, ExperimentError
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
+    parser.add_argument(
+        "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"
+    )
+    parser.add_argument("--trajectory", metavar="NAME", help="the trajectory (the first)")
+    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
+    parser.add_argument("--trial", type=whole_number, default=0, help="number of the Monte Carlo's trial (0)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    if arguments.trial < 0:
+        raise ExperimentError(f"trial {arguments.trial}: give zero or more")
+    simulated = simulate(
+        Experiment.load(arguments.experiment), arguments.trajectory, seed=arguments.seed, trial=arguments.trial
+    )
+    simulated.write(arguments.output)
+    print(f"{simulated.run!r} written to {arguments.output}")
+    return 0

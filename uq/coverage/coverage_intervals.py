@@ -1,0 +1,262 @@
+"""Coverage intervals from the trials of a Monte Carlo (JCGM 101:2008, 7.7), and whether a law's hold (clause 8).
+
+Regions of several outputs together are in :mod:`uq.coverage.coverage_regions`; how many trials are enough, in
+:mod:`uq.coverage.adaptive_procedure`.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.text_tables import html_table, text_table
+
+Kind = Literal["symmetric", "shortest"]
+Value = Any
+"""A number or an array of numbers."""
+SUBSAMPLES = 16
+"""Parts into which the trials are cut for the standard errors of the shortest interval."""
+
+
+@dataclass(frozen=True)
+class CoverageInterval:
+    """Ends of the interval of each output, with the standard errors that the finite number of trials leaves."""
+
+    kind: Kind
+    probability: float
+    low: np.ndarray
+    """Lower ends, of the output's shape; NaN where there are too few trials."""
+    high: np.ndarray
+    low_standard_error: np.ndarray
+    high_standard_error: np.ndarray
+
+    @property
+    def length(self) -> np.ndarray:
+        """Upper minus lower end."""
+        return np.asarray(self.high - self.low)
+
+
+def symmetric_interval(draws: Float[np.ndarray, "trials *outputs"], probability: float = 0.95) -> CoverageInterval:
+    """Return the probabilistically symmetric coverage intervals (JCGM 101, 7.7.2): as much on either side.
+
+    With M trials in order, the ends are ``y_(r)`` and ``y_(r+q)``, q = pM and r = (M - q)/2, rounded as 7.7 has it. The
+    standard errors are those of order statistics, from the trials around the ends, whatever the distribution.
+
+    Args:
+        draws: outputs of the trials; those that are not finite are left out, output by output.
+        probability: coverage probability p, between 0 and 1.
+
+    Raises:
+        ValueError: the probability is not between 0 and 1, or there is no trial axis.
+    """
+    return _by_output("symmetric", draws, probability, _symmetric)
+
+
+def shortest_interval(draws: Float[np.ndarray, "trials *outputs"], probability: float = 0.95) -> CoverageInterval:
+    """Return the shortest coverage intervals (JCGM 101, 7.7.4): of all ``[y_(r), y_(r+q)]``, the one of least length.
+
+    The standard errors come from subsamples, scaled with the cube root of the number of trials, the rate at which the
+    ends converge inside a smooth distribution (Kim and Pollard 1990, doi:10.1214/aos/1176347498). Where an end stands
+    at the edge of the distribution it converges faster, and its standard error is too large.
+
+    Args:
+        draws: outputs of the trials; those that are not finite are left out, output by output.
+        probability: coverage probability p, between 0 and 1.
+
+    Raises:
+        ValueError: the probability is not between 0 and 1, or there is no trial axis.
+    """
+    return _by_output("shortest", draws, probability, _shortest)
+
+
+def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
+    """Return the numerical tolerance of a standard uncertainty (JCGM 101, 7.9.2).
+
+    ``u`` with ``digits`` significant decimal digits is ``c 10^l`` with an integer c; the tolerance is ``10^l / 2``.
+
+    Raises:
+        ValueError: less than one digit, or an uncertainty that is negative.
+    """
+    if digits < 1:
+        raise ValueError(f"Argument `digits` must be 1 or more, but is {digits}.")
+    values = np.asarray(uncertainty, float)
+    if (values < 0).any():
+        raise ValueError("Argument `uncertainty` must be zero or more, but has a negative value.")
+    return np.vectorize(lambda u: _half_of_the_last_digit(u, digits), otypes=[float])(values)
+
+
+def _half_of_the_last_digit(u: float, digits: int) -> float:
+    if not math.isfinite(u) or u == 0:
+        return 0.0 if u == 0 else math.nan
+    exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10 with two digits
+    return 0.5 * 10.0 ** (exponent - digits + 1)
+
+
+def _by_output(kind: Kind, draws: np.ndarray, probability: float, ends) -> CoverageInterval:
+    draws = np.asarray(draws, float)
+    if not 0 < probability < 1:
+        raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
+    if draws.ndim == 0:
+        raise ValueError("Argument `draws` must have the trials on its first axis, but is a single number.")
+    columns = draws.reshape(len(draws), math.prod(draws.shape[1:])).T
+    found = np.array([ends(column[np.isfinite(column)], probability) for column in columns]).reshape(-1, 4)
+    return CoverageInterval(kind, probability, *(part.reshape(draws.shape[1:]) for part in found.T))
+
+
+def _inside(trials: int, probability: float) -> int:
+    """Return q of 7.7.1: how many places the upper end stands above the lower one."""
+    return int(probability * trials + 0.5)
+
+
+def _symmetric(draws: np.ndarray, probability: float) -> tuple[float, ...]:
+    y, q = np.sort(draws), _inside(len(draws), probability)
+    if q >= len(y) or q < 1:
+        return (math.nan,) * 4
+    low = max((len(y) - q + 1) // 2 - 1, 0)
+    high = min(low + q, len(y) - 1)
+    tail = (1 - probability) / 2
+    return y[low], y[high], _order_error(y, low, tail), _order_error(y, high, tail)
+
+
+def _order_error(ordered: np.ndarray, place: int, tail: float) -> float:
+    """Standard error of an order statistic: the scatter of its rank, √(M p (1 - p)), times the spacing around it."""
+    scatter = math.sqrt(len(ordered) * tail * (1 - tail))
+    window = max(int(2 * scatter), 1)
+    low, high = max(place - window, 0), min(place + window, len(ordered) - 1)
+    return scatter * (ordered[high] - ordered[low]) / (high - low)
+
+
+def _shortest(draws: np.ndarray, probability: float) -> tuple[float, ...]:
+    low, high = _shortest_ends(draws, probability)
+    size = len(draws) // SUBSAMPLES
+    if _inside(size, probability) >= size:
+        return low, high, math.nan, math.nan
+    parts = [_shortest_ends(part, probability) for part in draws[: size * SUBSAMPLES].reshape(SUBSAMPLES, size)]
+    scatter = np.sqrt(np.mean((np.array(parts) - [low, high]) ** 2, axis=0)) * SUBSAMPLES ** (-1 / 3)
+    return low, high, scatter[0], scatter[1]
+
+
+def _shortest_ends(draws: np.ndarray, probability: float) -> tuple[float, float]:
+    y, q = np.sort(draws), _inside(len(draws), probability)
+    if q >= len(y) or q < 1:
+        return math.nan, math.nan
+    low = int(np.argmin(y[q:] - y[:-q]))
+    return y[low], y[low + q]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a law's coverage intervals agree with those of a Monte Carlo (JCGM 101, clause 8), output by output."""
+
+    probability: float
+    d_low: np.ndarray
+    """Law's lower end minus the Monte Carlo's; the clause compares its magnitude."""
+    d_high: np.ndarray
+    tolerance: np.ndarray
+    """δ, half a unit of the last significant digit of the standard uncertainty, or as it was given."""
+    resolution: np.ndarray
+    """Twice the larger standard error of the Monte Carlo's ends: what this many trials can tell."""
+
+    @property
+    def low_holds(self) -> np.ndarray:
+        """Whether the lower ends agree."""
+        return np.asarray(np.abs(self.d_low) <= self.tolerance)
+
+    @property
+    def high_holds(self) -> np.ndarray:
+        """Whether the upper ends agree."""
+        return np.asarray(np.abs(self.d_high) <= self.tolerance)
+
+    @property
+    def holds(self) -> np.ndarray:
+        """Whether both ends do: the law is validated."""
+        return np.asarray(self.low_holds & self.high_holds)
+
+    @property
+    def enough_trials(self) -> np.ndarray:
+        """Whether the Monte Carlo is as accurate as 8.2 asks of it: its own tolerance a fifth of δ."""
+        return np.asarray(self.resolution <= self.tolerance / 5)
+
+    def reasons(self) -> list[str]:
+        """Return a sentence for each output: that the law holds, or which end fails and why."""
+        parts = [np.ravel(x) for x in (self.d_low, self.d_high, self.tolerance, self.resolution)]
+        return [_reason(*map(float, part)) for part in zip(*parts, strict=True)]
+
+    def rows(self, names: tuple[str, ...] | None = None) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of a table, one output a row."""
+        size = self.d_low.size
+        names = names or tuple(f"y{k + 1}" if size > 1 else "y" for k in range(size))
+        figures = [np.abs(np.ravel(x)) for x in (self.d_low, self.d_high, self.tolerance)]
+        rows = [
+            [name, *(f"{x:.3g}" for x in row), "yes" if held else "no", why]
+            for name, row, held, why in zip(
+                names, np.stack(figures, axis=1), np.ravel(self.holds), self.reasons(), strict=True
+            )
+        ]
+        return ["output", "d_low", "d_high", "δ", "holds", "why"], rows
+
+    def __repr__(self) -> str:
+        return text_table(*self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows())
+
+
+def validate(
+    low: Value,
+    high: Value,
+    interval: CoverageInterval,
+    *,
+    uncertainty: Value = None,
+    digits: int = 1,
+    tolerance: Value = None,
+) -> Verdict:
+    """Compare a law's coverage intervals with a Monte Carlo's (JCGM 101, 8.1).
+
+    ``d_low = |y - U_p - y_low|`` and ``d_high = |y + U_p - y_high|`` must both be within the numerical tolerance δ.
+
+    Args:
+        low: lower ends of the law's interval, of the output's shape.
+        high: upper ends.
+        interval: the Monte Carlo's, symmetric or shortest, of the same coverage probability.
+        uncertainty: standard uncertainty from which δ follows; not needed with a tolerance.
+        digits: significant digits of the uncertainty that are regarded as meaningful.
+        tolerance: δ itself, in the output's unit.
+
+    Raises:
+        ValueError: neither uncertainty nor tolerance is given, or the shapes differ.
+    """
+    if np.shape(low) != interval.low.shape or np.shape(high) != interval.high.shape:
+        raise ValueError(f"Arguments `low` and `high` must have the shape {interval.low.shape} of the Monte Carlo's.")
+    if tolerance is None:
+        if uncertainty is None:
+            raise ValueError("Argument `uncertainty` must be given where `tolerance` is not, but neither is.")
+        tolerance = numerical_tolerance(uncertainty, digits)
+    return Verdict(
+        interval.probability,
+        np.asarray(low - interval.low),
+        np.asarray(high - interval.high),
+        np.broadcast_to(np.asarray(tolerance, float), interval.low.shape),
+        np.asarray(2 * np.maximum(interval.low_standard_error, interval.high_standard_error)),
+    )
+
+
+def _reason(d_low: float, d_high: float, delta: float, resolution: float) -> str:
+    """One sentence: which end fails, and whether the interval is shifted, too short or too long."""
+    failing = [name for name, d in (("lower", d_low), ("upper", d_high)) if not abs(d) <= delta]
+    if not failing:
+        return "the law holds" + (
+            "" if resolution <= delta / 5 else f"; too few trials to be sure: ends ± {resolution:.2g}"
+        )
+    if not math.isfinite(d_low + d_high):
+        return "there is no interval to compare"
+    shift, longer = (d_low + d_high) / 2, d_high - d_low
+    ends = " and ".join(failing) + (" ends fail" if len(failing) > 1 else " end fails")
+    what = []
+    if abs(shift) > delta / 2:
+        what.append(f"shifted by {shift:+.3g}")
+    if abs(longer) > delta:
+        what.append(f"{abs(longer):.3g} too {'long' if longer > 0 else 'short'}")
+    return f"{ends}: the law's interval is {' and '.join(what)}".replace("-", "−")

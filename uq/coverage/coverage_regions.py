@@ -1,0 +1,215 @@
+"""Coverage regions of several outputs together (JCGM 102:2011, 7.7), and of a tensor's principal axes.
+
+Each region states its coverage as found on trials that had no part in making it, with its standard error.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Bool, Float
+
+from identify.rigid_body.inertia import principal
+
+Draws = Float[np.ndarray, "trials outputs"]
+
+
+class Figure(NamedTuple):
+    """A figure with its standard error."""
+
+    value: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class EllipsoidalRegion:
+    """``(η - y)ᵀ U⁻¹ (η - y) ≤ k²`` (JCGM 102, 7.7.2), U the covariance matrix of the trials."""
+
+    probability: float
+    centre: np.ndarray
+    covariance: np.ndarray
+    factor: Figure
+    """k_p, from the trials themselves; of normal outputs it would be :attr:`normal_factor`."""
+    coverage: Figure
+    """Share of the trials inside, region and count from different halves of them."""
+
+    @property
+    def normal_factor(self) -> float:
+        """k_p of normal outputs: the root of the quantile of χ² (JCGM 102, 6.5.2.3)."""
+        return float(np.sqrt(scipy.stats.chi2.ppf(self.probability, len(self.centre))))
+
+    def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
+        """Return which points lie inside."""
+        flat = np.reshape(points, (-1, len(self.centre)))
+        return (distance(flat, self.centre, self.covariance) <= self.factor.value).reshape(np.shape(points)[:-1])
+
+
+@dataclass(frozen=True)
+class SmallestRegion:
+    """Where the density of the trials is above a level: the region of least volume (JCGM 102, 7.7.4)."""
+
+    probability: float
+    density: "scipy.stats.gaussian_kde"
+    """Of the trials, by kernels; in place of the counts in cells of 7.7.4, which six outputs would leave empty."""
+    level: float
+    """Density on the boundary."""
+    coverage: Figure
+    """Share of the trials inside that had no part in density and level."""
+    volume: Figure
+    """In the product of the outputs' units."""
+
+    def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
+        """Return which points lie inside."""
+        flat = np.reshape(points, (-1, self.density.d)).T
+        return (self.density(flat) >= self.level).reshape(np.shape(points)[:-1])
+
+
+@dataclass(frozen=True)
+class AxesRegion:
+    """A region of the principal axes: rotations that take the mean tensor's axes to a trial's."""
+
+    axes: np.ndarray
+    """Principal axes of the mean tensor, rows of a rotation matrix, by ascending moment."""
+    region: EllipsoidalRegion
+    """Of the rotation vectors, components along the mean tensor's axes [rad]."""
+    largest_angle: Figure
+    """Quantile of the angle of rotation [rad]."""
+    swapped: float
+    """Share of the trials turned by more than 45°: nearer to the axes with other names than to their own."""
+
+
+def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> EllipsoidalRegion:
+    """Return the ellipsoidal coverage region of the trials (JCGM 102, 7.7.2).
+
+    Raises:
+        ValueError: fewer than 40 trials an output, outputs of which one follows from the others, or a probability that
+            is not between 0 and 1.
+    """
+    draws = _checked(draws, probability)
+    centre, covariance = draws.mean(0), covariance_of(draws)
+    factor = quantile(distance(draws, centre, covariance), probability)
+    halves = draws[::2], draws[1::2]
+    inside = [_inside(halves[0], halves[1], probability), _inside(halves[1], halves[0], probability)]
+    return EllipsoidalRegion(probability, centre, covariance, factor, _share(np.concatenate(inside)))
+
+
+def smallest_region(draws: np.ndarray, probability: float = 0.95, *, most: int = 4000, seed: int = 0) -> SmallestRegion:
+    """Return the smallest coverage region of the trials.
+
+    The density is estimated by normal kernels on half of the trials (Scott's bandwidth); the level is the quantile
+    of the density at a quarter of them, so that the coverage does not hang on how well the density is known; it is
+    then counted on the last quarter.
+
+    Args:
+        draws: outputs of the trials, (trials, outputs).
+        probability: coverage probability.
+        most: kernels at most, for the time that it takes.
+        seed: of the points from which the volume is estimated.
+
+    Raises:
+        ValueError: as for :func:`ellipsoidal_region`.
+    """
+    draws = _checked(draws, probability)
+    half, quarter = len(draws) // 2, len(draws) * 3 // 4
+    density = scipy.stats.gaussian_kde(draws[: min(half, most)].T)
+    level = float(np.quantile(density(draws[half:quarter][:most].T), 1 - probability))
+    coverage = _share(density(draws[quarter:][:most].T) >= level)
+    heights = density(density.resample(most, seed=seed))
+    weights = np.where(heights >= level, 1 / heights, 0)
+    volume = Figure(float(weights.mean()), float(weights.std(ddof=1) / np.sqrt(most)))
+    return SmallestRegion(probability, density, level, coverage, volume)
+
+
+def axes_region(inertia: Float[np.ndarray, "trials 6"], probability: float = 0.95) -> AxesRegion:
+    """Return a coverage region of the principal axes, as rotation vectors from the mean tensor's axes.
+
+    An axis has no sign: of the four frames that a trial's axes make, the one nearest to the mean tensor's counts.
+
+    Args:
+        inertia: packed tensors of the trials [kg·m²].
+        probability: coverage probability.
+
+    Raises:
+        ValueError: as for :func:`ellipsoidal_region`.
+    """
+    inertia = _finite(inertia, probability)
+    mean = np.asarray(principal(jnp.asarray(inertia.mean(0)))[1])
+    axes = np.asarray(jax.vmap(principal)(jnp.asarray(inertia))[1])
+    turned = axes @ mean.T  # rows: a trial's axes, by their components along the mean tensor's
+    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    nearest = signs[np.argmax(np.einsum("si,nii->ns", signs, turned), axis=1)]
+    vectors = scipy.spatial.transform.Rotation.from_matrix(np.swapaxes(turned * nearest[:, :, None], 1, 2)).as_rotvec()
+    angle = np.linalg.norm(vectors, axis=1)
+    return AxesRegion(
+        mean,
+        ellipsoidal_region(vectors, probability),
+        quantile(angle, probability),
+        float(np.mean(angle > np.pi / 4)),
+    )
+
+
+def quantile(values: Float[np.ndarray, " trials"], probability: float) -> Figure:
+    """Return the quantile of a sample and its standard error, from the values around it."""
+    ordered = np.sort(values)
+    scatter = np.sqrt(len(ordered) * probability * (1 - probability))
+    place = int(probability * len(ordered))
+    low, high = max(place - int(2 * scatter), 0), min(place + int(2 * scatter), len(ordered) - 1)
+    spacing = (ordered[high] - ordered[low]) / max(high - low, 1)
+    return Figure(float(ordered[min(place, len(ordered) - 1)]), float(scatter * spacing))
+
+
+def _checked(draws: np.ndarray, probability: float) -> Draws:
+    """Return the trials that are finite, if there are enough and no output follows from the others."""
+    draws = _finite(draws, probability)
+    scale = draws.std(0)
+    if not (scale > 0).all() or np.linalg.cond(np.corrcoef(draws, rowvar=False).reshape(len(scale), -1)) > 1e12:
+        raise ValueError("Argument `draws` must have outputs that are independent, but one follows from the others.")
+    return draws
+
+
+def _finite(draws: np.ndarray, probability: float) -> Draws:
+    """Return the trials that are finite, if there are enough."""
+    draws = np.asarray(draws, float)
+    if not 0 < probability < 1:
+        raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
+    if draws.ndim != 2:
+        raise ValueError(f"Argument `draws` must have the shape (trials, outputs), but has {draws.shape}.")
+    draws = draws[np.isfinite(draws).all(axis=1)]
+    if len(draws) < 40 * draws.shape[1]:
+        raise ValueError(
+            f"Argument `draws` must hold {40 * draws.shape[1]} finite trials or more, but has {len(draws)}."
+        )
+    return draws
+
+
+def distance(points: Draws, centre: np.ndarray, covariance: np.ndarray) -> Float[np.ndarray, " trials"]:
+    """Return each point's distance from the centre in standard deviations (Mahalanobis).
+
+    Directions in which the outputs do not scatter count for nothing.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0, scale, 1)
+    strength, directions = np.linalg.eigh(covariance / np.outer(scale, scale))
+    scattered = strength > 1e-12 * strength[-1]
+    along = ((points - centre) / scale) @ directions[:, scattered]
+    return np.linalg.norm(along / np.sqrt(strength[scattered]), axis=1)
+
+
+def _inside(draws: Draws, others: Draws, probability: float) -> np.ndarray:
+    """Which trials lie in the region that others make."""
+    centre, covariance = others.mean(0), covariance_of(others)
+    limit = np.quantile(distance(others, centre, covariance), probability)
+    return distance(draws, centre, covariance) <= limit
+
+
+def covariance_of(draws: Draws) -> Float[np.ndarray, "outputs outputs"]:
+    """Return the covariance matrix of the trials, also of a single output."""
+    return np.cov(draws, rowvar=False).reshape(draws.shape[1], draws.shape[1])
+
+
+def _share(inside: np.ndarray) -> Figure:
+    share = float(np.mean(inside))
+    return Figure(share, float(np.sqrt(max(share * (1 - share), 0) / len(inside))))

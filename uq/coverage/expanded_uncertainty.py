@@ -1,0 +1,117 @@
+"""Expanded uncertainty: the coverage factor for a probability, or the probability of a factor (GUM, 6 and annex G)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import COMPONENTS
+from identify.text_tables import decimals, fixed, rounded
+
+USUAL = 0.95
+"""Coverage probability of the intervals that results hold."""
+EVEN = 0.02
+"""Difference of an interval's two arms, as a part of its width, up to which it counts as symmetric."""
+
+
+@dataclass(frozen=True)
+class Expanded:
+    """Value, standard and expanded uncertainty of some quantities, in one unit."""
+
+    names: tuple[str, ...]
+    value: Float[np.ndarray, " n"]
+    standard: Float[np.ndarray, " n"]
+    factor: Float[np.ndarray, " n"]
+    """Half the interval over the standard uncertainty."""
+    probability: Float[np.ndarray, " n"]
+    interval: Float[np.ndarray, "n 2"]
+
+    @property
+    def expanded(self) -> Float[np.ndarray, " n"]:
+        """Half of each interval."""
+        return (self.interval[:, 1] - self.interval[:, 0]) / 2
+
+    def rows(self, unit: float = 1.0) -> list[list[str]]:
+        """Return name, value, U, k, p, u and interval of each, rounded to two digits of U (GUM 7.2.6).
+
+        Args:
+            unit: factor to the unit that is printed.
+        """
+        return [self._row(k, unit) for k in range(len(self.names))]
+
+    def _row(self, k: int, unit: float) -> list[str]:
+        value, u, low, high = (unit * x for x in (self.value[k], self.standard[k], *self.interval[k]))
+        half = (high - low) / 2
+        if not np.isfinite([value, half, u]).all():
+            ends = f"{rounded(low, u) if np.isfinite(low) else '−∞'} … {rounded(high, u) if np.isfinite(high) else '∞'}"
+            return [self.names[k], rounded(value, u), *["–"] * 4, ends]
+        places = decimals(half)
+        below, above = fixed(value - low, places), fixed(high - value, places)
+        even = abs((high - value) - (value - low)) <= EVEN * (high - low) or below == above
+        return [
+            self.names[k], fixed(value, places), fixed(half, places) if even else f"+{above} −{below}",
+            fixed(self.factor[k], 2), f"{100 * self.probability[k]:.4g}", fixed(u, decimals(u)),
+            f"{fixed(low, places)} … {fixed(high, places)}",
+        ]  # fmt: skip
+
+
+HEAD = ("value", "U", "k", "p, %", "u", "coverage interval")
+"""What :meth:`Expanded.rows` holds behind the name."""
+
+
+def of_tensor(result: Identification, *, factor: float | None = None, probability: float | None = None) -> Expanded:
+    """Return the components with their expanded uncertainty, in kg·m².
+
+    The result's own intervals of 95 % stand unless another factor or probability is asked for; then they are scaled as
+    Student's t says, with the degrees of freedom that their coverage factor implies.
+
+    Args:
+        result: an identification.
+        factor: the coverage factor k to use; the probability follows.
+        probability: the coverage probability to use; the factor follows.
+    """
+    value, u = result.inertia, result.standard_uncertainty
+    usual = np.diff(result.interval95, axis=1)[:, 0] / 2 / np.where(u > 0, u, 1)
+    freedom = np.array([degrees_of_freedom(one) for one in usual])
+    k, p = _factor(freedom, factor, probability)
+    k = usual if factor is None and probability in (None, USUAL) else k
+    if k is usual:
+        return Expanded(COMPONENTS, value, u, k, p, result.interval95)
+    with np.errstate(invalid="ignore"):
+        arms = (result.interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
+    return Expanded(COMPONENTS, value, u, k, p, value[:, None] + arms)
+
+
+def of_normal(
+    names: tuple[str, ...],
+    value: np.ndarray,
+    standard: np.ndarray,
+    *,
+    factor: float | None = None,
+    probability: float | None = None,
+) -> Expanded:
+    """Return quantities of known standard uncertainty, taken as normal, with their expanded uncertainty."""
+    k, p = _factor(np.full(len(names), np.inf), factor, probability)
+    half = (k * standard)[:, None]
+    return Expanded(names, value, standard, k, p, value[:, None] + half * [-1, 1])
+
+
+def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage factor and probability of each; one of the two may be asked for, else 95 %."""
+    if factor is not None:
+        return np.full(len(freedom), factor), 2 * scipy.stats.t.cdf(factor, freedom) - 1
+    wanted = USUAL if probability is None else probability
+    return scipy.stats.t.ppf((1 + wanted) / 2, freedom), np.full(len(freedom), wanted)
+
+
+def degrees_of_freedom(factor: float) -> float:
+    """Return the degrees of freedom of which Student's t has this coverage factor of 95 %; infinity for 1.96."""
+
+    def beyond(freedom: float) -> float:
+        return float(scipy.stats.t.ppf((1 + USUAL) / 2, freedom)) - factor
+
+    if not np.isfinite(factor) or factor <= float(scipy.stats.norm.ppf((1 + USUAL) / 2)) * (1 + 1e-4):
+        return np.inf
+    return float(scipy.optimize.brentq(beyond, 0.2, 1e8)) if beyond(0.2) > 0 else 0.2

@@ -1,0 +1,83 @@
+"""A rig's limits as figures, and how a trajectory stands to them over its whole run."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.motion.leg_limits import Effort, Limits, Peak, PlatformMotion, effort, needs, peaks, platform_motion
+from identify.motion.stewart_platform import Pose, Twist
+from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.files.document import ExperimentError
+
+PIECE = 16_384
+"""Instants that are looked at together: runs of all lengths are filled up to it, so that little is compiled."""
+
+
+def resolved_limits(experiment: Experiment, per_period: int) -> Limits:
+    """Return the rig's limits, the needs of a trajectory filled in where the legs' own are not declared.
+
+    Args:
+        experiment: with ``[platform.limits]``.
+        per_period: instants, in a period of the bandwidth, at which that trajectory is looked at.
+
+    Raises:
+        ExperimentError: no limits, none on the legs' motion, or a body that they cannot carry at home.
+    """
+    if experiment.limits is None:
+        raise ExperimentError("missing table [platform.limits]: state what the platform can do")
+    found = experiment.limits.figures
+    if not np.isfinite(found.bandwidth):
+        raise ExperimentError("missing key platform.limits.bandwidth: state the command's highest frequency")
+    if experiment.limits.trajectory is not None:
+        _, spec = experiment.select(experiment.limits.trajectory)
+        own = needs(efforts(experiment, spec, per_period * found.bandwidth))
+        free = {"length": np.isinf(found.length).any(axis=1)[:, None]}
+        free |= {name: np.isinf(getattr(found, name)) for name in ("speed", "acceleration", "force")}
+        found = found._replace(
+            **{name: np.where(at, getattr(own, name), getattr(found, name)) for name, at in free.items()}
+        )
+    if not (np.isfinite(found.length).all() and np.isfinite(found.speed).all()):
+        raise ExperimentError("missing key platform.limits.length or speed: state both, or needs_of a trajectory")
+    _carried_at_home(experiment, found)
+    return found
+
+
+def _carried_at_home(experiment: Experiment, limits: Limits) -> None:
+    """Refuse limits that the weight alone exceeds, where every motion starts and ends."""
+    home, still = experiment.platform.home_pose, jnp.zeros((1, 3))
+    motion = PlatformMotion(
+        jnp.zeros(1), Pose(home.position[None], home.rotation[None]), Twist(still, still, still, still)
+    )
+    worst = peaks(_effort(experiment, motion), limits, motion.t)
+    if worst and worst[0].share > 1:
+        raise ExperimentError(f"platform.limits: {worst[0]} at rest at home: raise the limit, or carry less")
+
+
+def _effort(experiment: Experiment, motion: PlatformMotion) -> Effort:
+    r_cg = jnp.asarray(experiment.r_cg_from_omb)
+    return effort(experiment.platform, experiment.body, r_cg, motion, jnp.asarray(experiment.gravity))
+
+
+def efforts(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Effort:
+    """Return what a trajectory asks for over its whole run, at instants of a rate [Hz], both ends included."""
+    t = instants(spec, rate)
+    filled = np.append(t, np.full(-len(t) % PIECE, t[-1]))
+    still = jnp.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else jnp.zeros(3)
+    motion = platform_motion(experiment.platform, spec.trajectory, jnp.asarray(filled), still)
+    found: list[Any] = []
+    for first in range(0, len(t), PIECE):
+        part = jax.tree.map(lambda x, first=first: x[first : first + PIECE], motion)
+        found.append(jax.tree.map(np.asarray, _effort(experiment, part)))
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(t)], *found)
+
+
+def instants(spec: TrajectorySpec, rate: float) -> np.ndarray:
+    """Return uniform instants [s] over a trajectory's whole run, both ends included."""
+    return np.linspace(0.0, spec.duration, round(spec.duration * rate) + 1)
+
+
+def uses(experiment: Experiment, spec: TrajectorySpec, limits: Limits, rate: float) -> list[Peak]:
+    """Return each limit's largest use over a trajectory's whole run, at instants of a rate [Hz], largest first."""
+    return peaks(efforts(experiment, spec, rate), limits, jnp.asarray(instants(spec, rate)))

@@ -1,0 +1,162 @@
+"""The table ``[poses]`` of an experiment file: where static poses stand in a table, and what tells their attitude."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from identify.rigid_body.rotation import from_quaternion, nearest_rotation
+from identify.signals.run import RunError
+from identify.static.accelerometer import Accelerometer, calibrate
+from identify.static.centre import Attitudes
+from uq.files.csv_columns import Columns, parse_columns
+from uq.files.document import ExperimentError, Table
+
+ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
+SIGMAS = {"sigma_attitude": "rad", "sigma_alignment": "rad", "sigma_accelerometer": "m/s^2"}
+SIGNALS: Mapping[str, int | Sequence[str]] = {
+    "force": 3,
+    "moment": 3,
+    "gravity": 3,
+    "acceleration": 3,
+    "matrix": 9,
+    "quaternion": ("w", "x", "y", "z"),
+}
+
+
+@dataclass(frozen=True)
+class Poses:
+    """How static poses are declared."""
+
+    columns: Columns = field(default_factory=Columns)
+    attitude: Literal["gravity", "acceleration", "matrix", "quaternion"] | None = None
+    """Which signal of the table tells the attitude; None: no table is declared."""
+    takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
+    """Which components a matrix or quaternion takes to which; the level frame's z is up."""
+    accelerometer: Literal["offset", "scale"] | None = None
+    """What is found of the accelerometer before its attitudes are used; None: the offset where the poses allow it."""
+    sigma_attitude: float = 0.0
+    """Standard uncertainty of each pose's own tilt [rad], beside what the residuals show."""
+    sigma_alignment: float = 0.0
+    """Standard uncertainty of the attitude sensor's axes against the load cell's, on each axis [rad]."""
+    sigma_accelerometer: float = 0.0
+    """Standard uncertainty of the accelerometer's offset where the poses do not find it [m/s²]."""
+
+
+def parse_poses(table: Table) -> Poses:
+    """Return the table ``[poses]``.
+
+    Raises:
+        ExperimentError: an unknown key, no or several attitudes, or a value that a key cannot have.
+    """
+    columns = parse_columns(table, SIGNALS)
+    attitudes = [key for key in ATTITUDES if key in columns.names]
+    takes = table.choice("takes", ("sensor_to_level", "level_to_sensor"), None)
+    accelerometer = table.choice("accelerometer", ("offset", "scale"), None)
+    sigmas = {key: _sigma(table, key, unit) for key, unit in SIGMAS.items()}
+    table.finish()
+    if len(attitudes) > 1:
+        raise ExperimentError(f"{table.where} tells the attitude by {' and '.join(attitudes)}: name one of them")
+    if columns.names and not {"force", "moment"} <= set(columns.names):
+        raise ExperimentError(f"{table.where} names no columns of force and moment: add both")
+    if columns.names and not attitudes:
+        raise ExperimentError(f"{table.where} tells no attitude: name the columns of one of {', '.join(ATTITUDES)}")
+    attitude = attitudes[0] if attitudes else None
+    if attitude in ("matrix", "quaternion") and takes is None:
+        raise ExperimentError(f'missing key {table.path("takes")}: write "sensor_to_level" or "level_to_sensor"')
+    return Poses(columns, attitude, takes, accelerometer, **sigmas)  # type: ignore[arg-type]
+
+
+def _sigma(table: Table, key: str, unit: str) -> float:
+    value = float(table.quantity(key, unit, 0.0))
+    if value < 0:
+        raise ExperimentError(f"{table.path(key)} is {table.content[key]!r}: write a standard uncertainty")
+    return value
+
+
+def uncertain(specific_force: np.ndarray, poses: Poses, of_sensor: Accelerometer | None, turn: np.ndarray) -> Attitudes:
+    """Return how far attitudes may be off.
+
+    Args:
+        specific_force: of each pose, in B [m/s²].
+        poses: what is declared of the attitudes.
+        of_sensor: the accelerometer that told them; None: something else did.
+        turn: R with body = R · the attitude's sensor.
+    """
+    gravity = np.linalg.norm(specific_force, axis=1)[:, None, None]
+    axes = np.broadcast_to(poses.sigma_alignment * np.eye(3), (len(specific_force), 3, 3))
+    turned = np.cross(axes, specific_force[:, None], axis=2).transpose(0, 2, 1)
+    columns, lasting = [turned] * (poses.sigma_alignment > 0), 3 * (poses.sigma_alignment > 0)
+    if of_sensor is not None:
+        known = of_sensor.covariance if of_sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
+        values, vectors = np.linalg.eigh(known)
+        up = specific_force[:, :, None] / gravity
+        across = np.eye(3) - up * up.transpose(0, 2, 1)
+        columns.append(-across @ (turn @ (vectors * np.sqrt(np.maximum(values, 0)))) / of_sensor.gain)
+    return Attitudes(poses.sigma_attitude, np.concatenate(columns, axis=2) if columns else None, lasting)
+
+
+def up(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:
+    """Return the upward direction of each pose in the frame of the sensor that tells the attitude, (n, 3).
+
+    Args:
+        values: the attitude's columns as they stand in the table.
+        poses: what they mean; not an accelerometer's.
+        name: what messages call the table.
+
+    Raises:
+        RunError: a row that is no rotation, no unit quaternion, or no direction.
+    """
+    one = {"gravity": _against, "matrix": _of_matrix, "quaternion": _of_quaternion}[str(poses.attitude)]
+    directions = []
+    for row, value in enumerate(values, start=1):
+        try:
+            directions.append(one(value, poses.takes == "level_to_sensor"))
+        except ValueError as error:
+            raise RunError(f"{poses.attitude} of pose {row} in {name} {error}") from None
+    return np.array(directions)
+
+
+def _against(value: np.ndarray, _: bool) -> np.ndarray:
+    length = np.linalg.norm(value)
+    if not length > 0:
+        raise ValueError("is zero: write the vector of gravity")
+    return np.asarray(-value / length)
+
+
+def _of_matrix(value: np.ndarray, level_to_sensor: bool) -> np.ndarray:
+    rotation = nearest_rotation(value.reshape(3, 3))
+    return rotation[:, 2] if level_to_sensor else rotation[2]
+
+
+def _of_quaternion(value: np.ndarray, level_to_sensor: bool) -> np.ndarray:
+    rotation = from_quaternion(*value)
+    return rotation[:, 2] if level_to_sensor else rotation[2]
+
+
+def of_accelerometer(
+    readings: np.ndarray, poses: Poses, gravity: float
+) -> tuple[np.ndarray, Accelerometer, tuple[str, ...]]:
+    """Return the specific force [m/s²] that an accelerometer's static readings tell, what was found of it, warnings."""
+    found = calibrate(readings, gravity, method=poses.accelerometer)
+    warnings = []
+    if not found.fitted and poses.accelerometer is None:
+        warnings.append(
+            "the poses are too few or too much alike to find the accelerometer's offset, which was taken for zero"
+        )
+    if not 0.9 < found.gain < 1.1:
+        raise RunError(f"the accelerometer reads {found.gain:.4g} times gravity: correct recording.acceleration_unit")
+    return found.specific_force(readings, gravity), found, tuple(warnings)
+
+
+def need_table(poses: Poses | None, path: str | Path) -> Poses:
+    """Return how a table's columns are declared.
+
+    Raises:
+        ExperimentError: they are not.
+    """
+    if poses is None or not poses.columns.names:
+        raise ExperimentError(f"nothing declares the columns of {Path(path).name}: name them in [poses]")
+    return poses

@@ -1,0 +1,160 @@
+"""Figures of a design: the motion, the legs against their limits, who causes what, how long to measure."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
+
+from identify.motion.leg_limits import Effort, Limits
+from uq.campaign.statistics import GRAM_METRE
+from uq.figures.campaign_figures import HATCHES, PAGE, PALETTE, STYLE, display_name
+from uq.planning.required_duration import Growth, average
+from uq.propagation.law_result import LawBreakdown
+
+AXIS_COLOURS = (PALETTE[1], PALETTE[2], PALETTE[3])
+LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
+
+
+def motion(
+    t: Float[np.ndarray, " n"], omega: np.ndarray, alpha: np.ndarray, position: np.ndarray, names: Sequence[str] = ()
+) -> Figure:
+    """Draw angular velocity, angular acceleration and the platform's displacement over a stretch of time.
+
+    Args:
+        t: instants [s].
+        omega: in B [rad/s], (n, 3).
+        alpha: in B [rad/s²], (n, 3).
+        position: of the platform's centre from home, in A [m], (n, 3).
+        names: of the three axes.
+    """
+    rows = ((omega, "ω [rad/s]"), (alpha, "α [rad/s²]"), (1e3 * position, "displacement [mm]"))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
+        panels = figure.subplots(3, 1, sharex=True)
+        for panel, (values, label) in zip(panels, rows, strict=True):
+            for k in range(3):
+                panel.plot(t, values[:, k], color=AXIS_COLOURS[k], label=names[k] if names else f"axis {k + 1}")
+            panel.set_ylabel(label)
+        panels[0].legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 0.98))
+        panels[-1].set(xlabel="time [s]", xlim=(t[0], t[-1]))
+        figure.align_ylabels(panels)
+    return figure
+
+
+def legs(t: Float[np.ndarray, " n"], found: Effort, limits: Limits) -> Figure:
+    """Draw the legs' lengths, speeds, accelerations and forces over a stretch of time, in parts of each leg's limit.
+
+    Args:
+        t: instants [s].
+        found: what the motion asks for at these.
+        limits: of the rig; a length counts from the middle of its range.
+    """
+    low, high = limits.length.T
+    with np.errstate(invalid="ignore"):
+        length = (np.asarray(found.legs.length) - (low + high) / 2) / ((high - low) / 2)
+    rows = {
+        "length, from the middle": np.nan_to_num(length),
+        "speed": np.asarray(found.legs.speed) / limits.speed,
+        "acceleration": np.asarray(found.legs.acceleration) / limits.acceleration,
+        "force": np.asarray(found.force) / limits.force,
+    }
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
+        panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+        for panel, (name, parts) in zip(panels, rows.items(), strict=True):
+            for k in range(6):
+                panel.plot(t, 100 * parts[:, k], color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
+            for end in (-100, 100):
+                panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
+            panel.set(title=name, xlim=(t[0], t[-1]))
+        for panel in panels[::2]:
+            panel.set_ylabel("part of the limit [%]")
+        for panel in panels[2:]:
+            panel.set_xlabel("time [s]")
+        figure.legend(*panels[0].get_legend_handles_labels(), ncols=6, loc="outside upper center")
+    return figure
+
+
+def budgets(laws: Mapping[str, LawBreakdown], bound: Mapping[str, float | None]) -> Figure:
+    """Draw the average 3σ of moments and products: all sources and each alone, a bar for each trajectory.
+
+    Args:
+        laws: by trajectory, all with the same sources.
+        bound: the least that any motion reaches, of ``moments`` and ``products`` [kg·m²]; None: not known.
+    """
+    first = next(iter(laws.values()))
+    names = ["total", *first.sources]
+    width = 0.8 / len(laws)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
+        panels = figure.subplots(1, 2)
+        for panel, goal in zip(panels, ("moments", "products"), strict=True):
+            for k, (trajectory, law) in enumerate(laws.items()):
+                cases = [law.total, *law.sources.values()]
+                values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
+                at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
+                colour, hatch = PALETTE[1:][k % 7], HATCHES[k // 7 % len(HATCHES)]
+                panel.bar(at, values, width, color=colour, hatch=hatch, label=trajectory.replace("$", r"\$"))
+            least = bound.get(goal)
+            if least is not None:
+                panel.plot([-0.5, 0.5], [GRAM_METRE * least] * 2, color=PALETTE[0], linestyle="--", label="bound")
+            texts = [display_name(name).replace("$", r"\$") for name in names]
+            panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
+            panel.set_title(goal)
+        panels[0].set_ylabel("average 3σ [g·m²]")
+        panels[1].legend()
+    return figure
+
+
+def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
+    """Draw the average 3σ over the duration, all sources and each alone.
+
+    Args:
+        growth: of the sources' variances.
+        asked: targets of ``moments`` and ``products`` [kg·m²].
+    """
+    t = np.geomspace(max(growth.own / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.own, 300)
+    parts = growth.at(t)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for panel, goal in zip(panels, ("moments", "products"), strict=True):
+            total = GRAM_METRE * average(parts.sum(axis=1), goal)
+            panel.plot(t, total, color="black", linewidth=1.6, label="total")
+            for k, name in enumerate(growth.names):
+                colour, dashes = PALETTE[1:][k % 7], ("-", "--", ":")[k // 7 % 3]
+                text = display_name(name).replace("$", r"\$")
+                panel.plot(t, GRAM_METRE * average(parts[:, k], goal), color=colour, linestyle=dashes, label=text)
+            for target in asked.get(goal, ()):
+                panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
+            panel.axvline(growth.own, color=PALETTE[7], linewidth=0.8)
+            panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
+            panel.xaxis.set_major_formatter(ScalarFormatter())
+            panel.set_ylim(bottom=2e-3 * total.max())
+        panels[0].set_ylabel("average 3σ [g·m²]")
+        panels[1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    return figure
+
+
+def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray) -> Figure:
+    """Draw planned and measured angular velocity on each axis.
+
+    Args:
+        t: instants [s].
+        plan: in B [rad/s], (n, 3).
+        measured: alike.
+    """
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
+        panels = figure.subplots(3, 1, sharex=True)
+        for k, panel in enumerate(panels):
+            panel.plot(t, measured[:, k], color=AXIS_COLOURS[k], linewidth=1.2, label="measured")
+            panel.plot(t, plan[:, k], color=PALETTE[0], linestyle="--", linewidth=0.8, label="planned")
+            panel.set_ylabel(f"ω{k + 1} [rad/s]")
+        panels[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))
+        panels[-1].set(xlabel="time from the plan's start [s]", xlim=(t[0], t[-1]))
+        figure.align_ylabels(panels)
+    return figure

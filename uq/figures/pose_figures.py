@@ -1,0 +1,27 @@
+"""The figure of a centre: what each static pose leaves unexplained."""
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from identify.static.centre import Centre
+from uq.figures.campaign_figures import COLUMN, PALETTE, STYLE
+
+
+def residuals(result: Centre) -> Figure:
+    """Draw the residual force and moment of each pose, by axis."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(COLUMN, 3.6), layout="constrained")
+        panels = figure.subplots(2, 1, sharex=True)
+        pose = np.arange(1, result.poses + 1)
+        shown = {"force [N]": result.residuals[:, :3], "moment [mN·m]": 1e3 * result.residuals[:, 3:]}
+        for axes, (label, values) in zip(panels, shown.items(), strict=True):
+            axes.axhline(0, color=PALETTE[0], linewidth=0.6)
+            for axis, marker, colour, column in zip("xyz", "os^", PALETTE[1:4], values.T, strict=True):
+                axes.plot(pose, column, marker, color=colour, markersize=3, label=axis)
+            axes.set_ylabel(f"residual {label}")
+        panels[1].set_xlabel("pose")
+        panels[1].xaxis.set_major_locator(MaxNLocator(integer=True))
+        panels[0].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    return figure

@@ -1,0 +1,58 @@
+"""What a result was computed from: inputs, versions, machine, time."""
+
+import hashlib
+import platform
+import subprocess
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import jax
+
+
+def provenance(**inputs: Any) -> dict[str, Any]:
+    """Return the record that every result carries: the given inputs, then package, revision, platform and time."""
+    devices = jax.devices()
+    return {
+        **{name: dict(value) if isinstance(value, Mapping) else value for name, value in inputs.items()},
+        "package": f"inertia-uq {_version('inertia-uq')}",
+        "git_revision": _revision(),
+        "python": platform.python_version(),
+        "jax": jax.__version__,
+        "platform": f"{platform.system()} {platform.machine()}",
+        "devices": f"{len(devices)} x {devices[0].device_kind}",
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def sha256(path: str | Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _revision() -> str | None:
+    """The revision of the checkout that the package runs from, marked when it differs; None when installed."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return None
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(root), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603
+
+    try:
+        return git("rev-parse", "HEAD") + (
+            " (modified)" if git("status", "--porcelain", "--untracked-files=no") else ""
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None

@@ -1,0 +1,197 @@
+"""What constant errors do to the signals: linear maps of known functions of time, smooth in the errors.
+
+The true wrench is linear in eighteen functions of the motion: the products of omega, alpha, and the components in B of
+frame A's axes. Gravity, platform, body and air errors change its coefficients; the load cell's misalignment, cross-talk
+and scale factors mix its channels; drift adds time itself. So an experiment's errors are one matrix for the wrench, and
+for the gyro one matrix, a slope and an offset. :mod:`uq.trials.trial` applies them to sums, :mod:`uq.trials.samplewise`
+to samples.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.estimators.gram import shift_omega
+from identify.motion.trajectory import Motion, Trajectory
+from identify.rigid_body.dynamics import wrench
+from identify.rigid_body.inertia import Body, unpack
+from identify.rigid_body.regressor import ALPHA, features
+from identify.rigid_body.rotation import exponential
+from uq.sources.constant_errors import Errors, no_errors, perturbed
+from uq.sources.source import Source
+
+MOTION = 18
+"""Functions of time in which the true wrench is linear."""
+OF_THE_RIG = frozenset({"gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"})
+"""Errors that change the true wrench."""
+OF_THE_GYRO = frozenset({"gyro_misalignment", "gyro_scale", "gyro_drift"})
+"""Errors that map the angular velocity, beyond an offset."""
+
+
+class Platform(eqx.Module):
+    """What carries the body."""
+
+    trajectory: Trajectory
+    gravity: Float[Array | np.ndarray, ""]
+    """Stated local gravity [m/s²]."""
+    r_cg_from_still: Float[Array | np.ndarray, "3"]
+    """Believed centre of gravity from the point that keeps still, in B [m]."""
+
+
+class Columns(eqx.Module):
+    """Which functions of time the measured wrench is made of, besides the true wrench: found from the sources."""
+
+    time: bool = eqx.field(static=True)
+    motion: bool = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, sources: Sequence[Source]) -> "Columns":
+        """Return the functions that these sources need."""
+        names = perturbed(sources)
+        return cls("cell_drift" in names, bool(names & OF_THE_RIG))
+
+    def sampled(self, body: Body, motion: Motion) -> Float[Array, "columns n"]:
+        """Return the true wrench (force, moment) at each sample, then the other functions."""
+        per_sample = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)
+        true = per_sample(body, motion.omega, motion.alpha, motion.specific_force_cg)
+        time = [(motion.t - motion.t[0])[None]] if self.time else []
+        return jnp.concatenate([*true, *time, *([functions_of(motion)] if self.motion else [])])
+
+    def map(self, body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 columns"]:
+        """Return the matrix that gives the measured wrench, without offset and noise, from the columns."""
+        parts = [jnp.eye(6)]
+        if self.motion:
+            parts.append(true_wrench_map(body, platform, errors) - true_wrench_map(body, platform, no_errors()))
+        sensed = [cell_map(errors) @ part for part in parts]
+        return jnp.concatenate([sensed[0], *([errors.cell_drift[:, None]] if self.time else []), *sensed[1:]], axis=1)
+
+
+def functions_of(motion: Motion) -> Float[Array, "18 n"]:
+    """Return the products of omega (11, 22, 33, 12, 13, 23), alpha, and frame A's axes in B, at each sample."""
+    of_omega = features(motion.omega, motion.alpha)[4:]
+    return jnp.concatenate([of_omega, *(motion.rotation[:, k, :].T for k in range(3))])
+
+
+def true_wrench_map(body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 18"]:
+    """Return the matrix that gives the true wrench from the functions of the motion."""
+    one = lambda functions: true_wrench(body, platform, errors, functions)  # noqa: E731
+    return jax.vmap(one, out_axes=1)(jnp.eye(MOTION))
+
+
+def true_wrench(body: Body, platform: Platform, errors: Errors, functions: Float[Array, "18"]) -> Float[Array, "6"]:
+    """Return the wrench on the body at Q of (4) and (5) with errors of gravity, platform, centre of gravity and air.
+
+    The load cell carries less by the weight of the displaced air, at that air's centre. The air that moves along has
+    inertia but no weight, which the air around it carries.
+    """
+    outer, alpha, axes = _symmetric(functions[:6]), functions[6:9], functions[9:].reshape(3, 3)
+
+    def acceleration(offset):  # alpha × ρ + omega × (omega × ρ)
+        return jnp.cross(alpha, offset) + outer @ offset - jnp.trace(outer) * offset
+
+    def rate_of_spin(tensor):  # I alpha + omega × I omega
+        product = outer @ tensor
+        return tensor @ alpha + jnp.stack([product[1, 2] - product[2, 1], product[2, 0] - product[0, 2],
+                                           product[0, 1] - product[1, 0]])  # fmt: skip
+
+    of_cg = acceleration(jnp.asarray(platform.r_cg_from_still) + errors.r_cg_from_omb)
+    up = (platform.gravity + errors.gravity) * (exponential(errors.tilt)[2] @ axes)
+    (displaced, of_displaced), (carried, of_carried) = _mass(errors.displaced_air), _mass(errors.entrained_air)
+    force = (body.mass + carried) * of_cg + acceleration(of_carried) + (body.mass - displaced) * up
+    about_cg = rate_of_spin(unpack(body.inertia) + unpack(errors.entrained_air[4:]))
+    about_cg = about_cg + jnp.cross(of_carried, of_cg) - jnp.cross(of_displaced, up)
+    return jnp.concatenate([force, about_cg + jnp.cross(body.r_cg_from_q, force)])
+
+
+def _mass(air: Array) -> tuple[Array, Array]:
+    return air[0], air[1:4]
+
+
+def _symmetric(products: Array) -> Array:
+    xx, yy, zz, xy, xz, yz = products
+    return jnp.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def cell_map(errors: Errors) -> Float[Array, "6 6"]:
+    """Return what the load cell makes of the true wrench: seen in its own axes, with cross-talk, then scaled."""
+    own_axes = jnp.kron(jnp.eye(2), exponential(errors.cell_misalignment).T)
+    return (1 + errors.cell_scale)[:, None] * ((jnp.eye(6) + errors.cell_cross_talk) @ own_axes)
+
+
+def gyro_map(errors: Errors) -> Float[Array, "3 3"]:
+    """Return what the gyro makes of the true angular velocity: seen in its own axes, then scaled."""
+    return (1 + errors.gyro_scale)[:, None] * exponential(errors.gyro_misalignment).T
+
+
+PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Axes of the features that are products of two."""
+ELEMENT_ENDS = np.cumsum([1, 3, 6, 1, 3, 1, 3, 3, 9, 3, 6])
+"""Where the elements of :func:`features_of_elements` part."""
+ELEMENTS = 42
+"""Elements of one estimator: 18 of the true motion, 24 of the noise."""
+
+
+def element_map(errors: Errors, *, whole: bool) -> Float[Array, "13 elements"]:
+    """Return the matrix that gives the features of the measured omega and alpha from the elements of the sums.
+
+    The measured angular velocity is ``G omega + b + d t + noise``. Without ``whole``, G is one and d zero, and the
+    elements are the thirteen features of ``omega + noise``; else those of :func:`features_of_elements`.
+    """
+    if whole:
+        return jax.vmap(lambda elements: features_of_elements(errors, elements), out_axes=1)(jnp.eye(ELEMENTS))
+    return shift_omega(errors.gyro_bias)
+
+
+def features_of_elements(errors: Errors, elements: Float[Array, "42"]) -> Float[Array, "13"]:
+    """Return the features of ``G omega + b + d t + noise``, linear in the elements.
+
+    These are 1, omega, its products, t, t omega, t², alpha; then the noise, omega_i noise_j, t noise, the noise's
+    products, and its derivative.
+    """
+    (one,), w, ww, (t,), tw, (tt,), alpha, n, wn, tn, nn, of_noise = jnp.split(elements, ELEMENT_ENDS)
+    g, b, d = gyro_map(errors), errors.gyro_bias, errors.gyro_drift
+    square = g @ _symmetric(ww) @ g.T + jnp.outer(b, b) * one + jnp.outer(d, d) * tt + _symmetric(nn)
+    halves = [jnp.outer(g @ w, b), jnp.outer(g @ tw, d), jnp.outer(b, d) * t]
+    for half in (*halves, g @ wn.reshape(3, 3), jnp.outer(b, n), jnp.outer(d, tn)):
+        square = square + half + half.T
+    packed = square[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+    return jnp.concatenate([one[None], g @ w + b * one + d * t + n, packed, g @ alpha + d * one + of_noise])
+
+
+def true_elements(
+    omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], t: Float[Array, " n"]
+) -> Float[Array, "15 n"]:
+    """Return the true elements that all estimators share: all but alpha."""
+    return jnp.concatenate([features(omega, alpha)[: ALPHA.start], t[None], t[None] * omega, (t * t)[None]])
+
+
+def noisy_elements(
+    omega: Float[Array, "3 n"], t: Float[Array, " n"], noise: Float[Array, "3 n"]
+) -> Float[Array, "21 n"]:
+    """Return the noisy elements that all estimators share: all but the noise's derivative."""
+    crossed = (omega[:, None] * noise[None]).reshape(9, -1)
+    return jnp.concatenate([noise, crossed, t[None] * noise, features(noise, noise)[4 : ALPHA.start]])
+
+
+def changes_of_elements(
+    true: Float[Array, "k n"], noise: Float[Array, "3 n"], *, whole: bool
+) -> list[Float[Array, "j n"]]:
+    """Return what noise in omega adds to the elements that all estimators share, part by part.
+
+    Without ``whole``, to omega, to its squares, and to its products 12, 13 and 23; else the noisy elements.
+
+    Args:
+        true: elements without noise, first those that all estimators share.
+        noise: of omega [rad/s].
+        whole: as for :func:`element_map`.
+    """
+    omega = true[1:4]
+    if whole:
+        return [noisy_elements(omega, true[ALPHA.start], noise)]
+    noisy = omega + noise
+    crossed = [omega[i : i + 1] * noise[j : j + 1] + noise[i : i + 1] * noisy[j : j + 1] for i, j in PAIRS]
+    return [noise, (2 * omega + noise) * noise, *crossed]

@@ -1,0 +1,93 @@
+"""What a trial needs besides its key: cases, estimators, the noise-free run in blocks and its sums."""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from identify.estimators.gram import Sums
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import ALPHA
+from uq.gram_sums.error_maps import Columns, Platform
+from uq.sources.source import Mixing, Source
+
+Sampling = Literal["conditioned", "samples", "collapsed"]
+SHARED = ALPHA.start
+"""Features that all estimators share: all but alpha."""
+
+
+class Estimator(eqx.Module):
+    """A way from recorded signals to the tensor: ordinary least squares with a differentiator."""
+
+    name: str = eqx.field(static=True)
+    taps: Float[Array, " h"]
+    """Taps of the differentiator [1/s]; see :mod:`identify.signals.differentiate`."""
+
+
+class Case(NamedTuple):
+    """A set of sources that act together while the others are off."""
+
+    name: str
+    sources: frozenset[str]
+
+
+class Signals(NamedTuple):
+    """The noise-free run in blocks, block first (without that axis inside the scan).
+
+    A block starts as many samples before that of the draws as the longest differentiator reaches: its noise is then
+    known with that of the block before.
+    """
+
+    block: Int[Array, "*blocks"]
+    """Number of the block."""
+    known: Float[Array, "*blocks rows 1200"]
+    """The elements without noise: those that all estimators share, each one's alpha, and zeros for the noisy ones of
+    errors that map the angular velocity; all zero where a sample does not count. Then force [N] and moment [N·m] and
+    the other functions of :class:`uq.gram_sums.error_maps.Columns`."""
+    valid: Float[Array, "*blocks 1200"]
+    """1 where every estimator has a derivative, else 0."""
+
+
+class Setup(eqx.Module):
+    """Everything that a trial needs besides its key: one trajectory, one body, its sources and estimators."""
+
+    body: Body
+    platform: Platform
+    signals: Signals
+    sums: Sums
+    """Noise-free sums over all elements."""
+    other: Float[Array, "elements other"]
+    """Sums of the elements with the columns that follow the wrench."""
+    sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...]
+    estimators: tuple[Estimator, ...]
+    cases: tuple[Case, ...] = eqx.field(static=True)
+    columns: Columns = eqx.field(static=True)
+    whole: bool = eqx.field(static=True)
+    """Whether errors map the angular velocity, so that the elements are not the features but what makes them."""
+    dtype: np.dtype = eqx.field(static=True)
+    """Precision of draws and features; sums and solutions have the default precision."""
+    sampling: Sampling = eqx.field(static=True)
+
+    @property
+    def changed(self) -> slice:
+        """Which elements the gyro's noise changes: all features but 1, or the noisy elements."""
+        count = len(self.sums.gram)
+        return slice(count - noisy_count(self.whole, self.estimators), count)
+
+
+def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:
+    """Return the cases of the breakdown: all sources, each group, each source."""
+    groups = dict.fromkeys(source.group for source in sources)
+    return (
+        Case("total", frozenset(source.name for source in sources)),
+        *(Case(f"group:{name}", frozenset(s.name for s in sources if s.group == name)) for name in groups),
+        *(Case(f"source:{source.name}", frozenset([source.name])) for source in sources),
+    )
+
+
+def noisy_count(whole: bool, estimators: Sequence[Estimator]) -> int:
+    """How many elements, the last ones, the gyro's noise changes."""
+    return (21 if whole else SHARED - 1) + 3 * len(estimators)

@@ -1,0 +1,1 @@
+"""Identification of recorded runs: declared sources, static centre, tare, scatter of repeated runs."""

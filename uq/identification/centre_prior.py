@@ -1,0 +1,78 @@
+"""The result of static poses as what is known beforehand of a recorded run: ``inertia identify --centre``."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identify.exceptions import RunError
+from identify.static.centre_result import Centre
+from uq.experiment.experiment import Experiment
+from uq.files.provenance import sha256
+from uq.sources.source import Source
+
+APART = 2.0
+"""Standard uncertainties that two values of the same may differ by."""
+
+
+def load_centre(path: str | Path) -> Centre:
+    """Read a centre.json, as ``inertia centre --out`` writes it.
+
+    Raises:
+        RunError: it is not JSON, no centre, of another version, or holds figures that cannot be used.
+        OSError: it cannot be read.
+    """
+    name = Path(path).name
+    try:
+        content = json.loads(Path(path).read_text("utf-8"))
+    except (ValueError, RecursionError):
+        raise RunError(f"{name} is not JSON: give the centre.json that `inertia centre` wrote") from None
+    return Centre.from_dict(content, name)
+
+
+def known_by(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[str, ...]]:
+    """Return the experiment with a centre's mass and centre of gravity instead of its own, and where these differ."""
+    u = centre.standard_uncertainty
+    warnings = []
+    if experiment.r_cg_from_q is not None:
+        apart = np.abs(centre.r_cg - experiment.r_cg_from_q)
+        if (apart > APART * np.hypot(u[1:4], experiment.sigma_r_cg) + 1e-9).any():
+            here, there = (_millimetres(r) for r in (experiment.r_cg_from_q, centre.r_cg))
+            warnings.append(
+                f"body.r_cg_from_q is ({here}) mm, the static poses say ({there}) mm, further apart than their "
+                "uncertainties: the poses' is used"
+            )
+    if experiment.mass is not None and abs(centre.mass - experiment.mass) > APART * u[0] + 1e-9:
+        warnings.append(
+            f"body.mass is {experiment.mass:.6g} kg, the static poses say {centre.mass:.6g} kg, further apart than "
+            f"their uncertainty of {u[0]:.2g} kg: the poses' is used"
+        )
+    return instead(experiment, centre.mass, centre.r_cg, u[1:4], "static poses"), tuple(warnings)
+
+
+def instead(experiment: Experiment, mass: float, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str) -> Experiment:
+    """Return the experiment with another mass [kg] and centre of gravity with its standard uncertainty [m]."""
+    others = tuple(one for one in experiment.sources if one.target != "r_cg")
+    kept = {one.name for one in others}
+    mixing = tuple(mixed for mixed in experiment.mixing if kept.issuperset(mixed.names))
+    of_centre = Source("r_cg", "r_cg", "bias", "cg", sigma_r_cg, source)
+    return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, of_centre), mixing=mixing)
+
+
+def told(path: str | Path, centre: Centre) -> dict[str, Any]:
+    """Return what a result's provenance says of the centre that it used."""
+    said: Mapping[str, Any] = centre.provenance
+    return {
+        "file": str(path),
+        "sha256": sha256(path),
+        "inputs": said.get("inputs"),
+        "package": said.get("package"),
+        "time": said.get("time"),
+    }
+
+
+def _millimetres(r: np.ndarray) -> str:
+    return ", ".join(f"{1e3 * x:.4g}" for x in r).replace("-", "−")

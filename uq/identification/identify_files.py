@@ -1,0 +1,161 @@
+"""From recorded runs of one body to its tensor: the function behind ``inertia identify``."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identify.diagnostics.consistency import Verdict, consistency
+from identify.estimators.offsets import OffsetChoice, rest_of
+from identify.identification import identify
+from identify.results.identification_result import Identification, Method
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.run import Run, RunError
+from identify.signals.segments import Stretch, still
+from uq.experiment.experiment import Experiment
+from uq.experiment.recording_table import Recording
+from uq.experiment.report_table import cautions
+from uq.files.provenance import provenance
+from uq.identification.centre_prior import known_by, load_centre, told
+from uq.identification.run_scatter import ScatterVerdict, of_runs
+from uq.identification.systematic import with_declared_sources
+from uq.recorded.compensation import undo
+from uq.recorded.load_run import load
+from uq.recorded.measured_noise import noise_warnings
+from uq.recorded.mountings import check_count, labelled
+from uq.recorded.parts import Part, cut
+from uq.recorded.suspected import warned
+
+
+def identify_files(
+    paths: Sequence[str | Path],
+    experiment: Experiment,
+    *,
+    estimator: str | None = None,
+    offsets: OffsetChoice | None = None,
+    parts: Sequence[Part] | None = None,
+    mountings: Sequence[str] | None = None,
+    centre: str | Path | None = None,
+    method: Method | None = None,
+) -> Identification:
+    """Identify the tensor from recorded runs of one body.
+
+    Args:
+        paths: files or rosbag2 folders, one a run.
+        experiment: r_CG with its uncertainty, estimators, what the channels mean.
+        estimator: name of the estimator; None for the recording's, or the first.
+        offsets: where constant offsets come from; None: as the experiment says.
+        parts: the parts of each run that count; None: where it moves.
+        mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
+        centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
+        method: the estimator of :func:`identify.identify`; None: the recording's.
+
+    Raises:
+        ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.parts.resolve`,
+            :func:`uq.recorded.compensation.undo`, :func:`uq.recorded.mountings.labelled`, :func:`identify.identify` and
+            :func:`uq.identification.systematic.with_declared_sources`.
+    """
+    if len({Path(path).resolve() for path in paths}) < len(paths):
+        raise RunError("a run is given twice: name each file once")
+    check_count(mountings, len(paths))
+    if offsets is not None:
+        experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
+    declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
+    if centre is not None:
+        prior = load_centre(centre)
+        experiment, differing = known_by(experiment, prior)
+        declared_inputs |= {"centre": told(centre, prior)}
+    elif experiment.scale is not None:
+        experiment = replace(experiment, mass=experiment.scale[0])
+    spec = experiment.estimator(estimator)
+    prepared = [_prepared(path, experiment, spec, parts) for path in paths]
+    runs = labelled([run for run, _ in prepared], mountings)
+    result = identify(
+        runs,
+        r_cg=experiment.stated_r_cg,
+        sigma_r_cg=experiment.sigma_r_cg,
+        estimator=spec,
+        offsets=experiment.recording.offsets,
+        mass=experiment.mass,
+        centre=prior,
+        method=method or experiment.recording.method,
+        alignment=experiment.recording.alignment,
+        cg_motion=experiment.recording.cg_motion,
+        gravity=experiment.gravity,
+        mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
+    )
+    if prior is None and experiment.scale is not None and result.method != "joint":
+        result = replace(result, mass_uncertainty=experiment.scale[1])
+    result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
+    followed = [one for run in runs for one in _followed(run, result)]
+    repeats = of_runs(result.pooling) if result.pooling else None
+    suspicious = [text for run in runs for text in warned(run, experiment)]
+    noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
+    assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
+    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
+    said = cautions(experiment.report, inputs)
+    return replace(
+        result,
+        warnings=(*differing, *result.warnings, *suspicious, *noisy, *(verdict.text for verdict in followed), *said),
+        consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
+        assumptions=(*assumed, *result.assumptions),
+        provenance=provenance(**declared_inputs, inputs=inputs),
+        datum=experiment.datum,
+    )
+
+
+def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
+    """What the run's residuals follow; not of a method that turns and delays the signals before it fits them."""
+    if result.method == "joint" or result.seen is not None:
+        return ()
+    return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
+
+
+def _repeatability(repeats: ScatterVerdict) -> Verdict:
+    worst = int(np.argmin(repeats.probability))
+    return Verdict("repeatability", repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
+
+
+def _prepared(
+    path: str | Path, experiment: Experiment, spec: EstimatorSpec, parts: Sequence[Part] | None
+) -> tuple[Run, tuple[str, ...]]:
+    """The part of a run that counts, its weight put back, its rest known; and what is assumed."""
+    recording = experiment.recording
+    named = any(isinstance(one, str) for part in parts or () for one in part)
+    recorded = load(path, recording, band=spec.band, marks=named)
+    kept = cut(recorded.run, parts, recorded.marks)
+    assumed = (*recorded.assumptions, *_of_weight(recording))
+    if kept.specific_force is not None and experiment.mass is not None and kept.imu_position is None:
+        assumed = (*assumed, "the accelerometer is at Q")
+    weighed = recording.compensated in ("gravity", "gravity_from_force")
+    if not weighed and recording.offsets == "estimate":
+        return kept, assumed
+    rests = _near(recorded.run, kept)
+    begin = min([float(kept.t[0]), *(rest.start for rest in rests)])
+    end = max([float(kept.t[-1]), *(rest.stop for rest in rests)])
+    run = recorded.run.between(begin, end)
+    rests = tuple(Stretch(one.start - begin, one.stop - begin) for one in rests)
+    run, more = undo(run, rests, experiment)
+    if recording.offsets == "still":
+        run = replace(run, rest=rest_of(run, rests))
+    part = run.within(kept.parts) if kept.parts else run
+    return replace(part, parts=kept.parts, found=kept.found, left_out=kept.left_out, overview=kept.overview), (
+        *assumed,
+        *more,
+    )
+
+
+def _of_weight(recording: Recording) -> tuple[str, ...]:
+    return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
+
+
+def _near(run: Run, kept: Run) -> tuple[Stretch, ...]:
+    """The stretches of rest within the part of a run that counts, the last before and the first after it [s]."""
+    shift = float(run.t[0])
+    found = still(run.rate, run.omega, run.force, run.moment)
+    rests = [Stretch(one.start + shift, one.stop + shift) for one in found]
+    start, stop = float(kept.t[0]), float(kept.t[-1])
+    before = [rest for rest in rests if rest.stop < start][-1:]
+    after = [rest for rest in rests if rest.start > stop][:1]
+    return (*before, *(rest for rest in rests if rest.stop >= start and rest.start <= stop), *after)

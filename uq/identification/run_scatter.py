@@ -1,0 +1,141 @@
+"""Whether the stated noise describes the rig: the scatter of repeats against the one that it predicts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from identify.estimators.repeatability import Pooling
+from identify.rigid_body.inertia import COMPONENTS
+from identify.text_tables import html_table, text_table
+
+BETTER_KNOWN = 10.0
+"""Degrees of freedom of a prediction over those of the scatter, from which on it counts as known."""
+LEVEL = 0.01
+"""Chance that a true prediction is called false, over all components together."""
+
+
+@dataclass(frozen=True)
+class ScatterVerdict:
+    """The scatter of repeats beside its prediction, component by component; any unit, the same for both."""
+
+    measured: np.ndarray
+    """Standard deviation of the repeats."""
+    predicted: np.ndarray
+    """What the stated noise predicts for it."""
+    repeats: int
+    probability: np.ndarray
+    """Two-sided probability of a ratio at least as far from one, if the prediction holds (chi-squared)."""
+    names: tuple[str, ...] = COMPONENTS
+    level: float = LEVEL
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """Measured over predicted."""
+        return self.measured / self.predicted
+
+    @property
+    def sign(self) -> np.ndarray:
+        """By component: 1 scatters more than predicted, −1 less, 0 neither; by Bonferroni, over all components."""
+        differs = self.probability * len(self.names) < self.level
+        return np.where(differs, np.sign(np.log(self.ratio, where=self.measured > 0, out=-np.ones(len(self.names)))), 0)
+
+    @property
+    def describes(self) -> bool:
+        """Whether the stated noise describes the repeatability: no component scatters more or less than predicted."""
+        return not self.sign.any()
+
+    @property
+    def text(self) -> str:
+        """The verdict in one line."""
+        if self.describes:
+            return f"the stated noise describes the scatter of {self.repeats} repeats"
+        parts = [f"{self._which(sign)} {how}" for sign, how in ((-1, "less"), (1, "more")) if (self.sign == sign).any()]
+        return f"the stated noise does not describe this rig's repeatability: {' and '.join(parts)} than it predicts"
+
+    def _which(self, sign: int) -> str:
+        found = [
+            f"{name} ({measured:.2g} against {predicted:.2g})"
+            for name, measured, predicted, one in zip(self.names, self.measured, self.predicted, self.sign, strict=True)
+            if one == sign
+        ]
+        return f"{', '.join(found)} scatter{'s' if len(found) == 1 else ''}"
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the table."""
+        head = ["", "standard deviation", "predicted", "ratio", "probability", "verdict"]
+        words = {-1: "less", 0: "as predicted", 1: "more"}
+        columns = zip(self.names, self.measured, self.predicted, self.ratio, self.probability, self.sign, strict=True)
+        return head, [[name, *(f"{x:.3g}" for x in figures), words[int(sign)]] for name, *figures, sign in columns]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of it."""
+        return {
+            "repeats": self.repeats,
+            "describes": self.describes,
+            "verdict": self.text,
+            **{
+                key: dict(zip(self.names, map(float, getattr(self, key)), strict=True))
+                for key in ("measured", "predicted", "ratio", "probability")
+            },
+        }
+
+    def __repr__(self) -> str:
+        return f"{text_table(*self.rows())}\n{self.text}"
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption=self.text)
+
+
+def of_runs(pooling: Pooling) -> ScatterVerdict | None:
+    """Return the verdict on repeated runs of one mounting against what their residuals predict.
+
+    None where nothing repeats, or where the prediction is not much better known than the scatter.
+
+    Args:
+        pooling: of the runs.
+    """
+    if pooling.between_runs is None or not (pooling.predicted > 0).all():
+        return None
+    if np.min(pooling.residual_degrees_of_freedom) < BETTER_KNOWN * pooling.repeat_degrees_of_freedom:
+        return None
+    return scatter_verdict(pooling.between_runs, pooling.predicted, pooling.repeat_degrees_of_freedom + 1)
+
+
+def scatter_verdict(
+    measured: Sequence[float | int] | np.ndarray,
+    predicted: Sequence[float | int] | np.ndarray,
+    repeats: int,
+    *,
+    names: Sequence[str] = COMPONENTS,
+    level: float = LEVEL,
+) -> ScatterVerdict:
+    """Say whether the stated noise describes a rig's repeatability.
+
+    If it does, ``(k - 1) s²/σ²`` of a component is chi-squared with k - 1 degrees of freedom (see GUM E.4.3), where
+    σ holds only what is drawn anew in each repeat: no calibration that the repeats share.
+
+    Args:
+        measured: standard deviation s of the repeats, a value a component.
+        predicted: standard deviation σ that the stated noise predicts for one repeat, in the same unit.
+        repeats: how many there are, k.
+        names: of the components.
+        level: chance that a true prediction is called false, over all components together (Bonferroni).
+
+    Raises:
+        ValueError: fewer than two repeats, shapes that differ, a negative scatter, a prediction that is not positive.
+    """
+    s, sigma = np.asarray(measured, float), np.asarray(predicted, float)
+    if repeats < 2:
+        raise ValueError(f"Argument `repeats` must be 2 or more, but is {repeats}.")
+    if s.shape != sigma.shape or s.shape != (len(names),):
+        raise ValueError(
+            f"Arguments `measured` and `predicted` must have {len(names)} values, but have {s.shape} and {sigma.shape}."
+        )
+    if not ((s >= 0) & np.isfinite(s)).all() or not ((sigma > 0) & np.isfinite(sigma)).all():
+        raise ValueError("Argument `measured` must be zero or more and `predicted` above zero, and both finite.")
+    statistic, freedom = (repeats - 1) * (s / sigma) ** 2, repeats - 1
+    tails = np.minimum(scipy.stats.chi2.cdf(statistic, freedom), scipy.stats.chi2.sf(statistic, freedom))
+    return ScatterVerdict(s, sigma, repeats, np.minimum(2 * tails, 1.0), tuple(names), level)

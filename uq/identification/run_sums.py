@@ -1,0 +1,176 @@
+"""A recorded run as sums of a fixed size, in which constant errors are linear maps: what other sensors would have said.
+
+The recorded motion, differentiated and filtered as the estimator does it, is taken as the true one; the recorded force
+and the fitted tensor make the true moment, ``M = r × F + Ω i``. Errors then act as in a simulated trial
+(:mod:`uq.gram_sums.error_maps`), and the estimator is applied again. An offset that is estimated or taken from rest
+cancels in sums about the means or about the rest, so that the sums of runs of one mounting add up.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from identify.diagnostics.residuals import upward_by_force
+from identify.estimators.gram import Sums
+from identify.estimators.offsets import OffsetChoice, resting
+from identify.estimators.rows import kept
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.run import Run, RunError
+from uq.gram_sums.error_maps import Columns, features_of_elements
+from uq.sources.constant_errors import Errors
+
+ELEMENTS = 18
+"""Of the true motion: 1, omega, its products, t, t omega, t², alpha."""
+NOISY = 24
+"""Elements of the noise, which is none here."""
+NODES = 7
+"""Delays at which the sums are taken; between them they are interpolated by a polynomial."""
+REACH = 5.0
+"""Standard deviations of a delay that the nodes span."""
+_FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
+"""Where the thirteen features stand among the elements."""
+
+
+class RunSums(NamedTuple):
+    """Weighted sums over the samples of one run, or of several of one mounting; the delays lead."""
+
+    gram: Float[Array, "delays 18 18"]
+    """Of the elements with themselves."""
+    wrench: Float[Array, "delays 18 columns"]
+    """Of the elements with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
+
+
+def delay_nodes(mean: float, sigma: float) -> np.ndarray:
+    """Return the delays [s] at which sums are taken: Chebyshev's, or zero alone where there is no delay."""
+    if sigma == 0 and mean == 0:
+        return np.zeros(1)
+    return mean + REACH * sigma * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+
+
+def run_sums(
+    run: Run,
+    estimator: EstimatorSpec,
+    r_cg: Float[np.ndarray, "3"],
+    inertia: Float[np.ndarray, "6"],
+    columns: Columns,
+    *,
+    offsets: OffsetChoice,
+    weight: float = 1.0,
+    delays: Sequence[float] | np.ndarray = (0.0,),
+) -> RunSums:
+    """Return a run's sums.
+
+    Args:
+        run: the run.
+        estimator: its differentiator and filter.
+        r_cg: centre of gravity from Q, in B [m].
+        inertia: packed tensor about the centre of gravity [kg·m²].
+        columns: functions of time that the measured wrench is made of.
+        offsets: how constant offsets are removed.
+        weight: of the run among others.
+        delays: of the angular velocity, at which sums are taken [s].
+
+    Raises:
+        RunError: the delays take more than half of the run.
+    """
+    lost = int(np.ceil(np.abs(delays).max() * run.rate))
+    plain = _elements(run, run.omega, estimator)
+    keep = kept(run, plain.shape[1])
+    inside = keep[(keep >= lost) & (keep < plain.shape[1] - lost)]
+    if 2 * len(inside) < len(keep):
+        raise RunError(
+            f"a delay of up to {np.abs(delays).max():.3g} s is declared, which takes more than half of {run.name}: "
+            "record for longer, or declare what is known of the delay"
+        )
+    wrench = _columns(run, plain, estimator, r_cg, inertia, columns, offsets)[:, inside]
+    spline = scipy.interpolate.CubicSpline(run.t, run.omega) if len(delays) > 1 else None
+    gram, with_wrench = [], []
+    for delay in delays:
+        shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
+        elements = _elements(run, shifted, estimator)[:, inside]
+        if offsets == "estimate":
+            elements = elements - elements.mean(axis=1, keepdims=True)
+            wrench = wrench - wrench.mean(axis=1, keepdims=True)
+        gram.append(weight * elements @ elements.T)
+        with_wrench.append(weight * elements @ wrench.T)
+    return RunSums(jnp.asarray(np.array(gram)), jnp.asarray(np.array(with_wrench)))
+
+
+def added(runs: Sequence[RunSums]) -> RunSums:
+    """Return the sums of several runs together."""
+    return jax.tree.map(lambda *parts: jnp.sum(jnp.stack(parts), axis=0), *runs)
+
+
+def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], at: Float[Array, " delays"]) -> Sums:
+    """Return the sums of what sensors with these errors say.
+
+    Args:
+        sums: of the run.
+        errors: constant errors.
+        columns: what they make of the wrench, :meth:`uq.gram_sums.error_maps.Columns.map`.
+        at: weights of the delays.
+    """
+    gram, wrench = jnp.tensordot(at, sums.gram, axes=1), jnp.tensordot(at, sums.wrench, axes=1)
+    elements = element_map(errors)
+    both = elements @ wrench @ columns.T + jnp.outer(elements @ gram[:, 0], errors.cell_bias)
+    return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
+
+
+def element_map(errors: Errors) -> Float[Array, "13 18"]:
+    """Return the matrix that gives the features of the measured angular velocity from the elements of the true one."""
+    of_one = lambda element: features_of_elements(errors, element)  # noqa: E731
+    return jax.vmap(of_one, out_axes=1)(jnp.eye(ELEMENTS, ELEMENTS + NOISY))
+
+
+def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:
+    """Return the weights of Lagrange's polynomial through the nodes, at a delay [s] within them."""
+    own = jnp.eye(len(nodes), dtype=bool)
+    inside = jnp.clip(delay, jnp.min(nodes), jnp.max(nodes))
+    apart = jnp.where(own, 1.0, nodes[:, None] - nodes[None])
+    return jnp.prod(jnp.where(own, 1.0, (inside - nodes)[None] / apart), axis=1)
+
+
+def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np.ndarray, "18 m"]:
+    """The elements of an angular velocity, with the estimator's derivative, through its filter."""
+    taps = estimator.taps(run.rate)
+    kernel = np.concatenate([-taps[::-1], [0.0], taps])[None]
+    alpha = scipy.signal.fftconvolve(omega.T, kernel[:, ::-1], mode="valid", axes=1)
+    inner = slice(len(taps), len(run.t) - len(taps))
+    w, t = omega[inner].T, (run.t[inner] - run.t[0])[None]
+    products = np.stack([w[i] * w[j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+    return _filtered(np.concatenate([np.ones_like(t), w, products, t, t * w, t * t, alpha]), run, estimator)
+
+
+def _filtered(signals: np.ndarray, run: Run, estimator: EstimatorSpec) -> np.ndarray:
+    taps = estimator.filter_taps(run.rate)
+    return signals if len(taps) == 1 else scipy.signal.fftconvolve(signals, taps[None], mode="valid", axes=1)
+
+
+def _columns(
+    run: Run,
+    elements: np.ndarray,
+    estimator: EstimatorSpec,
+    r_cg: np.ndarray,
+    inertia: np.ndarray,
+    columns: Columns,
+    offsets: OffsetChoice,
+) -> Float[np.ndarray, "columns m"]:
+    """The fitted run's wrench, then the other functions of time, through the estimator's filter."""
+    half = len(estimator.taps(run.rate))
+    inner = slice(half, len(run.t) - half)
+    force = _filtered(run.force[inner].T, run, estimator)
+    if offsets == "still":
+        force = force - resting(run).force[:, None]
+    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, elements[_FEATURES])
+    moment = np.cross(r_cg, force.T).T + (rows @ inertia).T
+    parts = [force, moment, *([elements[10:11]] if columns.time else [])]
+    if columns.motion:
+        up = _filtered(upward_by_force(run, r_cg)[inner].T, run, estimator)
+        parts += [elements[4:10], elements[15:18], np.zeros((6, up.shape[1])), up]
+    return np.concatenate(parts)

@@ -1,0 +1,208 @@
+"""Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from identify.signals.run import Run, RunError
+from identify.signals.segments import still
+from identify.static.accelerometer import Accelerometer
+from identify.static.centre import Attitudes, Centre, centre
+from identify.static.creep import creeping
+from uq.experiment.experiment import Experiment
+from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncertain, up
+from uq.files.csv_columns import read_columns
+from uq.files.provenance import provenance
+from uq.recorded.declared_channels import Rig, declared
+from uq.recorded.load_run import Recorded, load
+from uq.recorded.parts import Part, resolve
+from uq.recorded.table_recording import as_recording, silenced
+
+TABLES = (".csv", ".tsv", ".txt")
+
+SLOW = 1.0
+"""Highest frequency of interest where poses are turned to angular velocity [Hz]: only rest is looked for."""
+
+
+@dataclass(frozen=True)
+class _Wrenches:
+    """Mean wrench on the body at Q and specific force of each pose, in B, and where they come from."""
+
+    force: np.ndarray
+    moment: np.ndarray
+    specific_force: np.ndarray
+    rig: Rig
+    sha256: str
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    attitudes: Attitudes
+
+
+def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Part] = ()) -> Centre:
+    """Estimate mass, centre of gravity and the load cell's offsets from static poses.
+
+    Args:
+        path: a table with one row a pose (.csv, .tsv, .txt), whose columns ``[poses]`` names; or a recorded run with
+            an accelerometer or with the platform's pose, each of whose still stretches is a pose.
+        experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
+        parts: the parts of a recorded run that count; none: all of it.
+
+    Raises:
+        ExperimentError: nothing declares the columns, or the wrench lacks the weight.
+        RunError: the data cannot be used, or its poses do not determine the centre of gravity.
+        RigError, OSError: the file cannot be read.
+    """
+    name = Path(path).name
+    if experiment.recording.compensated in ("gravity", "gravity_from_force"):
+        raise RunError(
+            f"recording.compensated is {experiment.recording.compensated}, and the weight that {name} lacks is what "
+            "tells mass and centre: record without the compensation"
+        )
+    if Path(path).suffix.lower() in TABLES:
+        if parts:
+            raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
+        found = _of_table(path, experiment)
+    else:
+        found = _of_run(path, experiment, parts)
+    signals = found.force, found.moment, found.specific_force
+    result = centre(*signals, attitudes=found.attitudes, mass=experiment.scale, name=name)
+    gravity = () if "gravity" in experiment.document.get("platform", {}) else (
+        f"local gravity is {experiment.gravity:g} m/s²",
+    )  # fmt: skip
+    return replace(
+        result,
+        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), found.rig),
+        warnings=(*found.warnings, *result.warnings),
+        assumptions=(*found.rig.assumptions, *gravity, *_of_attitudes(experiment.poses or Poses()), *found.notes),
+        provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": found.sha256}]),
+    )
+
+
+def _of_attitudes(poses: Poses) -> tuple[str, ...]:
+    """What is assumed of the attitudes' errors."""
+    return () if poses.sigma_alignment > 0 else ("the axes that tell the attitude are aligned with the load cell's",)
+
+
+def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
+    poses, name = need_table(experiment.poses, path), Path(path).name
+    table = read_columns(path, poses.columns)
+    attitude = table[str(poses.attitude)]
+    tilted = attitude if poses.attitude == "acceleration" else np.zeros((len(attitude), 3))
+    used = {"acceleration"} if poses.attitude == "acceleration" else set()
+    bag = as_recording(path, table["force"], table["moment"], np.zeros_like(tilted), tilted)
+    rig = declared(bag, silenced(experiment.recording, {"angular_velocity", "acceleration"} - used))
+    force, moment = rig.wrench(bag.wrench)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    sensor = None
+    if poses.attitude == "acceleration":
+        read = rig.scales["acceleration"] * attitude
+        specific_force, sensor, warnings, notes = _leaning(read, poses, experiment.gravity)
+    else:
+        specific_force = experiment.gravity * up(attitude, poses, name)
+    turned = specific_force @ rig.imu_rotation.T
+    attitudes = uncertain(turned, poses, sensor, rig.imu_rotation)
+    return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes, attitudes)
+
+
+def _leaning(
+    readings: np.ndarray, poses: Poses, gravity: float
+) -> tuple[np.ndarray, Accelerometer, tuple[str, ...], tuple[str, ...]]:
+    """Specific force from an accelerometer's readings; what was found of it; warnings; that in words."""
+    specific_force, found, warnings = of_accelerometer(readings, poses, gravity)
+    offset = f"offset is {_vector(found.offset)} m/s²" if found.fitted else "offset is zero"
+    return specific_force, found, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
+
+
+def _of_run(path: str | Path, experiment: Experiment, parts: Sequence[Part]) -> _Wrenches:
+    named = any(isinstance(limit, str) for part in parts for limit in part)
+    recorded = load(path, experiment.recording, band=SLOW, marks=named)
+    run = recorded.run
+    if run.specific_force is None and recorded.attitude is None:
+        raise RunError(
+            f"neither acceleration nor poses in {run.name}: static poses need an accelerometer, a topic of the "
+            "platform's pose, or a table with their attitude"
+        )
+    wanted = resolve(parts, float(run.t[-1]), recorded.marks, run.name) if parts else ((0.0, float(run.t[-1])),)
+    rests, left_out = _steady(run, resting(run, wanted))
+    if len(rests) < 3:
+        out = f", {len(left_out)} more drift" if left_out else ""
+        raise RunError(
+            f"{len(rests)} poses in {run.name}{out}: hold three or more still for a second, tilted about two axes"
+        )
+    wrench = np.hstack([run.force, run.moment])
+    means = np.array([wrench[rest].mean(axis=0) for rest in rests])
+    specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment)
+    seconds = sum(map(len, rests)) / run.rate
+    held = f"{len(rests)} still stretches are its poses, {seconds:.1f} s in all"
+    attitudes = uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation)
+    return _Wrenches(
+        means[:, :3], means[:, 3:], specific_force, recorded.rig, str(run.sha256),
+        (*run.warnings, *left_out, *warnings), (held, *notes), attitudes,
+    )  # fmt: skip
+
+
+def _lean_of(
+    recorded: Recorded, rests: Sequence[np.ndarray], experiment: Experiment
+) -> tuple[np.ndarray, Accelerometer | None, tuple[str, ...], tuple[str, ...]]:
+    """Specific force of each pose in B, by the accelerometer or else by the recorded poses; see :func:`_leaning`."""
+    run, turn, poses = recorded.run, recorded.rig.imu_rotation, experiment.poses or Poses()
+    if run.specific_force is not None:
+        means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
+        sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
+        return sensed @ turn.T, sensor, warnings, notes
+    assert recorded.attitude is not None  # noqa: S101 - _of_run has seen it
+    t, directions = recorded.attitude
+    found = []
+    for rest in rests:
+        inside = (t >= run.t[rest[0]]) & (t <= run.t[rest[-1]])
+        if not inside.any():
+            raise RunError(f"no attitude in {run.name} between {run.t[rest[0]]:.2f} and {run.t[rest[-1]]:.2f} s")
+        found.append(directions[inside].mean(axis=0))
+    upward = np.array(found)
+    specific_force = experiment.gravity * upward / np.linalg.norm(upward, axis=1, keepdims=True)
+    return specific_force @ turn.T, None, (), ("the z axis of the recorded poses' frame points up",)
+
+
+def _steady(run: Run, rests: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[str, ...]]:
+    """The poses without a drift or creep of their own, and what is said of the others."""
+    if len(rests) < 3:
+        return rests, ()
+    wrench = np.hstack([run.force, run.moment])
+    own, slopes, all_drift = creeping([wrench[rest] for rest in rests], run.rate)
+    said = [
+        f"pose {k + 1} ({run.t[rest[0]]:.1f} to {run.t[rest[-1]]:.1f} s) left out: within it the force changes by "
+        f"{np.linalg.norm(slope[:3]):.2g} N and the moment by {np.linalg.norm(slope[3:]):.2g} N·m"
+        for k, (rest, slope) in enumerate(zip(rests, slopes, strict=True))
+        if own[k]
+    ]
+    if all_drift:
+        said.append("force or moment drift in most poses: let the load cell warm up, or hold the poses for less long")
+    return [rest for rest, drifts in zip(rests, own, strict=True) if not drifts], tuple(said)
+
+
+def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]:
+    """Return the usable samples of each still stretch of a second or more within the wanted parts [s]."""
+    others = () if run.specific_force is None else (run.specific_force,)
+    found = still(run.rate, run.omega, run.force, run.moment, *others)
+    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    rests = []
+    for start, stop in wanted:
+        for rest in found:
+            since = run.t - run.t[0]
+            inside = (since >= max(rest.start, start - run.t[0])) & (since <= min(rest.stop, stop - run.t[0]))
+            if (inside & usable).sum() >= run.rate:
+                rests.append(np.flatnonzero(inside & usable))
+    return rests
+
+
+def reading_of(wrench: np.ndarray, rig: Rig) -> np.ndarray:
+    """Return what the cell reads [N, N·m] of a wrench (6,) on the body at Q: in its own sign and axes."""
+    force, moment = wrench[:3], wrench[3:] - np.cross(rig.wrench_point, wrench[:3])
+    return rig.sign * np.concatenate([rig.wrench_rotation.T @ force, rig.wrench_rotation.T @ moment])
+
+
+def _vector(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.3g}" for value in values).replace("-", "−") + ")"

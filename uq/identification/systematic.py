@@ -1,0 +1,355 @@
+"""The declared systematic sources of a recorded run, propagated by Monte Carlo around the fitted motion (type B).
+
+What the residuals show of noise is type A already (:mod:`identify.estimators.repeatability`); precision sources are not
+added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sources leave no residual and are common to
+all runs, so they do not average out; those that each mounting draws anew do.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float, Key
+
+from identify.estimators.gram import normal_equations, solve_normal
+from identify.estimators.offsets import OffsetChoice
+from identify.estimators.repeatability import Pooling
+from identify.motion.trajectory import Trajectory
+from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import Body
+from identify.signals.run import Run
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.gram_sums.error_maps import Columns, Platform
+from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
+from uq.sources.constant_errors import Errors, errors_of_cases
+from uq.sources.source import Kind, Mixing, Source, Target, draw_constants
+
+TRIALS = 10_000
+"""Draws of the systematic errors."""
+BATCH = 100
+"""Trials at a time, which bounds memory."""
+HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
+"""Targets whose error a recorded wrench holds already: (10) takes the force as measured."""
+ESTIMATED: Mapping[str, frozenset[tuple[Target, Kind]]] = {
+    "joint": frozenset(
+        {("F", "bias"), ("M", "bias"), ("omega", "bias"), ("omega", "delay"), ("omega", "misalignment"),
+         ("wrench", "misalignment")}
+    )
+}  # fmt: skip
+"""Errors that a method estimates along with the tensor, so that its covariance holds what is known of them."""
+Name = str
+
+
+class Unknown(Trajectory):
+    """A recorded run's trajectory: its samples are all that is known of it, and it is never asked."""
+
+    duration: np.ndarray
+
+    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Return not-a-number."""
+        return jnp.full(3, jnp.nan) * t
+
+
+class Problem(eqx.Module):
+    """Everything that a draw of the systematic errors needs: nothing grows with the runs' length."""
+
+    sums: tuple[RunSums, ...]
+    """Of each mounting."""
+    body: Body
+    platform: Platform
+    sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...]
+    nodes: Float[Array, " delays"]
+    """Delays of the sums [s]."""
+    columns: Columns
+    anew: frozenset[Name] = eqx.field(static=True)
+    """Sources that each mounting draws anew."""
+    offsets: OffsetChoice = eqx.field(static=True)
+
+    @property
+    def cases(self) -> tuple[frozenset[Name], ...]:
+        """No source, those that all mountings share, those that each draws anew, and each one alone."""
+        names = frozenset(source.name for source in self.sources)
+        return (frozenset(), names - self.anew, self.anew, *(frozenset([source.name]) for source in self.sources))
+
+
+UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
+
+
+class Systematic(NamedTuple):
+    """What the systematic sources do to a pooled tensor."""
+
+    sources: tuple[Source, ...]
+    common: Float[np.ndarray, "trials 6"]
+    """Errors of the tensor from the sources that all runs share [kg·m²]."""
+    anew: Float[np.ndarray, "trials 6"]
+    """From those that each mounting draws anew."""
+    alone: Mapping[Name, Float[np.ndarray, "trials 6"]]
+    """From each source alone."""
+
+
+def with_declared_sources(
+    result: Identification,
+    runs: Sequence[Run],
+    experiment: Experiment,
+    *,
+    anew: Collection[str] = (),
+    trials: int = TRIALS,
+    seed: int = 0,
+) -> Identification:
+    """Return a result whose uncertainty holds the experiment's systematic sources, with its budget.
+
+    The covariance is type A (residuals and scatter) plus that of the sources' errors; the interval of 95 % is from
+    quantiles of both errors' sum, type A's drawn from Student's t (JCGM 101, 6.4.9). Expected errors of the sources,
+    such as of a stated ``mean``, are added to ``bias``, and are in the interval.
+
+    Args:
+        result: of these runs.
+        runs: the runs, in the result's order.
+        experiment: its sources.
+        anew: names of sources that each mounting draws anew, where the runs name their mountings.
+        trials: draws of the errors.
+        seed: of the draws.
+
+    Raises:
+        ExperimentError: ``anew`` names no constant source, or one that is correlated with another that is not named.
+        RunError: a declared delay takes more than half of a run.
+    """
+    if result.seen is not None:
+        return replace(result, warnings=(*result.warnings, UNDETERMINED))
+    found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
+    if result.pooling is None or result.admissible is not None:
+        return _widened(result, found)
+    together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
+    if not found.sources:
+        return replace(result, budget=budget_of(together, {}))
+    low, high = combined_interval(together, found.common, seed)
+    of_sources = np.cov(found.common.T, ddof=1)
+    covariance = together.covariance + of_sources
+    return replace(
+        result,
+        covariance=covariance,
+        interval95=result.inertia[:, None] - np.stack([high, low], axis=1),
+        bias=result.bias + found.common.mean(axis=0),
+        pooling=together,
+        budget=budget_of(together, {name: errors.std(axis=0) for name, errors in found.alone.items()}),
+        diagnostics={
+            **result.diagnostics,
+            **_diagnostics(together, covariance, of_sources, (low, high)),
+            "declared_sources": {"trials": trials, "seed": seed},
+        },
+    )
+
+
+def _widened(result: Identification, found: Systematic) -> Identification:
+    """A result of an estimator that evaluates its own noise and priors: its ends move out, in squares."""
+    own = np.sqrt(np.diag(result.covariance))
+    alone = {name: errors.std(axis=0) for name, errors in found.alone.items()}
+    if not found.sources:
+        return replace(result, budget={"estimate": own})
+    ends = np.quantile(found.common, [0.975, 0.025], axis=0).T
+    middle, mean = result.inertia[:, None], found.common.mean(axis=0)
+    out = np.hypot(result.interval95 - middle, ends - mean[:, None])
+    return replace(
+        result,
+        covariance=result.covariance + np.cov(found.common.T, ddof=1),
+        interval95=middle - mean[:, None] + out * [-1, 1],
+        bias=result.bias + mean,
+        budget={"estimate": own, **alone},
+    )
+
+
+def propagate_constants(
+    result: Identification,
+    runs: Sequence[Run],
+    experiment: Experiment,
+    *,
+    anew: Collection[str] = (),
+    trials: int = TRIALS,
+    seed: int = 0,
+) -> Systematic:
+    """Return the errors that draws of constant sources make of a pooled tensor; see :func:`with_declared_sources`."""
+    problem = problem_of(result, runs, experiment, anew=anew)
+    if not problem.sources:
+        nothing = np.zeros((trials, 6))
+        return Systematic((), nothing, nothing, {})
+    found = np.asarray(_trials(problem, jax.random.key(seed), -(-trials // BATCH)))[:trials]
+    found = found[:, 1:] - found[:, :1]
+    names = [source.name for source in problem.sources]
+    return Systematic(
+        problem.sources, found[:, 0], found[:, 1], {name: found[:, 2 + k] for k, name in enumerate(names)}
+    )
+
+
+def problem_of(
+    result: Identification, runs: Sequence[Run], experiment: Experiment, *, anew: Collection[str] = ()
+) -> Problem:
+    """Return what the draws need of a result and its runs.
+
+    Raises:
+        ExperimentError, RunError: see :func:`with_declared_sources`.
+    """
+    sources, mixing = acting(result, experiment)
+    labels = [run.mounting for run in runs]
+    mountings = list(dict.fromkeys(labels))
+    _check_anew(anew, experiment.sources, mixing)
+    nodes = _nodes(sources)
+    columns = Columns.of(sources)
+    sums = [
+        run_sums(
+            run, result.estimator, result.r_cg, result.inertia, columns, offsets=result.offsets, weight=one.weight,
+            delays=nodes,
+        )
+        for run, one in zip(runs, result.runs, strict=True)
+    ]  # fmt: skip
+    by_mounting = tuple(
+        added([one for one, label in zip(sums, labels, strict=True) if label == mounting]) for mounting in mountings
+    )
+    body = Body(jnp.asarray(result.mass or 0.0), jnp.asarray(result.r_cg), jnp.asarray(result.inertia))
+    platform = Platform(Unknown(np.array(0.0)), np.array(experiment.gravity), np.zeros(3))
+    drawn_anew = frozenset(anew) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
+    return Problem(
+        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns, drawn_anew, result.offsets
+    )
+
+
+def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
+    """Return the constant sources that a result does not hold yet, and which of them are correlated.
+
+    The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
+    """
+    estimated = ESTIMATED.get(result.method, frozenset())
+    sources = [
+        s for s in experiment.sources if s.constant and s.target not in HELD and (s.target, s.kind) not in estimated
+    ]
+    mixing = list(experiment.mixing)
+    if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already
+        sources = [s for s in sources if s.target != "r_cg"]
+        names = {source.name for source in sources}
+        return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
+    covariance = result.cg_covariance
+    same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
+    if covariance is not None or not same:
+        sources = [s for s in sources if s.target != "r_cg"]
+        if np.any(result.sigma_r_cg > 0):
+            source, mix = _of_centre(result.sigma_r_cg, covariance)
+            sources, mixing = [*sources, source], [*mixing, *mix]
+    names = {source.name for source in sources}
+    return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
+
+
+def _of_centre(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:
+    """The centre of gravity's uncertainty as a source."""
+    source = Source("r_cg", "r_cg", "bias", "cg", np.asarray(sigma), "the stated centre of gravity")
+    if covariance is None:
+        return source, ()
+    scale = np.where(sigma > 0, sigma, 1.0)
+    correlation = np.where(np.eye(3) > 0, 1.0, covariance / np.outer(scale, scale))
+    return source, (Mixing(("r_cg",), (3,), correlation),)
+
+
+def _check_anew(anew: Collection[str], sources: Sequence[Source], mixing: Sequence[Mixing]) -> None:
+    constant = [source.name for source in sources if source.constant]
+    for name in anew:
+        if name not in constant:
+            raise ExperimentError(
+                f"recording.drawn_by_mounting names '{name}': name sources that are drawn once "
+                f"({', '.join(constant) or 'there are none'})"
+            )
+    for mix in mixing:
+        inside = set(mix.names) & set(anew)
+        if inside and not set(mix.names) <= set(anew):
+            raise ExperimentError(
+                f"recording.drawn_by_mounting names '{min(inside)}' without what it is correlated with: name all of "
+                f"{', '.join(mix.names)}"
+            )
+
+
+def _nodes(sources: Sequence[Source]) -> np.ndarray:
+    delays = [source for source in sources if source.kind == "delay"]
+    mean = float(sum(np.sum(source.mean) for source in delays))
+    sigma = float(np.sqrt(sum(np.sum(np.square(source.standard_deviation)) for source in delays)))
+    return delay_nodes(mean, sigma)
+
+
+def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:
+    """Return the errors that one trial draws, for each mounting; the first one's are what all others share."""
+    of = lambda own: draw_constants(problem.sources, problem.mixing, own, index, float)  # noqa: E731
+    first = of(key)
+    others = [of(jax.random.fold_in(key, number)) for number in range(1, len(problem.sums))] if problem.anew else []
+    more = [first | {name: one[name] for name in problem.anew} for one in others]
+    return [first, *more] if problem.anew else [first] * len(problem.sums)
+
+
+def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
+    """Return the pooled tensor that the estimator gives with these errors, one set a mounting: smooth in them."""
+    normal, right = jnp.zeros((6, 6)), jnp.zeros(6)
+    for sums, one in zip(problem.sums, errors, strict=True):
+        if problem.offsets == "still":
+            one = one._replace(cell_bias=jnp.zeros(6))
+        columns = problem.columns.map(problem.body, problem.platform, one)
+        said = measured(sums, one, columns, delay_weights(problem.nodes, one.gyro_delay))
+        matrix, side = normal_equations(said, problem.body.r_cg_from_q + one.r_cg)
+        normal, right = normal + matrix, right + side
+    return solve_normal(normal, right).inertia
+
+
+@eqx.filter_jit
+def _trials(problem: Problem, key: Key[Array, ""], batches: int) -> Float[Array, "trials cases 6"]:
+    def one(index):
+        drawn = draws(problem, key, index)
+        errors = [errors_of_cases(problem.sources, own, problem.cases) for own in drawn]
+        return jax.vmap(lambda *of: estimate(problem, of))(*errors)
+
+    return jax.lax.map(one, jnp.arange(batches * BATCH), batch_size=BATCH)
+
+
+def combined_interval(
+    together: Pooling, errors: Float[np.ndarray, "trials 6"], seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the 2.5 % and 97.5 % quantiles of type A's and the sources' errors together [kg·m²].
+
+    Type A's errors are quantiles of its t distribution at even probabilities, in random order: no chance of their own.
+    """
+    trials = len(errors)
+    rng = np.random.default_rng([seed, trials])
+    even = (np.arange(trials) + 0.5) / trials
+    own = [
+        scale * scipy.stats.t.ppf(rng.permutation(even), freedom)
+        for scale, freedom in zip(together.scale, together.degrees_of_freedom, strict=True)
+    ]
+    return tuple(np.quantile(errors + np.transpose(own), [0.025, 0.975], axis=0))
+
+
+def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return contributions to the standard uncertainty [kg·m²]: type A's parts, then each source, largest first."""
+    residuals = np.sqrt(np.diag(together.from_residuals))
+    scatter = np.sqrt(np.maximum(np.diag(together.covariance) - together.foreseen**2, 0))
+    between = "scatter between mountings" if together.mountings > 1 else "scatter between runs"
+    parts = {"residuals": residuals} | ({between: scatter} if scatter.any() else {})
+    total = {name: float((of**2).sum()) for name, of in sources.items()}
+    return parts | {name: sources[name] for name in sorted(sources, key=lambda name: -total[name])}
+
+
+def _diagnostics(
+    together: Pooling,
+    covariance: np.ndarray,
+    of_sources: np.ndarray,
+    ends: tuple[np.ndarray, np.ndarray],
+) -> dict[str, Any]:
+    """What the covariance is made of; effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
+    combined, own = np.diag(covariance), np.diag(together.covariance)
+    freedom = combined**2 * together.degrees_of_freedom / np.maximum(own, 1e-300) ** 2
+    return {
+        "standard_uncertainty_type_a": np.sqrt(own).tolist(),
+        "standard_uncertainty_type_b": np.sqrt(np.diag(of_sources)).tolist(),
+        "effective_degrees_of_freedom": np.minimum(freedom, 1e9).tolist(),
+        "coverage_factor": ((ends[1] - ends[0]) / 2 / np.sqrt(np.maximum(combined, 1e-300))).tolist(),
+        "scatter_between_runs": together.excess.tolist(),
+    }

@@ -1,0 +1,269 @@
+"""A trajectory as files that platforms read: made, read back, checked against the motion, and only then kept."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.motion.leg_limits import platform_motion
+from identify.motion.stewart_platform import Platform, Pose, lengths
+from identify.motion.trajectory import Harmonic, Multisine, Sphere, Trajectory
+from identify.text_tables import html_table, text_table
+from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.planning.motion_formats import (
+    CSV_COLUMNS,
+    MOOG_DOFS,
+    NEW_POSITION,
+    ORDER,
+    PI_AXES,
+    Commanded,
+    csv,
+    moog_packets,
+    pi_waves,
+    read_csv,
+    read_moog_packets,
+    read_pi_waves,
+)
+
+FINE, RATE, MOOG_RATE = 600, 100, 60
+"""Instants a second at which the attitude is integrated, of table and waves, and of Moog's packets [Hz]."""
+EXACT, SINGLE = 2e-9, 2e-6
+"""How far a read position [m] or attitude [rad] may be from the motion: of decimals, and of single precision."""
+MEANING = {
+    "frames": "A: earth, z up; B: platform, parallel to A at home; x y z: platform centre OMB from home, in A",
+    "rotation": "R_AB = Rz(yaw) Ry(pitch) Rx(roll) takes components in B to components in A; q is the same rotation",
+    "rotation_order": f"{ORDER}, about turned axes: z by yaw, y' by pitch, x'' by roll; right-handed",
+    "legs": "between the centres of the joints, leg 1 to 6 as in the experiment",
+}
+
+
+@dataclass(frozen=True)
+class MotionExport:
+    """Files of one motion, read back and checked, not yet written."""
+
+    contents: Mapping[str, bytes]
+    """Bytes by file name."""
+    differences: Mapping[str, float]
+    """Largest difference between a file and the motion, by file name: position [m] or attitude [rad]."""
+    speed: float
+    """Of the motion's own: below 1 in a rehearsal."""
+    amplitude: float
+    """Of the motion's own, alike."""
+    seconds: float
+    """Duration of what is exported [s]."""
+    name: str = "motion"
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def files(self) -> dict[str, bytes]:
+        """Return the files' bytes by name."""
+        return dict(self.contents)
+
+    def write(self, folder: str | Path) -> None:
+        """Write the files into a folder, all or none; a file of the same name is replaced.
+
+        Raises:
+            OSError: the folder cannot be made or written.
+        """
+        from uq.files.output_folder import place
+
+        place(self.contents, Path(folder))
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows: each file, what it is, and how far it is from the motion."""
+        what = {
+            "csv": f"poses and leg lengths, {RATE} Hz",
+            "pi.txt": f"PI wave tables 1 to 6 (X Y Z U V W), {RATE} Hz",
+            "moog.bin": f"Moog packets, {MOOG_RATE} Hz",
+            "json": "columns, units, rotation order, signs",
+        }
+        rows = [
+            [name, what[name.partition(".")[2]], f"{self.differences[name]:.1e}" if name in self.differences else "–"]
+            for name in self.contents
+        ]
+        return ["file", "what", "off by, m or rad"], rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says."""
+        return {
+            "files": list(self.contents), "read_back": dict(self.differences), "speed": self.speed,
+            "amplitude": self.amplitude, "seconds": self.seconds,
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        return text_table(*self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption="Exported motion")
+
+
+def export_motion(
+    experiment: Experiment,
+    spec: TrajectorySpec,
+    *,
+    speed: float = 1.0,
+    amplitude: float = 1.0,
+    name: str = "motion",
+) -> MotionExport:
+    """Export a trajectory as poses and leg lengths, PI wave tables and Moog packets.
+
+    Every file is read back, and what it says is compared with the motion and, through the inverse kinematics, with the
+    legs' lengths.
+
+    Args:
+        experiment: with a platform whose legs are known.
+        spec: the trajectory, and the point that keeps still.
+        speed: part of the motion's own speed, the time stretched: the path stays, the legs' speeds shrink with it.
+        amplitude: part of the motion's own amplitude, at its own frequencies.
+        name: stem of the files.
+
+    Raises:
+        ExperimentError: the platform's legs are not stated, a part that is not above 0 and at most 1, or a trajectory
+            whose amplitude cannot be changed.
+        RuntimeError: a file does not say what it should.
+    """
+    platform = experiment.platform
+    for what, part in (("speed", speed), ("amplitude", amplitude)):
+        if not 0 < part <= 1:
+            raise ExperimentError(f"a rehearsal at {part:g} of the {what}: give a part above 0 and at most 1")
+    motion = commanded(experiment, spec, speed=speed, amplitude=amplitude)
+    table, packets = motion.every(FINE // RATE), motion.every(FINE // MOOG_RATE)
+    contents = {f"{name}.csv": csv(table), f"{name}.pi.txt": pi_waves(table), f"{name}.moog.bin": moog_packets(packets)}
+    differences = _read_back(platform, contents, name, table, packets)
+    about = _about(experiment, contents, name, {"speed": speed, "amplitude": amplitude}, differences)
+    contents[f"{name}.json"] = (json.dumps(about, indent=2, ensure_ascii=False) + "\n").encode()
+    return MotionExport(contents, differences, speed, amplitude, float(motion.t[-1]), name, experiment.inputs())
+
+
+def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.0, amplitude: float = 1.0) -> Commanded:
+    """Return what a platform is told to run a trajectory, ``FINE`` times a second, its last instant at rest."""
+    still = np.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else np.zeros(3)
+    step = FINE // np.gcd(RATE, MOOG_RATE)  # so that every format ends at the same instant, at rest
+    count = int(np.ceil(spec.duration / speed * FINE / step)) * step + 1
+    t = np.arange(count) / FINE
+    platform = experiment.platform
+    found = platform_motion(platform, scaled(spec.trajectory, amplitude), jnp.asarray(t * speed), jnp.asarray(still))
+    length = _lengths(platform, found.pose)
+    position = np.asarray(found.pose.position) - np.asarray(platform.home)
+    return Commanded(t, position, np.asarray(found.pose.rotation), np.asarray(length))
+
+
+@eqx.filter_jit
+def _lengths(platform: Platform, poses: Pose) -> jax.Array:
+    return jax.vmap(lambda pose: lengths(platform, pose))(poses)
+
+
+def scaled(trajectory: Trajectory, amplitude: float) -> Trajectory:
+    """Return a trajectory of another amplitude at the same frequencies.
+
+    Raises:
+        ExperimentError: there is no such trajectory.
+    """
+    if amplitude == 1.0:
+        return trajectory
+    factor = np.array(amplitude)
+    if isinstance(trajectory, Multisine):
+        return dataclasses.replace(trajectory, cosine=factor * trajectory.cosine, sine=factor * trajectory.sine)
+    if isinstance(trajectory, (Sphere, Harmonic)):
+        return dataclasses.replace(
+            trajectory,
+            angular_velocity=factor * np.asarray(trajectory.angular_velocity),
+            angular_acceleration=factor * np.asarray(trajectory.angular_acceleration),
+        )
+    raise ExperimentError(f"a {type(trajectory).__name__.lower()} has no amplitude: rehearse it at a lower speed")
+
+
+def _read_back(
+    platform: Platform, contents: Mapping[str, bytes], name: str, table: Commanded, packets: Commanded
+) -> dict[str, float]:
+    """How far each file is from the motion.
+
+    Raises:
+        RuntimeError: too far.
+    """
+    from_csv, by_quaternion = read_csv(contents[f"{name}.csv"])
+    from_pi = read_pi_waves(contents[f"{name}.pi.txt"], float(RATE))
+    from_moog = read_moog_packets(contents[f"{name}.moog.bin"], float(MOOG_RATE))
+    again = _lengths(
+        platform, Pose(jnp.asarray(from_csv.position + np.asarray(platform.home)), jnp.asarray(by_quaternion))
+    )
+    found = {
+        f"{name}.csv": max(
+            _apart(from_csv, table),
+            float(np.abs(by_quaternion - table.rotation).max()),
+            float(np.abs(from_csv.length - table.length).max()),
+            float(np.abs(np.asarray(again) - table.length).max()),
+        ),
+        f"{name}.pi.txt": _apart(from_pi, table),
+        f"{name}.moog.bin": _apart(from_moog, packets),
+    }
+    for file, difference in found.items():
+        if not difference < (SINGLE if file.endswith(".bin") else EXACT):
+            raise RuntimeError(f"{file} is {difference:.3g} m or rad from the motion")
+    return found
+
+
+def _apart(one: Commanded, other: Commanded) -> float:
+    """Largest difference of instant, position or attitude; infinite for another number of instants."""
+    if one.t.shape != other.t.shape:
+        return np.inf
+    pairs = ((one.t, other.t), (one.position, other.position), (one.rotation, other.rotation))
+    return max(float(np.abs(a - b).max()) for a, b in pairs)
+
+
+def _about(
+    experiment: Experiment,
+    contents: Mapping[str, bytes],
+    name: str,
+    parts: Mapping[str, float],
+    differences: Mapping[str, float],
+) -> dict[str, Any]:
+    """The sidecar: what the files' numbers mean."""
+    platform = experiment.platform
+    csv_file, pi_file, moog_file = (f"{name}.{end}" for end in ("csv", "pi.txt", "moog.bin"))
+    files: dict[str, dict[str, Any]] = {
+        csv_file: {"rate_Hz": RATE, "columns": list(CSV_COLUMNS)},
+        pi_file: {
+            "rate_Hz": RATE,
+            "tables": {str(k): {"axis": axis, "unit": unit} for k, (axis, unit) in enumerate(PI_AXES.items(), start=1)},
+            "assumed": [
+                "GCS 2 commands WAV … PNT of a hexapod controller; wave generators 1 to 6 are X Y Z U V W",
+                "U V W are roll, pitch, yaw: R = Rz(W) Ry(V) Rx(U); the pivot point is OMB, zero is home",
+                f"the wave generator puts out one point every {1 / RATE:g} s: set its table rate so",
+            ],
+        },
+        moog_file: {
+            "rate_Hz": MOOG_RATE,
+            "packet": ["command word, u32", *(f"{dof}, f32" for dof in MOOG_DOFS), "spare, f32"],
+            "byte_order": "big-endian",
+            "units": {"rotation": "rad", "translation": "m"},
+            "assumed": [
+                f"degrees-of-freedom mode, command word {NEW_POSITION} (new position), one packet a datagram",
+                "axes x forward, y right, z down: surge = x, lateral = -y, heave = -z, pitch and yaw with the other "
+                "sign than in the table; R = Rz(yaw) Ry(pitch) Rx(roll) in these axes",
+                "zero is home, and the motion base turns about OMB",
+            ],
+        },
+    }
+    return {
+        **MEANING,
+        **parts,
+        "home_m": np.asarray(platform.home).tolist(),
+        "base_joints_m": np.asarray(platform.base).tolist(),
+        "platform_joints_m": np.asarray(platform.joints).tolist(),
+        "files": {
+            file: {
+                **said,
+                "sha256": hashlib.sha256(contents[file]).hexdigest(),
+                "largest_difference": differences[file],
+            }
+            for file, said in files.items()
+        },
+    }

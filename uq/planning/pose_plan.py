@@ -1,0 +1,256 @@
+"""Static poses for a platform, designed for mass and centre of gravity: a list that ``inertia centre`` reads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
+from identify.motion.stewart_platform import Platform, Pose, Twist, lengths
+from identify.rigid_body.rotation import exponential
+from identify.static.centre import PARAMETERS, UNITS, Attitudes, foreseen_covariance
+from identify.static.pose_design import best_poses, log_determinant
+from identify.text_tables import fixed, html_table, text_table
+from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.experiment.pose_table import Poses, uncertain
+from uq.planning.motion_formats import ORDER
+from uq.propagation.prediction import Prediction
+
+POSES, HOLD = 12, 2.0
+"""How many poses, and for how long each is held still [s]."""
+AZIMUTHS, TILTS = 24, 121
+"""Directions to lean to, and tilts that are tried in each, evenly up to ``MOST_TILT``."""
+MOST_TILT = np.deg2rad(30.0)
+"""Beyond which no pose is planned, whatever the platform could [rad]."""
+PIVOTS = np.linspace(-0.2, 0.4, 13)
+"""Heights over OMB about which the platform may lean [m]."""
+COLUMNS = (
+    "pose", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", *(f"leg{k}_m" for k in range(1, 7)),
+    "gx", "gy", "gz", "fx", "fy", "fz", "tx", "ty", "tz",
+)  # fmt: skip
+DECLARATION: Mapping[str, Any] = {
+    "force": ["fx", "fy", "fz"], "moment": ["tx", "ty", "tz"], "gravity": ["gx", "gy", "gz"],
+}  # fmt: skip
+"""The table ``[poses]`` that reads the list once force and moment are filled in."""
+
+
+@dataclass(frozen=True)
+class PosePlan:
+    """Static poses to run, and what they promise beside the poses that one would take without thinking."""
+
+    position: Float[np.ndarray, "n 3"]
+    """Of OMB from home, in A [m]."""
+    rotation: Float[np.ndarray, "n 3 3"]
+    """R_AB."""
+    length: Float[np.ndarray, "n 6"]
+    """Of the legs [m]."""
+    covariance: Float[np.ndarray, "10 10"]
+    """Predicted, of the ten parameters in the order of :data:`identify.static.centre.PARAMETERS`."""
+    naive: Float[np.ndarray, "10 10"]
+    """The same of as many poses that lean along ±x and ±y by the tilt that all four allow, and level."""
+    reach: Float[np.ndarray, " azimuths"]
+    """Largest tilt in each direction, counter-clockwise from x [rad]."""
+    hold: float
+    """For how long each is held [s]."""
+    name: str = "poses"
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def tilt(self) -> Float[np.ndarray, " n"]:
+        """How far each pose leans [rad]."""
+        return np.arccos(np.clip(self.rotation[:, 2, 2], -1, 1))
+
+    @property
+    def standard_uncertainty(self) -> Float[np.ndarray, "10"]:
+        """Predicted, of the ten parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def naive_standard_uncertainty(self) -> Float[np.ndarray, "10"]:
+        """The same of the naive poses."""
+        return np.sqrt(np.diag(self.naive))
+
+    def csv(self) -> str:
+        """Return the list: pose, legs, gravity in B; force and moment stand empty until they are measured."""
+        angles = scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1]
+        rows = np.hstack([self.position, angles, self.length, -self.rotation[:, 2]])
+        lines = [f"{k},{','.join(f'{x + 0.0:.9f}' for x in row)}{',' * 6}" for k, row in enumerate(rows, start=1)]
+        return "\n".join([",".join(COLUMNS), *lines, ""])
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows: where to go, and the legs' lengths."""
+        angles = np.degrees(scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1])
+        rows = [
+            [f"{k}", *(fixed(1e3 * x, 2) for x in p), *(fixed(a, 3) for a in turn), *(fixed(1e3 * x, 2) for x in legs)]
+            for k, (p, turn, legs) in enumerate(zip(self.position, angles, self.length, strict=True), start=1)
+        ]
+        legs = [f"leg {k}, mm" for k in range(1, 7)]
+        return ["pose", "x, mm", "y, mm", "z, mm", "roll, °", "pitch, °", "yaw, °", *legs], rows
+
+    def promise_rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows: predicted standard uncertainties beside those of the naive poses."""
+        rows = []
+        for name, unit, own, other in zip(
+            PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty, strict=True
+        ):
+            scale, shown = {"m": (1e3, "mm"), "kg": (1e3, "g")}.get(unit, (1.0, unit))
+            pair = [f"{scale * own:.3g}", f"{scale * other:.3g}"]
+            rows.append([name, shown, *pair, fixed(100 * (own / other - 1), 1)])
+        return ["", "u in", "designed", "naive", "change, %"], rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says, SI."""
+        pairs = (("standard_uncertainty", self.standard_uncertainty), ("naive", self.naive_standard_uncertainty))
+        return {
+            "file": f"{self.name}.csv", "poses": len(self.position), "hold": self.hold, "tilt": self.tilt.tolist(),
+            "reach": self.reach.tolist(),
+            **{key: dict(zip(PARAMETERS, values.tolist(), strict=True)) for key, values in pairs},
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        return "\n".join([text_table(*self.rows()), "", text_table(*self.promise_rows())])
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption="Static poses") + html_table(*self.promise_rows())
+
+
+def plan_poses(
+    experiment: Experiment,
+    spec: TrajectorySpec,
+    limits: Limits,
+    *,
+    count: int = POSES,
+    hold: float = HOLD,
+    parameters: int = 4,
+    starts: int = 3,
+    seed: int = 0,
+) -> PosePlan:
+    """Choose the static poses that best determine mass and centre of gravity within a platform's limits.
+
+    The poses lean about a horizontal axis, through OMB or a point above or below it, as far as legs, joints and load
+    cell allow. Judged is the predicted covariance of ``inertia centre``: white noise of force and moment averaged over
+    ``hold``, and the attitudes' uncertainties of ``[poses]``; constant offsets are estimated and cost nothing more.
+
+    Args:
+        experiment: body, platform, sources.
+        spec: a trajectory of it, for the sample rate.
+        limits: of the rig.
+        count: of poses, 3 or more.
+        hold: for how long each is held still [s].
+        parameters: how many of the ten count: 4 for mass and centre, 10 for the offsets, too.
+        starts: random sets to begin with.
+        seed: of those.
+
+    Raises:
+        ExperimentError: too few poses, no noise of the load cell, or a platform that cannot hold the body or lean.
+    """
+    if count < 3:
+        raise ExperimentError(f"{count} static poses: ask for three or more")
+    if not hold > 0:
+        raise ExperimentError(f"static poses held for {hold:g} s: hold them for longer")
+    scatter = np.asarray(Prediction.of(experiment, spec).wrench) / max(hold * spec.rate, 1.0)
+    if not (np.diag(scatter) > 0).all():
+        raise ExperimentError("no noise of force and moment in [[source]]: declare it on all axes, or poses are equal")
+    place, reach = candidates(experiment, limits)
+    force = experiment.gravity * np.asarray(place.rotation)[:, 2]
+    mass, centre = float(experiment.body.mass), np.asarray(experiment.stated_r_cg)
+
+    def attitudes(chosen: np.ndarray) -> Attitudes:
+        return uncertain(force[chosen], experiment.poses or Poses(), None, np.eye(3))
+
+    def cost(chosen: np.ndarray) -> float:
+        own = attitudes(chosen)
+        return log_determinant(force[chosen], mass, centre, scatter, own, parameters=parameters)
+
+    def promised(chosen: np.ndarray) -> np.ndarray:
+        return foreseen_covariance(force[chosen], mass, centre, scatter, attitudes(chosen))
+
+    try:
+        chosen = best_poses(len(force), count, cost, starts=starts, seed=seed)
+    except ValueError as error:
+        raise ExperimentError(f"{error}: the platform leans by {np.degrees(reach.max()):.2g}° at most") from None
+    naive = _naive(experiment, reach, count)
+    own = uncertain(naive, experiment.poses or Poses(), None, np.eye(3))
+    return PosePlan(
+        np.asarray(place.position)[chosen] - np.asarray(experiment.platform.home),
+        np.asarray(place.rotation)[chosen],
+        np.asarray(_lengths(experiment.platform, place))[chosen],
+        promised(chosen),
+        foreseen_covariance(naive, mass, centre, scatter, own),
+        reach,
+        hold,
+        provenance=experiment.inputs(),
+    )
+
+
+def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray]:
+    """Return the poses to choose from, level first, and the largest tilt in each direction [rad].
+
+    Raises:
+        ExperimentError: the platform cannot hold the body at home.
+    """
+    azimuths = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+    tilts = np.linspace(0, MOST_TILT, TILTS)
+    grid = [part.ravel() for part in np.meshgrid(azimuths, tilts, PIVOTS, indexing="ij")]
+    poses = _leaning(experiment.platform, *map(jnp.asarray, grid))
+    used = shares(_at_rest(experiment, poses), limits)
+    used = np.concatenate([np.asarray(part) for part in used.values()], axis=1).max(axis=1)
+    allowed = (used <= 1 + 1e-9).reshape(AZIMUTHS, TILTS, len(PIVOTS))
+    if not allowed[:, 0].any():
+        raise ExperimentError(f"the platform cannot stand at home with the body: {_worst(experiment, limits)}")
+    unbroken = np.logical_and.accumulate(allowed, axis=1)
+    furthest = np.where(unbroken, tilts[None, :, None], -1.0).max(axis=1)
+    pivot = furthest.argmax(axis=1)
+    reach = furthest.max(axis=1)
+    each = [(azimuth, part * most, PIVOTS[k]) for azimuth, most, k in zip(azimuths, reach, pivot, strict=True)
+            for part in (1.0, 0.5)]  # fmt: skip
+    kept = np.array([(0.0, 0.0, 0.0), *(one for one in each if one[1] > 0)])
+    return _leaning(experiment.platform, *map(jnp.asarray, kept.T)), reach
+
+
+def _naive(experiment: Experiment, reach: np.ndarray, count: int) -> np.ndarray:
+    """Specific force of poses along ±x and ±y and level, over and over."""
+    quarter = AZIMUTHS // 4
+    tilt = reach[::quarter].min()
+    lean = [np.zeros(3), *(np.sin(tilt) * np.array(way) for way in ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)))]
+    upward = np.array([[-x, -y, np.sqrt(1 - x * x - y * y)] for x, y, _ in lean])
+    return experiment.gravity * np.resize(upward, (count, 3))
+
+
+@eqx.filter_jit
+def _leaning(
+    platform: Platform, azimuth: Float[Array, " n"], tilt: Float[Array, " n"], pivot: Float[Array, " n"]
+) -> Pose:
+    """Poses whose b3 leans towards an azimuth about a point ``pivot`` above OMB."""
+
+    def one(azimuth, tilt, pivot):
+        rotation = exponential(tilt * jnp.stack([-jnp.sin(azimuth), jnp.cos(azimuth), jnp.zeros_like(azimuth)]))
+        about = jnp.stack([jnp.zeros_like(pivot), jnp.zeros_like(pivot), pivot])
+        return Pose(jnp.asarray(platform.home) + about - rotation @ about, rotation)
+
+    return jax.vmap(one)(azimuth, tilt, pivot)
+
+
+def _at_rest(experiment: Experiment, poses: Pose) -> Effort:
+    """What standing still in each pose asks for."""
+    still = jnp.zeros_like(poses.position)
+    motion = PlatformMotion(still[:, 0], poses, Twist(still, still, still, still))
+    r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
+    return effort(experiment.platform, experiment.body, r_cg, motion, gravity)
+
+
+def _worst(experiment: Experiment, limits: Limits) -> str:
+    home = jax.tree.map(lambda part: part[None], experiment.platform.home_pose)
+    found = _at_rest(experiment, home)
+    return str(peaks(found, limits, jnp.zeros(1))[0])
+
+
+@eqx.filter_jit
+def _lengths(platform: Platform, poses: Pose) -> Array:
+    return jax.vmap(lambda pose: lengths(platform, pose))(poses)

@@ -1,0 +1,242 @@
+"""How long must I measure? The duration that a target takes, or the source that forbids it.
+
+Noise is averaged: its variance falls with the time between the ramps. What is drawn once is not: its variance stays,
+and that of a drift grows. The law of propagation tells each source's part at the trajectory's own duration and at twice
+that; in between and beyond, noise follows ``1 / (T - lost)`` and every other source its own power of T. The answer is
+checked, and mended, by the law at the answer itself.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.motion.trajectory import Multisine, Sphere
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
+from uq.campaign.statistics import GRAM_METRE
+from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.propagation.experiment_law import law
+
+GOALS: Mapping[str, tuple[int, ...]] = {
+    "moments": tuple(MOMENTS), "products": tuple(PRODUCTS), **{name: (k,) for k, name in enumerate(COMPONENTS)},
+}  # fmt: skip
+"""Whose average 3σ is meant."""
+AVERAGED = ("precision", "coloured", "quantisation")
+"""Kinds of sources that time averages."""
+LONGEST = 1e6
+"""Durations of the trajectory beyond which none is looked for."""
+MOST_POWER = 4.0
+"""Of the duration, that a variance may follow; only that of a drift grows."""
+CLOSE = 2e-3
+"""How near the law at the answer must be to the target."""
+ROUNDS = 4
+MOST_SAMPLES = 1_000_000
+"""Of a run at which the law is evaluated; a longer answer is extrapolated."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Each source's variance as a function of the duration."""
+
+    names: tuple[str, ...]
+    own: float
+    """The duration at which the variances are stated [s]."""
+    variance: Float[np.ndarray, "sources 6"]
+    """[(kg·m²)²]."""
+    lost: Float[np.ndarray, "sources 6"]
+    """Time that the ramps take from what is averaged [s]; not-a-number: it follows a power."""
+    power: Float[np.ndarray, "sources 6"]
+    """Of the duration that the others follow: 0 stays, above 0 grows."""
+
+    def at(self, duration: float | np.ndarray) -> np.ndarray:
+        """Return each source's variance at a duration [s]; durations lead."""
+        T = np.asarray(duration, float)[..., None, None]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            noise = np.where(self.lost < T, (self.own - self.lost) / (T - self.lost), np.inf)
+            factor = np.where(np.isnan(self.lost), (T / self.own) ** self.power, noise)
+            return np.where(self.variance > 0, self.variance * factor, 0.0)
+
+
+@dataclass(frozen=True)
+class Duration:
+    """What a target takes."""
+
+    target: float
+    """Of the average 3σ [kg·m²]."""
+    goal: str
+    """Whose: a name in ``GOALS``."""
+    seconds: float | None
+    """Duration that reaches it; None: none does."""
+    reached: float
+    """The average 3σ there by the law; where no duration reaches the target, the least that can be approached."""
+    forbids: str | None
+    """The source that stands most in the way where none does."""
+    own: float
+    """Duration of the trajectory as it is [s]."""
+    now: float
+    """Its average 3σ by the law [kg·m²]."""
+    growth: Growth = field(repr=False)
+    checked: bool = True
+    """Whether the law was evaluated at the answer; else it is extrapolated, from two durations."""
+
+    @property
+    def reachable(self) -> bool:
+        """Whether some duration reaches the target."""
+        return self.seconds is not None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says: kg·m², s."""
+        names = ("goal", "target", "seconds", "reached", "forbids", "own", "now", "checked")
+        return {name: getattr(self, name) for name in names}
+
+    def __repr__(self) -> str:
+        wanted = f"average 3σ of {GRAM_METRE * self.target:.4g} g·m² ({self.goal})"
+        now = f"{GRAM_METRE * self.now:.4g} g·m² at {self.own:g} s"
+        if self.seconds is not None:
+            how = "" if self.checked else "; extrapolated, too long to be checked"
+            return f"{wanted}: measure for {self.seconds:.4g} s (now {now}{how})"
+        return (
+            f"{wanted}: no duration reaches it, {GRAM_METRE * self.reached:.4g} g·m² is the least; "
+            f"{self.forbids} forbids it, which time does not average (now {now})"
+        )
+
+
+def required_duration(
+    experiment: Experiment,
+    target: float,
+    *,
+    goal: str = "moments",
+    trajectory: str | None = None,
+    estimator: str | None = None,
+    growth: Growth | None = None,
+) -> Duration:
+    """Return how long a trajectory must last for a target uncertainty.
+
+    Ramps, amplitudes and frequencies stay as they are; only the motion between the ramps lasts longer or shorter.
+
+    Args:
+        experiment: body, platform, sources, estimators.
+        target: average 3σ of the goal's components [kg·m²].
+        goal: ``moments``, ``products`` or one component.
+        trajectory: its name; None for the first.
+        estimator: its name; None for the recording's, or the first.
+        growth: of this trajectory and estimator, from :func:`growth_of`; None: it is computed.
+
+    Raises:
+        ExperimentError: a target that is not above zero, an unknown name, a source that the law cannot take.
+    """
+    if goal not in GOALS:
+        raise ExperimentError(f"unknown goal '{goal}': choose one of {', '.join(GOALS)}")
+    if not 0 < target < np.inf:
+        raise ExperimentError(f"a target of {GRAM_METRE * target:g} g·m²: give an uncertainty above zero")
+    name, spec = experiment.select(trajectory)
+    growth = growth or growth_of(experiment, name, estimator)
+    now = average(growth.at(spec.duration).sum(axis=0), goal)
+    found = _solve(growth, target, goal, spec)
+    if found is None:
+        least, source = _floor(growth, goal, spec)
+        return Duration(target, goal, None, least, source, spec.duration, now, growth)
+    for _ in range(ROUNDS):
+        if found * spec.rate > MOST_SAMPLES:
+            reached = average(growth.at(found).sum(axis=0), goal)
+            return Duration(target, goal, found, reached, None, spec.duration, now, growth, checked=False)
+        reached = average(_variances(experiment, name, spec, found, estimator).sum(axis=0), goal)
+        if abs(reached / target - 1) < CLOSE:
+            break
+        model = average(growth.at(found).sum(axis=0), goal)
+        again = _solve(growth, target * model / reached, goal, spec)
+        if again is None or abs(again / found - 1) < 1e-3:
+            break
+        found = again
+    return Duration(target, goal, found, reached, None, spec.duration, now, growth)
+
+
+def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> Growth:
+    """Return how each source's variance depends on a trajectory's duration, from the law at two durations."""
+    name, spec = experiment.select(trajectory)
+    T = spec.duration
+    one, two = (_variances(experiment, name, spec, duration, estimator) for duration in (T, 2 * T))
+    averaged = np.array([source.kind in AVERAGED for source in experiment.sources])[:, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.where((one > 0) & (two > 0), one / two, 1.0)
+        lost = np.where(averaged & (ratio > 1), (ratio - 2) / (ratio - 1) * T, np.nan)
+        power = np.where(np.isnan(lost), -np.log2(ratio), 0.0)
+    drifts = np.array([source.kind == "drift" for source in experiment.sources])[:, None]
+    power = np.clip(power, -MOST_POWER, np.where(drifts, MOST_POWER, 0.0))
+    return Growth(tuple(source.name for source in experiment.sources), T, one, lost, power)
+
+
+def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:
+    """Return a trajectory that lasts for another time [s], its ramps and frequencies as they are.
+
+    Raises:
+        ExperimentError: shorter than the ramps.
+    """
+    trajectory: Any = spec.trajectory
+    if duration < shortest(spec):
+        where = " in each stage" if getattr(trajectory, "start", None) is not None else ""
+        raise ExperimentError(
+            f"{duration:g} s do not hold two ramps of {float(trajectory.ramp):g} s{where}: last for longer"
+        )
+    if isinstance(trajectory, Multisine):
+        return dataclasses.replace(spec, trajectory=trajectory.lasting(duration), duration=float(duration))
+    changed = {"duration": np.array(float(duration))}
+    if isinstance(trajectory, Sphere):
+        changed["precessions"] = np.asarray(trajectory.precessions) * duration / spec.duration
+    return dataclasses.replace(spec, trajectory=dataclasses.replace(trajectory, **changed), duration=float(duration))
+
+
+def shortest(spec: TrajectorySpec) -> float:
+    """Return how short a trajectory may be made, its ramps as they are [s]."""
+    trajectory: Any = spec.trajectory
+    return trajectory.shortest if isinstance(trajectory, Multisine) else 2 * float(trajectory.ramp)
+
+
+def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:
+    """Return the average 3σ of a goal's components."""
+    found = 3 * np.sqrt(variance[..., list(GOALS[goal])]).mean(axis=-1)
+    return float(found) if np.ndim(found) == 0 else found
+
+
+def _variances(
+    experiment: Experiment, name: str, spec: TrajectorySpec, duration: float, estimator: str | None
+) -> np.ndarray:
+    """Each source's variance by the law, scaled so that they add up to the total's: (sources, 6)."""
+    own = experiment.estimator(estimator).name
+    trajectories = {name: lasting(spec, duration)}
+    found = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), name, own)[name, own]
+    each = np.array([np.diag(found.sources[source.name].covariance) for source in experiment.sources])
+    total = each.sum(axis=0)
+    return each * (np.diag(found.total.covariance) / np.where(total > 0, total, 1.0))
+
+
+def _durations(spec: TrajectorySpec) -> np.ndarray:
+    return np.geomspace(max(1.001 * shortest(spec), 1e-3 * spec.duration), LONGEST * spec.duration, 4000)
+
+
+def _solve(growth: Growth, target: float, goal: str, spec: TrajectorySpec) -> float | None:
+    """The shortest duration at which the model is at the target or below."""
+    durations = _durations(spec)
+    widths = average(growth.at(durations).sum(axis=-2), goal)
+    below = np.flatnonzero(widths <= target)
+    if not len(below):
+        return None
+    k = int(below[0])
+    if k == 0:
+        return float(durations[0])
+    between = np.log([target, widths[k], widths[k - 1]])
+    share = (between[0] - between[1]) / (between[2] - between[1])
+    return float(np.exp((1 - share) * np.log(durations[k]) + share * np.log(durations[k - 1])))
+
+
+def _floor(growth: Growth, goal: str, spec: TrajectorySpec) -> tuple[float, str]:
+    """The least average 3σ that any duration approaches, and the source with the largest part in it."""
+    durations = _durations(spec)
+    parts = growth.at(durations)
+    widths = average(parts.sum(axis=-2), goal)
+    k = int(np.argmin(widths))
+    shares = (parts[k] / parts[k].sum(axis=0))[:, list(GOALS[goal])].mean(axis=1)
+    return float(widths[k]), growth.names[int(np.argmax(shares))]

@@ -1,0 +1,128 @@
+"""Which sensor should I buy? What each source's size does to the answer, by derivative, and what halving it would do.
+
+The derivative is that of ``ln 3σ`` by ``ln sigma``: 0.8 says that one per cent less of a source's sigma leaves 0.8 per
+cent less of the 3σ. Where sources add in squares, the derivatives of all of them add up to one.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.rigid_body.inertia import COMPONENTS
+from identify.text_tables import fixed, html_table, text_table
+from uq.campaign.statistics import GRAM_METRE
+from uq.experiment.experiment import Experiment
+from uq.planning.required_duration import average
+from uq.propagation.experiment_law import PreparedLaw, prepare_law
+from uq.sources.source import Source
+
+STEP = 0.01
+"""Part of a sigma over which derivatives are taken; the error is of its square."""
+SCALED = ("step", "white", "flicker", "random_walk")
+"""Settings of a source that are sizes of its error."""
+
+
+@dataclass(frozen=True)
+class SensorWorth:
+    """What each source's size does to the 3σ of one trajectory and estimator."""
+
+    sources: tuple[str, ...]
+    trajectory: str
+    estimator: str
+    three_sigma: Float[np.ndarray, "6"]
+    """With all sources as they are [kg·m²]."""
+    derivative: Float[np.ndarray, "sources 6"]
+    """Of ln 3σ by ln sigma."""
+    halved: Float[np.ndarray, "sources 6"]
+    """3σ with this source's sigma halved [kg·m²]."""
+    name: str = "sensors"
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def best(self) -> str:
+        """The source whose halving lowers the sum of all six 3σ most."""
+        return self.sources[int(np.argmin(self.halved.sum(axis=1)))]
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows, most worth first: average 3σ with half the sigma, its change, derivatives."""
+        head = ["sigma halved", "moments, g·m²", "change, %", "products, g·m²", "change, %", *COMPONENTS]
+        now = {goal: average((self.three_sigma / 3) ** 2, goal) for goal in ("moments", "products")}
+        rows = [["none", f"{GRAM_METRE * now['moments']:.3g}", "", f"{GRAM_METRE * now['products']:.3g}", "",
+                 *("" for _ in COMPONENTS)]]  # fmt: skip
+        for k in np.argsort(self.halved.sum(axis=1)):
+            cells = [self.sources[k].replace("_", " ")]
+            for goal in ("moments", "products"):
+                then = average((self.halved[k] / 3) ** 2, goal)
+                cells += [f"{GRAM_METRE * then:.3g}", _signed(100 * (then / now[goal] - 1))]
+            rows.append([*cells, *(fixed(value, 3) for value in self.derivative[k])])
+        return head, rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says: 3σ in g·m², by source and component."""
+        by = lambda values: dict(zip(COMPONENTS, np.asarray(values).tolist(), strict=True))  # noqa: E731
+        return {
+            "trajectory": self.trajectory, "estimator": self.estimator, "unit": "g*m^2",
+            "three_sigma": by(GRAM_METRE * self.three_sigma),
+            "sources": {
+                name: {"derivative": by(d), "three_sigma_if_halved": by(GRAM_METRE * h)}
+                for name, d, h in zip(self.sources, self.derivative, self.halved, strict=True)
+            },
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        return text_table(*self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption="What halving each source's sigma does; derivatives of ln 3σ by ln σ")
+
+
+def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> SensorWorth:
+    """Return what each source's size does to the 3σ of every component, by the law of propagation.
+
+    Args:
+        experiment: body, platform, sources, estimators.
+        trajectory: its name; None for the first.
+        estimator: its name; None for the recording's, or the first.
+
+    Raises:
+        ExperimentError: an unknown name, or a source that the law cannot take.
+    """
+    name, _ = experiment.select(trajectory)
+    own = experiment.estimator(estimator).name
+    prepared = prepare_law(experiment, name, own)
+
+    def width(sources: Sequence[Source]) -> np.ndarray:
+        return _three_sigma(prepared, sources, name, own)
+
+    names = tuple(source.name for source in experiment.sources)
+    derivative, halved = np.zeros((len(names), 6)), np.zeros((len(names), 6))
+    for k in range(len(names)):
+        more, less, half = (width(_with(experiment.sources, k, factor)) for factor in (1 + STEP, 1 - STEP, 0.5))
+        derivative[k] = np.log(more / less) / np.log((1 + STEP) / (1 - STEP))
+        halved[k] = half
+    now = width(experiment.sources)
+    return SensorWorth(names, name, own, now, derivative, halved, provenance=experiment.inputs())
+
+
+def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: str, estimator: str) -> np.ndarray:
+    return prepared.evaluate(sources)[trajectory, estimator].total.three_sigma
+
+
+def _with(sources: Sequence[Source], which: int, factor: float) -> tuple[Source, ...]:
+    return tuple(resized(source, factor) if k == which else source for k, source in enumerate(sources))
+
+
+def resized(source: Source, factor: float) -> Source:
+    """Return a source whose error is ``factor`` times as large; its expectation stays."""
+    settings = {
+        name: factor * np.asarray(value) if name in SCALED else value for name, value in source.settings.items()
+    }
+    return dataclasses.replace(source, sigma=factor * np.asarray(source.sigma), settings=settings)
+
+
+def _signed(value: float) -> str:
+    return f"{round(value, 1) + 0.0:+.1f}".replace("-", "−")

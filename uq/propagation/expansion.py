@@ -1,0 +1,228 @@
+"""The law of propagation about expected sums: one run, one estimator, arrays in and out.
+
+What is expanded is what every trial computes: errors become maps of the sums (:mod:`uq.gram_sums.error_maps`), the sums
+become normal equations, and these are solved (:mod:`identify.estimators.gram`). Constant errors enter through the maps;
+white noise through the mean and covariance of the sums (:mod:`uq.gram_sums.gram_moments`).
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jax.scipy.linalg import block_diag
+from jaxtyping import Array, Float
+
+from identify.estimators.gram import N_FEATURES, Sums, normal_equations, solve_normal
+from identify.rigid_body.inertia import Body
+from uq.gram_sums.error_maps import Columns, Platform, element_map
+from uq.gram_sums.gram_moments import GramMoments, unpack
+from uq.sources.constant_errors import Errors, no_errors
+from uq.sources.source import Index
+
+OF_NOISE = (0, 1, 2, 3, 10)
+"""Elements that multiply the noise in other elements: 1, omega and t, among those of ``true_elements``."""
+TRIANGLE = np.triu_indices(6)
+
+
+class TrueSums(NamedTuple):
+    """Sums over the elements of ``true_elements`` and every estimator's alpha, without noise."""
+
+    gram: Float[Array, "elements elements"]
+    wrench: Float[Array, "elements columns"]
+    """With the columns of :class:`uq.gram_sums.error_maps.Columns`."""
+
+    def own(self, estimator: Index) -> "TrueSums":
+        """Return those of one estimator."""
+        index = jnp.concatenate([jnp.arange(15), 15 + 3 * jnp.asarray(estimator) + jnp.arange(3)])
+        return TrueSums(self.gram[index[:, None], index], self.wrench[index])
+
+
+class Quiet(eqx.Module):
+    """One run without noise, summed up: everything that constant errors of any size need of it."""
+
+    body: Body
+    platform: Platform
+    sums: tuple[TrueSums, TrueSums, TrueSums]
+    """Sums, and their first and second derivatives by a delay of the gyro [1/s, 1/s²]."""
+    columns: Columns = eqx.field(static=True)
+
+
+class Ground(eqx.Module):
+    """One run summed up: everything that the law needs of it, whatever the size of the errors."""
+
+    quiet: Quiet
+    moments: GramMoments
+
+
+class Point(NamedTuple):
+    """Where an expansion is made."""
+
+    errors: Float[Array, " e"]
+    """Errors that are expected, :class:`uq.sources.constant_errors.Errors` raveled."""
+    variance: Float[Array, "3"]
+    """Variance of omega's white noise [rad²/s²] whose expected sums these are; zero for the noise-free run."""
+
+
+class Expansion(NamedTuple):
+    """The estimate about a point."""
+
+    value: Float[Array, "6"]
+    jacobian: Float[Array, "6 d"]
+    """By the numbers that constant sources draw, in their standard deviations."""
+    hessian: Float[Array, "6 d d"]
+    by_equations: Float[Array, "6 27"]
+    """By the normal equations: the matrix's upper triangle, then the right-hand side."""
+    twice_by_equations: Float[Array, "6 27 27"]
+
+
+def expand_at(ground: Ground, estimator: Index, point: Point, directions: Float[Array, "e d"]) -> Expansion:
+    """Expand one estimator's estimate about a point, to the second order.
+
+    Args:
+        ground: the run.
+        estimator: its number.
+        point: expected errors and noise.
+        directions: what one standard deviation of each number does to the errors.
+    """
+
+    def equations(z):
+        of_alpha = ground.moments.alphas[estimator, estimator]
+        return equations_of(ground.quiet, estimator, point.errors + directions @ z, point.variance, of_alpha)
+
+    def estimate(z):
+        return tensor_of(equations(z))
+
+    zero = jnp.zeros(directions.shape[1])
+    jacobian, by_equations = _twice(estimate, zero), _twice(tensor_of, equations(zero))
+    return Expansion(estimate(zero), *jacobian, *by_equations)
+
+
+def _twice(function: Callable[[Array], Array], at: Array) -> tuple[Array, Array]:
+    """First and second derivatives."""
+
+    def first(z):
+        jacobian = jax.jacfwd(function)(z)
+        return jacobian, jacobian
+
+    hessian, jacobian = jax.jacfwd(first, has_aux=True)(at)
+    return jacobian, hessian
+
+
+def tensor_of(equations: Float[Array, "27"]) -> Float[Array, "6"]:
+    """Return the estimate from packed normal equations."""
+    upper = jnp.zeros((6, 6)).at[TRIANGLE].set(equations[:21])
+    return solve_normal(upper + jnp.triu(upper, 1).T, equations[21:]).inertia
+
+
+def _packed(sums: Sums, r_cg: Array) -> Float[Array, "27"]:
+    matrix, right = normal_equations(sums, r_cg)
+    return jnp.concatenate([matrix[TRIANGLE], right])
+
+
+def equations_of(
+    run: Quiet, estimator: Index, errors: Float[Array, " e"], variance: Float[Array, "3"], of_alpha: Float[Array, ""]
+) -> Float[Array, "27"]:
+    """Return the packed normal equations of a run with these errors, of its sums as the noise makes one expect them.
+
+    Args:
+        run: without noise.
+        estimator: its number.
+        errors: :class:`uq.sources.constant_errors.Errors` raveled.
+        variance: of omega's white noise [rad²/s²].
+        of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
+    """
+    present: Errors = _unravel(errors)
+    delay = present.gyro_delay
+    of_delay = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *run.sums)
+    expected = expected_sums(of_delay.own(estimator), variance, of_alpha)
+    elements = element_map(present, whole=True)
+    measured = expected.wrench @ run.columns.map(run.body, run.platform, present).T
+    measured = measured + jnp.outer(expected.gram[:, 0], present.cell_bias)
+    sums = Sums(elements @ expected.gram @ elements.T, elements @ measured[:, :3], elements @ measured[:, 3:])
+    return _packed(sums, run.body.r_cg_from_q + present.r_cg)
+
+
+def _unravel(errors: Array) -> Errors:
+    return ravel_pytree(no_errors())[1](errors)
+
+
+def expected_sums(true: TrueSums, variance: Float[Array, "3"], of_alpha: Float[Array, ""]) -> TrueSums:
+    """Return the expected sums over all elements of :func:`uq.gram_sums.error_maps.features_of_elements`.
+
+    Args:
+        true: one estimator's noise-free sums.
+        variance: of omega's white noise [rad²/s²].
+        of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
+    """
+    squares = jnp.concatenate([variance, jnp.zeros(3)])
+    linear = jnp.kron(true.gram[np.ix_(OF_NOISE, OF_NOISE)], jnp.diag(variance))
+    v1, v2, v3 = variance
+    fourth = jnp.outer(squares, squares) + jnp.diag(
+        jnp.stack([2 * v1 * v1, 2 * v2 * v2, 2 * v3 * v3, v1 * v2, v1 * v3, v2 * v3])
+    )
+    count = true.gram[0, 0]
+    noise = block_diag(linear, count * fourth, count * of_alpha * jnp.diag(variance))
+    mean = jnp.concatenate([jnp.zeros(15), squares, jnp.zeros(3)])
+    crossed = jnp.outer(mean, true.gram[0])
+    gram = jnp.block([[true.gram, crossed.T], [crossed, noise]])
+    return TrueSums(gram, jnp.concatenate([true.wrench, jnp.outer(mean, true.wrench[0])]))
+
+
+def to_equations(r_cg: Float[Array, "3"]) -> Float[Array, "27 products"]:
+    """Return the matrix that takes an estimator's sums (as ``gram_moments.pack``) to normal equations."""
+    size = N_FEATURES * (N_FEATURES + 1) // 2 + 6 * N_FEATURES
+    return jax.jacfwd(lambda sums: _packed(unpack(sums, N_FEATURES), r_cg))(jnp.zeros(size))
+
+
+def of_wrench_noise(
+    sums: Float[Array, " products"], covariance: Float[Array, "6 6"], equations: Float[Array, "27 products"]
+) -> Float[Array, "27 27"]:
+    """Return the covariance of the normal equations under the load cell's white noise: features' Gram times its own."""
+    gram = unpack(sums, N_FEATURES).gram
+    parts = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
+    return jnp.einsum("aki,km,ij,bmj->ab", parts, gram, covariance, parts, optimize="optimal")
+
+
+class Moments(NamedTuple):
+    """The estimate's moments by an expansion."""
+
+    mean: Float[Array, "6"]
+    first_order: Float[Array, "6 6"]
+    covariance: Float[Array, "6 6"]
+
+
+def propagate_case(
+    expansion: Expansion,
+    correlation: Float[Array, "d d"],
+    scatter: Float[Array, "27 27"],
+    change: Float[Array, "27"] | float = 0.0,
+) -> Moments:
+    """Return mean and covariance of an estimate for normal errors.
+
+    Args:
+        expansion: about the errors' and sums' expectations.
+        correlation: of the numbers that act; zero rows for those that do not.
+        scatter: covariance of the normal equations under white noise.
+        change: mean of the normal equations less those of the point.
+
+    Returns:
+        The mean with ``½ tr(H Σ)``; the covariance ``J Σ Jᵀ`` and that with ``½ tr(H Σ H Σ)`` (GUM 5.1.2), in the
+        constant errors and in the sums. Products of a constant error's and the noise's effects are left out: relative
+        to the noise's own they are of the square of the constant error's relative size.
+    """
+    shift, second = jnp.zeros(6), jnp.zeros((6, 6))
+    first = jnp.zeros((6, 6))
+    for jacobian, hessian, sigma in (
+        (expansion.jacobian, expansion.hessian, correlation),
+        (expansion.by_equations, expansion.twice_by_equations, scatter),
+    ):
+        curved = jnp.einsum("aij,jk->aik", hessian, sigma)
+        shift = shift + 0.5 * jnp.trace(curved, axis1=1, axis2=2)
+        first = first + jacobian @ sigma @ jacobian.T
+        second = second + 0.5 * jnp.einsum("aik,bki->ab", curved, curved)
+    mean = expansion.value + shift + expansion.by_equations @ jnp.broadcast_to(change, (27,))
+    return Moments(mean, first, first + second)

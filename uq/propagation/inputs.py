@@ -1,0 +1,222 @@
+"""From error sources to what the law of propagation takes of them: variances, correlations, expectations.
+
+Constant errors are numbers that are drawn once; the law needs their expectation and covariance, and how each of them
+enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is white, with a variance on each axis.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
+
+from uq.files.document import ExperimentError
+from uq.gram_sums.setup import Case
+from uq.sources.constant_errors import errors_of, no_errors
+from uq.sources.distributions import Empirical, StudentT
+from uq.sources.source import SIGNALS, Mixing, Source
+
+ENOUGH_STEPS = 1.0
+"""Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
+MANY_SIGMA = 6.0
+"""Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
+
+
+class Peaks(NamedTuple):
+    """How far a noise-free signal goes, and how far from one sample to the next (rms), on each axis."""
+
+    largest: Mapping[str, np.ndarray]
+    moves: Mapping[str, np.ndarray]
+
+
+class Constants(NamedTuple):
+    """The D numbers that constant sources draw."""
+
+    errors: np.ndarray
+    """How the errors (:class:`uq.sources.constant_errors.Errors`, raveled) follow from them, (errors, D)."""
+    owner: np.ndarray
+    """Which source draws each."""
+    mean: np.ndarray
+    sigma: np.ndarray
+    """Standard deviation."""
+    correlation: np.ndarray
+    known: np.ndarray
+    """The GUM's standard uncertainty over the standard deviation: below one for Student's t (GUM 4.2, G.3)."""
+    freedom: np.ndarray
+    """Degrees of freedom of each."""
+    joint: np.ndarray
+    """Which numbers share their degrees of freedom: one row a set, 1 where a number belongs to it."""
+
+
+class CaseInputs(NamedTuple):
+    """Every case's inputs, the cases on the leading axis."""
+
+    acts: np.ndarray
+    """Which of the D numbers act, 1 or 0."""
+    wrench: np.ndarray
+    """Covariance of the white noise of force and moment, (cases, 6, 6)."""
+    gyro: np.ndarray
+    """Variance of omega's white noise [rad²/s²], (cases, 3)."""
+
+
+def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constants:
+    """Return what constant sources draw.
+
+    Raises:
+        ExperimentError: a source without a finite standard deviation.
+    """
+    constant = [source for source in sources if source.constant]
+    for source in constant:
+        if not np.all(np.isfinite(np.asarray(source.standard_deviation, float))):
+            raise ExperimentError(
+                f"source '{source.name}' has no finite standard deviation, which the law needs: "
+                "state more than two degrees of freedom, or use the Monte Carlo"
+            )
+    sizes = [int(np.size(source.sigma)) for source in constant]
+    owner = np.repeat(np.arange(len(constant)), sizes).astype(int)
+    freedom = np.concatenate([_each(s, s.shape.degrees_of_freedom) for s in constant] or [np.zeros(0)])
+    known = [_each(s, 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0) for s in constant]
+    in_rows = np.array([_rows(constant[k]) for k in owner], bool)
+    sets = [np.flatnonzero(owner == k) for k in np.unique(owner[in_rows])]
+    sets += [np.array([k]) for k in np.flatnonzero(~in_rows)]
+    joint = np.array([np.isin(np.arange(len(owner)), members) for members in sets], float)
+    return Constants(
+        np.asarray(_linear_map(constant)),
+        np.array([source.name for source in constant])[owner] if constant else np.zeros(0, str),
+        np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
+        np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
+        _correlation(constant, sizes, mixing),
+        np.concatenate(known or [np.zeros(0)]),
+        freedom,
+        joint.reshape(len(sets), len(owner)),
+    )
+
+
+def _each(source: Source, value) -> np.ndarray:
+    return np.broadcast_to(np.asarray(value, float), np.shape(source.sigma)).ravel()
+
+
+def _rows(source: Source) -> bool:
+    return isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2
+
+
+@eqx.filter_jit
+def _linear_map(constant: Sequence[Source]) -> Array:
+    sizes = [int(np.prod(np.shape(source.sigma))) for source in constant]
+
+    def errors(numbers):
+        parts = jnp.split(numbers, np.cumsum(sizes)[:-1]) if constant else []
+        draws = {s.name: part.reshape(np.shape(s.sigma)) for s, part in zip(constant, parts, strict=True)}
+        return ravel_pytree(errors_of(constant, draws) if constant else no_errors())[0]
+
+    return jax.jacfwd(errors)(jnp.zeros(sum(sizes)))
+
+
+def _correlation(constant: Sequence[Source], sizes: Sequence[int], mixing: Sequence[Mixing]) -> np.ndarray:
+    matrix, ends = np.eye(sum(sizes)), np.cumsum(sizes)
+    place = {s.name: np.arange(end - n, end) for s, n, end in zip(constant, sizes, ends, strict=True)}
+    for source in constant:
+        if _rows(source):
+            samples: Any = source.shape
+            covariance = np.cov(np.array(samples.samples, np.float64), rowvar=False)
+            spread = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1))
+            matrix[np.ix_(place[source.name], place[source.name])] = covariance / np.outer(spread, spread)
+    for mix in mixing:
+        if all(name in place for name in mix.names):
+            where = np.concatenate([place[name] for name in mix.names])
+            matrix[np.ix_(where, where)] = np.asarray(mix.correlation)
+    return matrix
+
+
+def inputs_of_cases(
+    cases: Sequence[Case], constants: Constants, sources: Sequence[Source], mixing: Sequence[Mixing], rate: float,
+    peaks: Peaks,
+) -> CaseInputs:  # fmt: skip
+    """Return what acts in each case.
+
+    Args:
+        cases: sets of sources.
+        constants: what the constant ones draw.
+        sources: all of them.
+        mixing: which are correlated.
+        rate: sample rate [Hz].
+        peaks: how far the noise-free signals go.
+
+    Raises:
+        ExperimentError: a source that the law cannot take: noise that is neither white nor independent from axis to
+            axis of the gyro, a range that ends within reach of its signal, a resolution too coarse.
+    """
+    for source in sources:
+        _check(source, sources, mixing, peaks)
+    covariance = _noise_covariance(sources, mixing, rate)
+    names = [source.name for source in sources for _ in range(9)]
+    on = np.array([[float(name in case.sources) for name in names] for case in cases])
+    acting = on[:, :, None] * covariance[None] * on[:, None, :] if len(names) else np.zeros((len(cases), 0, 0))
+    summed = acting.reshape(len(cases), len(sources), 9, len(sources), 9).sum((1, 3))
+    acts = np.array([np.isin(constants.owner, list(case.sources)) for case in cases], float)
+    return CaseInputs(acts, summed[:, :6, :6], np.diagonal(summed, axis1=1, axis2=2)[:, 6:])
+
+
+def _noise_covariance(sources: Sequence[Source], mixing: Sequence[Mixing], rate: float) -> np.ndarray:
+    """Covariance of all white noise at one sample: nine rows a source, three for each of F, M, omega."""
+    matrix = np.zeros((9 * len(sources), 9 * len(sources)))
+    place = {s.name: 9 * k + 3 * SIGNALS.index(s.target) + np.arange(3) for k, s in enumerate(sources) if _noisy(s)}
+    sigma = {s.name: np.sqrt(_variance(s, rate)) for s in sources if _noisy(s)}
+    for name, where in place.items():
+        matrix[where, where] = sigma[name] ** 2
+    for mix in mixing:
+        if all(name in place for name in mix.names):
+            where = np.concatenate([place[name] for name in mix.names])
+            spread = np.concatenate([sigma[name] for name in mix.names])
+            matrix[np.ix_(where, where)] = np.outer(spread, spread) * np.asarray(mix.correlation)
+    return matrix
+
+
+def _noisy(source: Source) -> bool:
+    return source.noise or source.kind == "quantisation"
+
+
+def _variance(source: Source, rate: float) -> np.ndarray:
+    if source.kind == "quantisation":
+        return np.square(source.settings["step"]) / 12
+    if source.kind == "coloured":
+        return np.square(source.settings["white"]) * rate
+    return np.square(np.broadcast_to(np.asarray(source.standard_deviation, float), (3,)))
+
+
+def _check(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> None:
+    """Refuse what the law cannot take."""
+    advice = "leave it out, or use the Monte Carlo"
+    if source.kind == "coloured" and any(np.any(source.settings[name]) for name in ("flicker", "random_walk")):
+        raise ExperimentError(
+            f"source '{source.name}' is noise that is not white, which the law does not take: {advice}"
+        )
+    if source.kind == "quantisation" and np.any(
+        (step := np.asarray(source.settings["step"])) * ENOUGH_STEPS > peaks.moves[source.target]
+    ):
+        axis = int(np.argmax(step / np.maximum(peaks.moves[source.target], 1e-300)))
+        raise ExperimentError(
+            f"source '{source.name}' rounds axis {axis + 1} to {step[axis]:g}, but from sample to sample it moves by "
+            f"{peaks.moves[source.target][axis]:.2g} only, so that the rounding is no white noise: {advice}"
+        )
+    if source.kind == "saturation":
+        spread = MANY_SIGMA * np.sqrt(sum((_spread(s) for s in sources if s.target == source.target), np.zeros(3)))
+        if np.any(peaks.largest[source.target] + spread > np.asarray(source.settings["limit"])):
+            raise ExperimentError(f"source '{source.name}' cuts its signal off, which the law does not take: {advice}")
+    if source.kind == "precision" and source.target == "omega":
+        for mix in mixing:
+            if source.name in mix.names and not np.array_equal(mix.correlation, np.eye(len(mix.correlation))):
+                raise ExperimentError(
+                    f"source '{source.name}' is gyro noise with correlations, no input of the law: {advice}"
+                )
+
+
+def _spread(source: Source) -> np.ndarray:
+    """Variance that a noise or a bias adds to its signal."""
+    if source.kind in ("precision", "bias"):
+        return np.square(np.broadcast_to(np.asarray(source.standard_deviation, float), (3,)))
+    return np.zeros(3)

@@ -1,0 +1,214 @@
+"""The GUM's law of propagation for a measurement model, its derivatives by automatic differentiation.
+
+A model is a function of ONE trial's inputs, the same that a Monte Carlo runs. Inputs are independent of one another;
+the coordinates of one input may be correlated.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from identify.precision import check_precision
+from identify.text_tables import html_table, text_table
+
+
+@runtime_checkable
+class Input(Protocol):
+    """What the law needs to know of an input's distribution; one with a ``covariance`` has correlated coordinates."""
+
+    @property
+    def mean(self) -> Array | np.ndarray:
+        """Best estimate, of any shape."""
+
+    @property
+    def standard_deviation(self) -> Array | np.ndarray:
+        """Standard deviation, of the mean's shape."""
+
+    @property
+    def degrees_of_freedom(self) -> float | Array | np.ndarray:
+        """Degrees of freedom of the standard uncertainty; infinite when it is known."""
+
+
+Model = Callable[[dict[str, Array]], Array]
+
+
+@dataclass(frozen=True)
+class LinearLaw:
+    """A measurand by the law of propagation. Matrices are over the measurand's m components, flattened."""
+
+    value: np.ndarray
+    """The model at the inputs' estimates (GUM 4.1.4), of the measurand's own shape."""
+    covariance: np.ndarray
+    """First-order covariance (m, m), ``J Σ Jᵀ`` (GUM 5.1.2, JCGM 102 6.2)."""
+    contributions: Mapping[str, np.ndarray]
+    """Each input's part of the covariance (m, m); their sum is the covariance."""
+    degrees_of_freedom: np.ndarray
+    """Effective degrees of freedom (m,) by Welch and Satterthwaite (GUM G.4.1); infinite where every input is known."""
+    second_order_mean: np.ndarray
+    """``value + ½ tr(H Σ)``, of the measurand's shape: where the model's curvature moves the mean."""
+    second_order_covariance: np.ndarray
+    """Covariance (m, m) with the next order of the GUM's note to 5.1.2, for normal inputs."""
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Combined standard uncertainty of first order, of the measurand's shape."""
+        return np.sqrt(np.diag(self.covariance)).reshape(self.value.shape)
+
+    def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ends of ``value ± k u``, k from Student's t at the effective degrees of freedom (GUM G.3, G.4)."""
+        k = scipy.stats.t.ppf((1 + probability) / 2, self.degrees_of_freedom).reshape(self.value.shape)
+        half = k * self.standard_uncertainty
+        return np.asarray(self.value - half), np.asarray(self.value + half)
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows: estimate, standard uncertainty and each input's contribution to it."""
+        names = list(self.contributions)
+        low, high = self.coverage_interval()
+        columns = [
+            self.value, self.standard_uncertainty, low, high, self.degrees_of_freedom,
+            *(np.sqrt(np.diag(self.contributions[name])) for name in names),
+        ]  # fmt: skip
+        head = ["estimate", "u", "95 % from", "to", "degrees of freedom", *(f"u from {name}" for name in names)]
+        rows = [[f"{x:.6g}" for x in row] for row in np.stack([np.ravel(column) for column in columns], axis=1)]
+        return head, [[x.replace("-", "−").replace("inf", "∞") for x in row] for row in rows]
+
+    def __repr__(self) -> str:
+        return text_table(*self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows())
+
+
+class Expansion(NamedTuple):
+    """A model about a point, over standardised coordinates z: mean 0, covariance the unit matrix."""
+
+    value: Array
+    """At the point, of the measurand's shape."""
+    jacobian: Float[Array, "m d"]
+    shift: Float[Array, " m"]
+    """``½ tr H``."""
+    hessian: Float[Array, "m d d"]
+    slope: Float[Array, "m d"]
+    """Derivative of the shift, ``½ Σ_k ∂³f/∂z ∂z_k²``."""
+
+
+def expand(function: Callable[[Array], Array], size: int) -> Expansion:
+    """Expand a function of ``size`` standardised coordinates about zero, to the third order where the GUM needs it."""
+    zero, directions = jnp.zeros(size), jnp.eye(size)
+    value = function(zero)
+
+    def flat(z):
+        return jnp.ravel(function(z))
+
+    def shift(z):
+        def curvature(direction):
+            return jax.jvp(lambda y: jax.jvp(flat, (y,), (direction,))[1], (z,), (direction,))[1]
+
+        return 0.5 * jnp.sum(jax.vmap(curvature)(directions), axis=0)
+
+    hessian = jax.jacfwd(jax.jacfwd(flat))(zero)
+    return Expansion(value, jax.jacfwd(flat)(zero), shift(zero), hessian, jax.jacfwd(shift)(zero))
+
+
+def higher_order(expansion: Expansion) -> Float[Array, "m m"]:
+    """Return what curvature adds to normal inputs' covariance (GUM 5.1.2): ``½ tr(H_a Σ H_b Σ)`` and the ``∂f ∂³f``."""
+    crossed = expansion.jacobian @ expansion.slope.T
+    return 0.5 * jnp.einsum("aij,bij->ab", expansion.hessian, expansion.hessian) + crossed + crossed.T
+
+
+def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
+    """Propagate the inputs' uncertainties through a model by the GUM's law.
+
+    An input with finite degrees of freedom and a ``scale`` (Student's t) enters with its scale, which is the GUM's
+    standard uncertainty (4.2.3); its degrees of freedom then widen the coverage interval. Every other input enters with
+    its standard deviation.
+
+    Args:
+        model: the measurement model, JAX on a dict of arrays, one trial.
+        inputs: their distributions by name: mean, standard deviation or covariance, degrees of freedom.
+
+    Returns:
+        Estimate, covariance, contributions, effective degrees of freedom, and the higher orders. For inputs that are
+        not normal the second-order covariance neglects the excess kurtosis of those that enter squared.
+
+    Raises:
+        ValueError: no input, or an input's covariance does not fit its mean.
+    """
+    if not inputs:
+        raise ValueError("Argument `inputs` must hold at least one input, but is empty.")
+    check_precision("float64")
+    inputs = dict(sorted(inputs.items()))
+    means = {name: jnp.broadcast_to(jnp.asarray(given.mean, float), _shape(given)) for name, given in inputs.items()}
+    roots = {name: jnp.asarray(_root(name, given)) for name, given in inputs.items()}
+    expansion = jax.tree.map(np.asarray, _expand(model, means, roots))
+    parts = np.split(expansion.jacobian, np.cumsum([root.shape[1] for root in roots.values()])[:-1], axis=1)
+    contributions = {name: part @ part.T for name, part in zip(inputs, parts, strict=True)}
+    first = expansion.jacobian @ expansion.jacobian.T
+    return LinearLaw(
+        expansion.value,
+        first,
+        contributions,
+        _welch_satterthwaite(first, zip(inputs.values(), parts, strict=True)),
+        np.asarray(expansion.value + expansion.shift.reshape(expansion.value.shape)),
+        first + np.asarray(higher_order(expansion)),
+    )
+
+
+@eqx.filter_jit
+def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]) -> Expansion:
+    sizes = [root.shape[1] for root in roots.values()]
+
+    def of_standardised(z):
+        parts = dict(zip(roots, jnp.split(z, np.cumsum(sizes)[:-1]), strict=True))
+        return model({name: mean + (roots[name] @ parts[name]).reshape(mean.shape) for name, mean in means.items()})
+
+    return expand(of_standardised, sum(sizes))
+
+
+def _root(name: str, given: Input) -> Float[np.ndarray, "k k"]:
+    """A matrix whose product with its transpose is the covariance of an input's coordinates."""
+    shape = _shape(given)
+    size = int(np.prod(shape))
+    if (covariance := _joint(given)) is not None:
+        if np.shape(covariance) != (size, size):
+            raise ValueError(
+                f"Argument `inputs` must give '{name}' a covariance of shape {(size, size)}, but it has the shape "
+                f"{np.shape(covariance)}."
+            )
+        values, vectors = np.linalg.eigh(np.asarray(covariance, float))
+        return vectors * np.sqrt(np.maximum(values, 0))
+    known = np.all(np.isinf(given.degrees_of_freedom))
+    sigma = given.standard_deviation if known else getattr(given, "scale", given.standard_deviation)
+    return np.diag(np.broadcast_to(np.asarray(sigma, float), shape).ravel())
+
+
+def _shape(given: Input) -> tuple[int, ...]:
+    if _joint(given) is not None:
+        return np.shape(given.mean)
+    return np.broadcast_shapes(np.shape(given.mean), np.shape(given.standard_deviation))
+
+
+def _joint(given: Input) -> np.ndarray | None:
+    """The covariance of coordinates that belong together: stated, or that of sampled rows; None if they do not."""
+    samples = getattr(given, "samples", None)
+    if samples is not None and np.ndim(samples) == 2:
+        return np.cov(np.asarray(samples, float), rowvar=False, ddof=0).reshape(np.shape(samples)[1:] * 2)
+    return getattr(given, "covariance", None)
+
+
+def _welch_satterthwaite(covariance: np.ndarray, parts) -> np.ndarray:
+    """``u⁴ / Σ u_i⁴ / ν_i`` for each component; correlated coordinates count as one input."""
+    total = np.zeros(len(covariance))
+    for given, part in parts:
+        squares = part**2 if _joint(given) is None else np.sum(part**2, axis=1, keepdims=True)
+        freedom = np.broadcast_to(np.asarray(given.degrees_of_freedom, float), _shape(given)).ravel()
+        total += np.sum(squares**2 / freedom[: squares.shape[1]], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(total > 0, np.diag(covariance) ** 2 / total, np.inf)

@@ -1,0 +1,178 @@
+"""What the law of propagation says of an experiment, for reading: typed results, tables, result.json."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+import numpy as np
+import scipy
+
+from identify.rigid_body.inertia import COMPONENTS
+from identify.text_tables import html_table, text_table
+from uq.campaign.campaign import GRAM_METRE, MonteCarloResult
+
+
+@dataclass(frozen=True)
+class LawStatistics:
+    """What the law says of one case, in kg·m², in the order of ``COMPONENTS``."""
+
+    mean_error: np.ndarray
+    """Expected estimate minus truth: the bias."""
+    covariance: np.ndarray
+    """Of the six components [(kg·m²)²]."""
+    textbook_value: np.ndarray
+    """The error of the estimate from the noise-free run: what the textbook's first order takes for the mean error."""
+    textbook_mean_error: np.ndarray
+    """The textbook's second-order mean, ``½ tr(H Σ)`` about the noise-free run."""
+    textbook_covariance: np.ndarray
+    """The textbook's ``J Σ Jᵀ`` about the noise-free run."""
+
+    standard_uncertainty: np.ndarray
+    """The GUM's: less than the standard deviation where a source is Student's t, which enters with its scale."""
+    degrees_of_freedom: np.ndarray
+    """Effective, of that standard uncertainty (GUM G.4)."""
+
+    def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ends of the estimate's error, ``mean error ± k u``, k from Student's t (GUM G.3)."""
+        half = scipy.stats.t.ppf((1 + probability) / 2, self.degrees_of_freedom) * self.standard_uncertainty
+        return self.mean_error - half, self.mean_error + half
+
+    def textbook_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Return those of the textbook's first-order law, about the error of the noise-free run's estimate."""
+        half = scipy.stats.norm.ppf((1 + probability) / 2) * np.sqrt(np.diag(self.textbook_covariance))
+        return self.textbook_value - half, self.textbook_value + half
+
+    @property
+    def three_sigma(self) -> np.ndarray:
+        """Three standard deviations."""
+        return 3 * np.sqrt(np.diag(self.covariance))
+
+    @property
+    def textbook_three_sigma(self) -> np.ndarray:
+        """Three standard deviations of the textbook's first-order law."""
+        return 3 * np.sqrt(np.diag(self.textbook_covariance))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures by component, in g·m²; the covariance in (g·m²)², rows in the order of the components."""
+        figures = {
+            name: _by_component(getattr(self, name))
+            for name in ("mean_error", "three_sigma", "textbook_mean_error", "textbook_three_sigma")
+        }
+        covariance = GRAM_METRE**2 * self.covariance
+        return figures | {"covariance": covariance.tolist() if np.isfinite(covariance).all() else None}
+
+
+def _by_component(values: np.ndarray) -> dict[str, float | None]:
+    return {
+        component: float(value) * GRAM_METRE if np.isfinite(value) else None
+        for component, value in zip(COMPONENTS, values, strict=True)
+    }
+
+
+@dataclass(frozen=True)
+class LawBreakdown:
+    """One estimator on one trajectory: what each group and each source does to the answer."""
+
+    groups: Mapping[str, LawStatistics]
+    """``total`` (all sources) and each group alone."""
+    sources: Mapping[str, LawStatistics]
+    """Each source alone."""
+
+    @property
+    def total(self) -> LawStatistics:
+        """All sources together."""
+        return self.groups["total"]
+
+
+@dataclass(frozen=True)
+class LawResult:
+    """The law of propagation for an experiment. ``result["T1", "central"]`` is one :class:`LawBreakdown`."""
+
+    nominal: np.ndarray
+    """The true tensor, packed [kg·m²]."""
+    breakdowns: Mapping[str, Mapping[str, LawBreakdown]]
+    """By trajectory, then by estimator."""
+    warnings: tuple[str, ...]
+    provenance: Mapping[str, Any] = field(repr=False)
+
+    def __getitem__(self, key: tuple[str, str]) -> LawBreakdown:
+        trajectory, estimator = key
+        return self.breakdowns[trajectory][estimator]
+
+    def pairs(self) -> list[tuple[str, str]]:
+        """Return every trajectory with every estimator."""
+        return [(trajectory, estimator) for trajectory, of in self.breakdowns.items() for estimator in of]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of result.json, in g·m²: shaped as the Monte Carlo's, without standard errors."""
+        return {
+            "unit": "g*m^2",
+            "trajectories": {
+                trajectory: {
+                    estimator: {
+                        "groups": {name: s.to_dict() for name, s in breakdown.groups.items()},
+                        "sources": {name: s.to_dict() for name, s in breakdown.sources.items()},
+                    }
+                    for estimator, breakdown in of_trajectory.items()
+                }
+                for trajectory, of_trajectory in self.breakdowns.items()
+            },
+            "warnings": list(self.warnings),
+            "provenance": dict(self.provenance),
+        }
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the summary: mean error and 3σ of each component, in g·m²; the textbook's below."""
+        rows = []
+        for trajectory, estimator in self.pairs():
+            total = self[trajectory, estimator].total
+            rows += [
+                [trajectory, estimator, "mean error", *_figures(total.mean_error)],
+                ["", "", "3σ", *_figures(total.three_sigma)],
+                ["", "", "3σ, textbook", *_figures(total.textbook_three_sigma)],
+            ]
+        return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
+
+    def source_rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of the breakdown: each group's and source's mean error and 3σ alone, in g·m²."""
+        rows = []
+        for trajectory, estimator in self.pairs():
+            breakdown = self[trajectory, estimator]
+            for name, s in [*breakdown.groups.items(), *breakdown.sources.items()]:
+                label = name.replace("_", " ")
+                rows.append([trajectory, estimator, label, "mean error", *_figures(s.mean_error)])
+                rows.append(["", "", "", "3σ", *_figures(s.three_sigma)])
+        return ["trajectory", "estimator", "alone", "g·m²", *COMPONENTS], rows
+
+    def __repr__(self) -> str:
+        lines = ["Law of propagation about the expected sums", text_table(*self.rows())]
+        return "\n".join([*lines, *(f"attention: {text}" for text in self.warnings)])
+
+    def _repr_html_(self) -> str:
+        listed = "".join(f"<li>{escape(text)}</li>" for text in self.warnings)
+        tables = html_table(*self.rows(), caption="Law of propagation") + html_table(*self.source_rows())
+        return tables + (f"<ul>{listed}</ul>" if listed else "")
+
+
+def _figures(values: np.ndarray) -> list[str]:
+    return [f"{GRAM_METRE * x:.4g}".replace("-", "−") if np.isfinite(x) else "–" for x in values]
+
+
+def beside(law: LawResult, result: MonteCarloResult) -> tuple[list[str], list[list[str]]]:
+    """Return head and rows of the law beside a Monte Carlo of the same experiment, all sources together.
+
+    The last two rows of each pair are the differences, law minus Monte Carlo, in the Monte Carlo's standard errors.
+    """
+    rows = []
+    for trajectory, estimator in law.pairs():
+        ours, theirs = law[trajectory, estimator].total, result[trajectory, estimator].total
+        for name, label in (("mean_error", "mean error"), ("three_sigma", "3σ")):
+            error = getattr(theirs, f"{name}_standard_error")
+            difference = getattr(ours, name) - getattr(theirs, name)
+            away = np.divide(difference, error, out=np.zeros(6), where=error > 0)
+            head = [trajectory, estimator] if name == "mean_error" else ["", ""]
+            rows.append([*head, f"{label}, law", *_figures(getattr(ours, name))])
+            rows.append(["", "", f"{label}, Monte Carlo", *_figures(getattr(theirs, name))])
+            rows.append(["", "", "difference / standard error", *(f"{x:.2f}".replace("-", "−") for x in away)])
+    return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows

@@ -1,0 +1,132 @@
+"""The uncertainty that a motion promises, by the law of propagation: differentiable through the motion itself.
+
+What :func:`uq.propagation.experiment_law.law` finds from every sample of a run, an optimiser needs a thousand times
+over, and its gradient. So here are the law's first-order terms, for least squares with a perfect differentiator, from
+samples just close enough for a motion of limited band; each of them counts for as many samples of the run as it stands
+for.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.motion.trajectory import Motion, Trajectory
+from identify.rigid_body.inertia import Body, unpack
+from identify.rigid_body.regressor import cross_matrix, omega_r
+from uq.campaign.campaign import platform_of
+from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.files.document import ExperimentError
+from uq.gram_sums.error_maps import Columns, Platform, true_elements
+from uq.gram_sums.setup import cases_of
+from uq.propagation.expansion import Quiet, TrueSums, equations_of, tensor_of
+from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
+from uq.sources.constant_errors import perturbed
+
+
+class Prediction(eqx.Module):
+    """An experiment's errors, ready to be propagated through any motion."""
+
+    body: Body
+    platform: Platform
+    """What carries it, whatever the trajectory."""
+    directions: Float[Array, "e d"]
+    """What one standard deviation of each number that is drawn once does to the errors."""
+    correlation: Float[Array, "d d"]
+    wrench: Float[Array, "6 6"]
+    """Covariance of the white noise of force and moment at one sample."""
+    gyro: Float[Array, "3"]
+    """Variance of omega's white noise at one sample [rad²/s²]."""
+    rate: float = eqx.field(static=True)
+    """Sample rate [Hz]."""
+    columns: Columns = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, experiment: Experiment, spec: TrajectorySpec) -> "Prediction":
+        """Prepare an experiment's sources for motions that are sampled and carried as this one.
+
+        Raises:
+            ExperimentError: a source that the law cannot take, or that moves nothing in its first order.
+        """
+        if "entrained_air" in perturbed(experiment.sources):
+            raise ExperimentError("entrained air is not in the prediction of a motion: leave it out")
+        constants = constants_of(experiment.sources, experiment.mixing)
+        total = [case for case in cases_of(experiment.sources) if case.name == "total"]
+        names = ("F", "M", "omega")
+        anywhere = Peaks({name: np.zeros(3) for name in names}, {name: np.full(3, np.inf) for name in names})
+        inputs = inputs_of_cases(total, constants, experiment.sources, experiment.mixing, spec.rate, anywhere)
+        return cls(
+            experiment.body,
+            eqx.tree_at(lambda p: p.trajectory, platform_of(experiment, spec), None),
+            jnp.asarray(constants.errors * constants.sigma),
+            jnp.asarray(constants.correlation),
+            jnp.asarray(inputs.wrench[0]),
+            jnp.asarray(inputs.gyro[0]),
+            spec.rate,
+            Columns.of(experiment.sources),
+        )
+
+    @eqx.filter_jit
+    def covariance(
+        self, motion: Motion, jerk: Float[Array, "3 n"], each: Float[Array, " #n"] | float | None = None
+    ) -> Float[Array, "6 6"]:
+        """Return the covariance of the tensor [(kg·m²)²] that a motion promises.
+
+        Args:
+            motion: at n instants, far fewer than the run's samples.
+            jerk: derivative of alpha in B [rad/s³].
+            each: samples that an instant stands for, one number or one an instant, where the motion is one period of
+                a longer run, or of each of its stages; None: those between two instants, which are uniform.
+        """
+        if each is None:
+            each = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1) * self.rate
+        each = jnp.broadcast_to(jnp.asarray(each), motion.t.shape)
+        rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
+        inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", each, rows, rows))
+        noise = inverse @ (self._of_cell(rows, each) + self._of_gyro(motion, jerk, each)) @ inverse
+        by_constants = self._by_constants(motion, jerk, each)
+        return noise + by_constants @ self.correlation @ by_constants.T
+
+    def _of_cell(self, rows: Float[Array, "n 3 6"], each: Float[Array, " n"]) -> Float[Array, "6 6"]:
+        """Sum over instants of ``Ωᵀ S Ω``, S the covariance of the noise of ``M - r × F``."""
+        about = jnp.hstack([-cross_matrix(self.body.r_cg_from_q), jnp.eye(3)])
+        return jnp.einsum("n,nij,ik,nkl->jl", each, rows, about @ self.wrench @ about.T, rows)
+
+    def _of_gyro(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 6"]:
+        """The same of omega's noise: what it does to ``Ω i``, the part through alpha by a summation by parts."""
+        inertia, tensor = self.body.inertia, unpack(self.body.inertia)
+
+        def of_instant(omega, alpha, jerk):
+            rows, slope = jax.jvp(omega_r, (omega, alpha), (alpha, jerk))
+            by_omega = jax.jacfwd(lambda w: omega_r(w, alpha) @ inertia)(omega)
+            return rows.T @ by_omega - slope.T @ tensor
+
+        acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
+        return jnp.einsum("n,nji,i,nki->jk", each, acts, self.gyro, acts)
+
+    def _by_constants(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 d"]:
+        wrench, t = self.columns.sampled(self.body, motion), motion.t - motion.t[0]
+
+        def sums(delay):
+            omega, alpha = motion.omega - delay * motion.alpha, motion.alpha - delay * jerk
+            phi = jnp.concatenate([true_elements(omega, alpha, t), alpha])
+            return TrueSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
+
+        now, later = jax.jvp(sums, (jnp.zeros(()),), (jnp.ones(()),))
+        run = Quiet(self.body, self.platform, (now, later, jax.tree.map(jnp.zeros_like, now)), self.columns)
+
+        def estimate(numbers):
+            return tensor_of(equations_of(run, 0, self.directions @ numbers, jnp.zeros(3), jnp.zeros(())))
+
+        return jax.jacfwd(estimate)(jnp.zeros(self.directions.shape[1]))
+
+
+def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
+    """Return the derivative of alpha of a trajectory at a motion's instants, in B [rad/s³]."""
+    return _slopes(spec.trajectory, motion.t)
+
+
+@eqx.filter_jit
+def _slopes(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
+    return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)

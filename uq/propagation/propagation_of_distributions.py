@@ -1,0 +1,132 @@
+"""Propagation of distributions through a measurement model by an adaptive Monte Carlo (JCGM 101:2008, clause 7)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.precision import check_precision
+from identify.text_tables import html_table, text_table
+from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
+from uq.coverage.coverage_intervals import CoverageInterval, Value, shortest_interval, symmetric_interval
+from uq.coverage.coverage_regions import covariance_of
+from uq.propagation.law_of_propagation import Model
+from uq.sources.distributions import Distribution
+from uq.sources.source import stream_number
+
+
+@dataclass(frozen=True)
+class Propagation:
+    """A measurand by the propagation of distributions (JCGM 101, 7.6 and 7.7)."""
+
+    trials: int
+    seed: int
+    estimate: np.ndarray
+    """Average of the trials, of the measurand's shape."""
+    covariance: np.ndarray
+    """Of the measurand's m components, flattened, (m, m)."""
+    symmetric: CoverageInterval
+    shortest: CoverageInterval
+    stability: Stability
+    warnings: tuple[str, ...]
+    draws: Float[np.ndarray, "trials *outputs"] = field(repr=False, compare=False)
+
+    @property
+    def standard_uncertainty(self) -> np.ndarray:
+        """Standard deviation of the trials, of the measurand's shape."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)).reshape(self.estimate.shape))
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows: estimate, standard uncertainty, both intervals, tolerance."""
+        columns = [
+            self.estimate, self.standard_uncertainty, self.symmetric.low, self.symmetric.high, self.shortest.low,
+            self.shortest.high, self.stability.tolerance.reshape(self.estimate.shape),
+        ]  # fmt: skip
+        percent = f"{100 * self.symmetric.probability:g} %"
+        head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
+        rows = np.stack([np.ravel(column) for column in columns], axis=1)
+        return head, [[f"{x:.6g}".replace("-", "−") for x in row] for row in rows]
+
+    def _title(self) -> str:
+        return f"Monte Carlo, {self.trials:,} trials in {self.stability.blocks} blocks, seed {self.seed}"
+
+    def __repr__(self) -> str:
+        return "\n".join([self._title(), text_table(*self.rows()), *self.warnings])
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), caption=self._title()) + "".join(f"<p>{text}</p>" for text in self.warnings)
+
+
+def propagate_distributions(
+    model: Model,
+    inputs: Mapping[str, Distribution],
+    *,
+    digits: int = 2,
+    tolerance: Value = None,
+    probability: float = 0.95,
+    joint: bool = False,
+    seed: int = 0,
+    block: int | None = None,
+    most_trials: int = 10_000_000,
+) -> Propagation:
+    """Propagate the inputs' distributions through a model by an adaptive Monte Carlo (JCGM 101, 7.9).
+
+    A draw depends on the seed, the input's name and the number of the block, so that another input changes none.
+
+    Args:
+        model: the measurement model, JAX on a dict of arrays, one trial.
+        inputs: distributions by name; correlated coordinates belong to one of them.
+        digits: significant digits of the standard uncertainty that are to be stable.
+        tolerance: the numerical tolerance instead, in the output's unit; one figure or one an output.
+        probability: coverage probability.
+        joint: watch λ_max and k_p of several outputs too (JCGM 102, 7.8).
+        seed: seed of every draw.
+        block: trials in a block; None for 10,000, or 100 / (1 - p) if that is more (7.9.4 b).
+        most_trials: where to stop at the latest; the result then says so in its warnings.
+
+    Raises:
+        ValueError: no input, or a goal that cannot be.
+    """
+    if not inputs:
+        raise ValueError("Argument `inputs` must hold at least one input, but is empty.")
+    goal = Goal(digits, tolerance, probability, joint)
+    block = block or max(10_000, goal.least_block)
+    warned = check_precision("float64")
+    inputs, blocks = dict(sorted(inputs.items())), Blocks(goal)
+    parts: list[np.ndarray] = []
+    while not parts or (len(parts) + 1) * block <= most_trials:
+        parts.append(np.asarray(_block(model, inputs, jax.random.key(seed), jnp.asarray(len(parts)), block)))
+        blocks.add(parts[-1].reshape(block, -1))
+        if blocks.stability().stable:
+            break
+    draws, stability = np.concatenate(parts), blocks.stability()
+    finite = draws[np.isfinite(draws.reshape(len(draws), -1)).all(axis=1)]
+    return Propagation(
+        len(draws),
+        seed,
+        np.asarray(finite.mean(0)),
+        covariance_of(finite.reshape(len(finite), -1)),
+        symmetric_interval(finite, probability),
+        shortest_interval(finite, probability),
+        stability,
+        (*warned, *_warnings(stability, len(draws), len(draws) - len(finite))),
+        draws,
+    )
+
+
+def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:
+    found = [] if stability.stable else [not_stable(stability, trials)]
+    return found + ([f"{failed} of {trials:,} trials are not finite and are left out."] if failed else [])
+
+
+@eqx.filter_jit
+def _block(model: Model, inputs: Mapping[str, Distribution], key: Array, number: Array, size: int) -> Array:
+    def draw(name: str, given: Distribution) -> Array:
+        own = jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), number)
+        return given.draw(own, (size, *np.shape(given.mean)))
+
+    return jax.vmap(model)({name: draw(name, given) for name, given in inputs.items()})

@@ -1,0 +1,1 @@
+"""Recorded runs: from a file and its declaration to signals on the body."""

@@ -1,0 +1,92 @@
+"""Which of a message's two times is that of its measurement, and what becomes of times that jitter by arrival."""
+
+import numpy as np
+
+from identify.signals.resample import GAP, JITTER_WARNING
+from rig.channels import ImuChannel, MotionChannel, WrenchChannel
+from rig.record import device_clock as clock
+
+Channel = WrenchChannel | ImuChannel | MotionChannel
+AHEAD = 0.5
+"""Seconds over which the usual delay tells whether messages were lost or only late."""
+LATE = 0.1
+"""Scatter of arrivals about a steady rate beyond which there is no such rate [s]."""
+
+
+def instants(
+    channels: tuple[Channel, Channel], choice: str | None
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[str, ...]]:
+    """Return the instants of two channels' messages on one clock [ns], and what is to be said of them.
+
+    The headers' stamps, where in both channels they are set and increase throughout the run (a run may start at zero);
+    else the log's times of both, since clocks must not mix. Log times that jitter by arrival are replaced by a straight
+    line through the fastest arrivals: over the device's stamps, its counter, or the messages' numbers.
+
+    Args:
+        channels: load cell and motion sensor.
+        choice: ``header`` or ``log``, where declared.
+    """
+    unset = [channel.topic for channel in channels if not channel.stamp.any()]
+    wild = [channel.topic for channel in channels if channel.topic not in unset and not _increases(channel.stamp)]
+    if choice == "header" or (choice is None and not unset and not wild):
+        return (channels[0].stamp, channels[1].stamp), ()
+    said = []
+    if choice is None:
+        said = [f"no stamps in the headers of {' and '.join(unset)}"] * bool(unset)
+        said += [f"the headers' stamps of {' and '.join(wild)} do not increase"] * bool(wild)
+        said = [f"{' and '.join(said)}: took the log's times for both sensors"]
+    fitted = [_fitted(channel) for channel in channels]
+    return (fitted[0][0], fitted[1][0]), (*said, *(text for _, texts in fitted for text in texts))
+
+
+def _increases(stamp: np.ndarray) -> bool:
+    return bool((np.diff(stamp) > 0).all())
+
+
+def _fitted(channel: Channel) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The log's times, without the jitter of arrival."""
+    arrival = channel.log_time
+    steps = np.diff(arrival)
+    if len(steps) < 10 or steps[steps <= GAP * np.median(steps)].std() < JITTER_WARNING * np.median(steps):
+        return arrival, ()
+    stamped = channel.stamp.any() and _increases(channel.stamp)
+    device = channel.stamp if stamped else _ticks(channel)
+    line = clock.fit(device, arrival)
+    times = device + np.round(line.offset + line.skew * (device - line.origin)).astype(np.int64)
+    spread = 1e-6 * float((arrival - times).std())
+    if spread > LATE * 1e3:
+        return arrival, (f"the log's times of {channel.topic} follow no steady rate: took them as they are",)
+    means = "the device's stamps" if stamped else "a steady rate"
+    return times, (f"the log's times of {channel.topic} jitter by {spread:.2g} ms: fitted {means} to them",)
+
+
+def _ticks(channel: Channel) -> np.ndarray:
+    """Times [ns] of a steady rate: by the device's counter, or else by the messages' numbers, losses added."""
+    arrival, n = channel.log_time, len(channel.log_time)
+    counted = channel.sequence
+    if counted is not None and _counts(counted):
+        number = counted.astype(np.int64) - int(counted[0])
+        return np.round(number * (arrival[-1] - arrival[0]) / max(number[-1], 1)).astype(np.int64)
+    number = np.arange(n)
+    period = _period(arrival)
+    late = arrival - np.round(number * period)
+    ahead = max(int(AHEAD * 1e9 / period), 1)
+    for k in np.flatnonzero(np.diff(arrival) > GAP * period):
+        after, before = np.median(late[k + 1 : k + 1 + ahead]), np.median(late[max(k + 1 - ahead, 0) : k + 1])
+        lost = round((after - before) / period)
+        if lost > GAP / 2:  # fewer are within the jitter, and shift no sample by more
+            number[k + 1 :] += lost
+            late[k + 1 :] -= round(lost * period)
+    return np.round(number * period).astype(np.int64)
+
+
+def _counts(counter: np.ndarray) -> bool:
+    """Whether a counter counts messages: up by one nearly always, and never down."""
+    steps = np.diff(counter.astype(np.int64))
+    return bool((steps > 0).all() and np.mean(steps == 1) > 0.9)
+
+
+def _period(arrival: np.ndarray) -> float:
+    """The steady rate's period [ns], from the middle half of the spans over many messages."""
+    span = max(min(len(arrival) // 4, 1000), 1)
+    return float(np.median((arrival[span:] - arrival[:-span]) / span))

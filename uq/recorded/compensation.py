@@ -1,0 +1,78 @@
+"""Undo what a driver did to the wrench: a zero set with the body on the cell, its weight removed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identify.estimators.offsets import rest_of
+from identify.rigid_body.rotation import moment_about
+from identify.signals.run import Run, RunError
+from identify.signals.segments import Stretch
+from identify.signals.weight_removal import UP, upward
+from uq.experiment.experiment import Experiment
+
+LEVEL = 0.02
+"""Tilt of a rest that counts as level [rad]."""
+
+
+def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Run, tuple[str, ...]]:
+    """Return a run with the body's weight in its wrench again, and what this assumes.
+
+    Args:
+        run: the part of a run that counts, from the rest before it on.
+        rests: where the body rests, from the run's first sample.
+        experiment: mass, centre of gravity, gravity, and what was done.
+
+    Raises:
+        RunError: mass is not stated, or nothing tells the attitude.
+    """
+    recording, r_cg = experiment.recording, experiment.stated_r_cg
+    if recording.compensated in ("gravity", "gravity_from_force"):
+        mass = _mass(run, experiment, f"compensated is {recording.compensated}")
+        weight = mass * experiment.gravity * upward(run, r_cg, rests)
+        how = "the gyro, level at first" if run.specific_force is None else "the accelerometer"
+        said = f"the driver removed the declared mass at the declared r_CG, and gravity's direction is that of {how}"
+        weighed = _with(run, weight, r_cg, also_moment=recording.compensated == "gravity")
+        if run.specific_force is None and recording.compensated == "gravity_from_force":
+            _check_level(weighed, rests, experiment)
+        return weighed, (said,)
+    if recording.zero == "loaded" and recording.offsets == "none":
+        mass = _mass(run, experiment, "zero is loaded, with offsets none")
+        weight = np.broadcast_to(mass * experiment.gravity * UP, run.force.shape)
+        said = "the load cell was zeroed with the body on it at rest and level"
+        return _with(run, weight, r_cg, also_moment=True), (said,)
+    return run, ()
+
+
+def _check_level(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> None:
+    """Refuse a level that the moment at rest contradicts; a tilt and an offset look alike in it."""
+    rest = rest_of(run, rests[:1])
+    if rest is None:
+        raise RunError(
+            f"{run.name} has neither accelerometer nor two seconds of level rest before the motion: the weight removed "
+            "from the force cannot be put back without"
+        )
+    tilt = np.linalg.norm(rest.moment - np.cross(experiment.stated_r_cg, rest.force)) / _arm(experiment)
+    if tilt > LEVEL:
+        raise RunError(
+            f"the moment at rest before the motion in {run.name} is that of a body tilted by {np.rad2deg(tilt):.2g} "
+            "deg, or an offset: the weight removed from the force cannot be put back without an accelerometer"
+        )
+
+
+def _arm(experiment: Experiment) -> float:
+    """The moment of the weight at right angles to r_CG [N·m]."""
+    return max((experiment.mass or 0.0) * experiment.gravity * float(np.linalg.norm(experiment.stated_r_cg)), 1e-9)
+
+
+def _mass(run: Run, experiment: Experiment, why: str) -> float:
+    if experiment.mass is None:
+        raise RunError(f"recording.{why}, and the weight that {run.name} lacks needs the mass: give body.mass")
+    return experiment.mass
+
+
+def _with(run: Run, force: np.ndarray, r_cg: np.ndarray, *, also_moment: bool) -> Run:
+    """The run with a force at the centre of gravity added, and where asked its moment about Q."""
+    moment = moment_about(run.moment, force, r_cg) if also_moment else run.moment
+    return replace(run, force=run.force + force, moment=moment)

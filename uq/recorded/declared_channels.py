@@ -1,0 +1,173 @@
+"""What a recorded run's channels mean: the experiment's declaration and the run's own metadata, brought together.
+
+What both say must agree; what one says is used; what neither says is an assumption of the result.
+"""
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from identify.rigid_body.rotation import moment_about
+from identify.signals.run import RunError
+from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import Recording as BagRecording
+from uq.experiment.recording_table import UNITS, Recording
+from uq.files.units import UnitError, scale
+
+SYMBOLS = {"force": "N", "moment": "N·m", "angular_velocity": "rad/s", "acceleration": "m/s²"}
+EQUAL = 1e-9
+"""Difference that two declarations of the same may have, for rounding."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """How to turn a run's channels into the wrench on the body about Q and the motion, in B and in SI units."""
+
+    sign: float
+    scales: dict[str, float]
+    calibration: np.ndarray
+    wrench_rotation: np.ndarray
+    imu_rotation: np.ndarray
+    wrench_point: np.ndarray
+    imu_position: np.ndarray | None
+    """The accelerometer, from Q; None: nobody says."""
+    assumptions: tuple[str, ...]
+
+    def wrench(self, channel: WrenchChannel) -> tuple[np.ndarray, np.ndarray]:
+        """Return force and moment on the body about Q, in B: by calibration, units, sign, rotation, point."""
+        raw = np.hstack([channel.force, channel.moment]) @ self.calibration.T
+        force = self.sign * self.scales["force"] * raw[:, :3] @ self.wrench_rotation.T
+        moment = self.sign * self.scales["moment"] * raw[:, 3:] @ self.wrench_rotation.T
+        return force, moment_about(moment, force, self.wrench_point)
+
+    def motion(self, channel: ImuChannel) -> tuple[np.ndarray, np.ndarray]:
+        """Return angular velocity and specific force in B."""
+        omega = self.scales["angular_velocity"] * channel.angular_velocity @ self.imu_rotation.T
+        return omega, self.scales["acceleration"] * channel.linear_acceleration @ self.imu_rotation.T
+
+
+def declared(bag: BagRecording, recording: Recording) -> Rig:
+    """Bring a run's metadata and the experiment's declaration together.
+
+    Raises:
+        RunError: the two contradict each other, or the metadata names a unit that there is not.
+    """
+    said = _Said(bag)
+    assumed: list[str] = []
+    scales = _scales(said, recording, assumed)
+    meaning = said.one_of("wrench", recording.wrench, said.wrench)
+    if meaning is None:
+        assumed.append("the wrench is that on the body")
+    of_wrench = _rotation(said, "wrench", recording.wrench_rotation_to_body, said.wrench_in_body)
+    of_imu = _rotation(said, "imu", recording.imu_rotation_to_body, said.imu_in_body)
+    point = _point(said, "wrench_point", recording.wrench_point, said.wrench_at_q)
+    position = _point(said, "imu_position", recording.imu_position, said.imu_at_q)
+    silent = {"the load cell's axes": of_wrench, "the IMU's axes": of_imu}
+    if unsaid := [name for name, value in silent.items() if value is None]:
+        assumed.append(f"{' and '.join(unsaid)} are the body's")
+    if point is None:
+        assumed.append("the moment is taken about Q")
+    return Rig(
+        -1.0 if meaning == "on_sensor" else 1.0,
+        scales,
+        np.eye(6) if recording.calibration is None else recording.calibration,
+        np.eye(3) if of_wrench is None else of_wrench,
+        np.eye(3) if of_imu is None else of_imu,
+        np.zeros(3) if point is None else point,
+        position,
+        tuple(assumed),
+    )
+
+
+class _Said:
+    """What a run's metadata ``rig.run`` says of its channels."""
+
+    def __init__(self, bag: BagRecording) -> None:
+        self.name = bag.path.name
+        about = bag.metadata.get("rig.run", {})
+        meaning = about.get("wrench")
+        self.wrench = meaning if meaning in ("on_body", "on_sensor") else None
+        frames = _json(about.get("frames"))
+        of_wrench = str(frames.get(bag.wrench.topic, about.get("wrench_meaning", "")))
+        of_imu = str(frames.get(bag.imu.topic, about.get("imu", "")))
+        self.wrench_in_body, self.imu_in_body = _in_body(of_wrench), _in_body(of_imu)
+        self.wrench_at_q, self.imu_at_q = _at_q(of_wrench), _at_q(of_imu)
+        self.units = {name: unit for name, unit in _json(about.get("units")).items() if isinstance(unit, str)}
+        if "[N]" in of_wrench and "[N*m]" in of_wrench:
+            self.units = {"force": "N", "moment": "N*m"} | self.units
+        if "[rad/s]" in of_imu and "[m/s^2]" in of_imu:
+            self.units = {"angular_velocity": "rad/s", "acceleration": "m/s^2"} | self.units
+
+    def one_of(self, key: str, declared: Any, said: Any) -> Any:
+        """What is declared, else what the metadata says, else None."""
+        if declared is not None and said is not None and declared != said:
+            raise self.contradiction(f"its {key} is {said}", key, str(declared))
+        return said if declared is None else declared
+
+    def contradiction(self, said: str, key: str, declared: str) -> RunError:
+        """The error that names both."""
+        return RunError(
+            f"{self.name} says that {said}, recording.{key} in the experiment says {declared}: correct the experiment"
+        )
+
+
+def _json(text: str | None) -> dict[str, Any]:
+    try:
+        content = json.loads(text or "{}")
+    except ValueError:
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _in_body(text: str) -> bool:
+    return re.search(r"\bin B\b|\bbody frame\b", text) is not None
+
+
+def _at_q(text: str) -> bool:
+    return re.search(r"\b(at|centre|about) Q\b", text) is not None
+
+
+def _scales(said: _Said, recording: Recording, assumed: list[str]) -> dict[str, float]:
+    """How many SI units one unit of each quantity is."""
+    scales, silent = {}, []
+    for quantity, si in UNITS.items():
+        declared, known = recording.unit(quantity), said.units.get(quantity)
+        of_run = None if known is None else _scale(said, quantity, known, si)
+        if declared is not None:
+            scales[quantity] = scale(declared, si)
+            if of_run is not None and abs(of_run / scales[quantity] - 1) > EQUAL:
+                raise said.contradiction(
+                    f"its {quantity.replace('_', ' ')} is in {known}", f"{quantity}_unit", declared
+                )
+        else:
+            scales[quantity] = 1.0 if of_run is None else of_run
+            silent += [SYMBOLS[quantity]] * (of_run is None)
+    if silent:
+        assumed.append(f"values are in {', '.join(silent)}")
+    return scales
+
+
+def _scale(said: _Said, quantity: str, name: str, si: str) -> float:
+    try:
+        return scale(name, si)
+    except UnitError:
+        raise RunError(
+            f"{said.name} says that its {quantity.replace('_', ' ')} is in {name!r}, which is no unit of it: "
+            "repair the metadata rig.run"
+        ) from None
+
+
+def _rotation(said: _Said, sensor: str, declared: np.ndarray | None, in_body: bool) -> np.ndarray | None:
+    if declared is not None and in_body and np.abs(declared - np.eye(3)).max() > EQUAL:
+        raise said.contradiction(f"its {sensor} is in the body frame", f"{sensor}_rotation_to_body", "another")
+    return np.eye(3) if declared is None and in_body else declared
+
+
+def _point(said: _Said, key: str, declared: np.ndarray | None, at_q: bool) -> np.ndarray | None:
+    what = {"wrench_point": "its moment is taken about Q", "imu_position": "its IMU is at Q"}[key]
+    if declared is not None and at_q and np.abs(declared).max() > EQUAL:
+        raise said.contradiction(what, key, f"{np.round(1e3 * declared, 6).tolist()} mm")
+    return np.zeros(3) if declared is None and at_q else declared

@@ -1,0 +1,162 @@
+"""Recorded runs: from MCAP files and an experiment file to the tensor."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from identify.signals.filters import occupied_band
+from identify.signals.held_samples import repeats, saturated
+from identify.signals.resample import UNEQUAL, interval
+from identify.signals.run import Run, RunError
+from rig.bags import marks as notes
+from rig.channels import Recording as BagRecording
+from rig.runs import read_any
+from uq.experiment.recording_table import Recording
+from uq.recorded.clocks import instants
+from uq.recorded.declared_channels import Rig, declared
+from uq.recorded.instruments import about
+from uq.recorded.motion import motion, upward
+from uq.recorded.parts import on_clock
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A whole recorded run, before a part of it is chosen."""
+
+    run: Run
+    marks: tuple[tuple[float, str], ...]
+    """Seconds from the run's start, and name."""
+    assumptions: tuple[str, ...]
+    """What neither the experiment nor the run's metadata says."""
+    rig: Rig
+    """How its channels became force, moment and motion in B."""
+    attitude: tuple[np.ndarray, np.ndarray] | None = None
+    """Instants [s] and upward direction in the sensor's frame (n, 3), where poses were recorded."""
+
+
+def load_run(path: str | Path, recording: Recording | None = None) -> Run:
+    """Read a recorded run: force and moment on the body at Q, angular velocity, all in B.
+
+    Args:
+        path: a file or rosbag2 folder with a wrench and what tells the motion.
+        recording: what its channels mean; None for our own runs.
+
+    Raises:
+        RigError: the file cannot be read, or a topic is missing.
+        RunError: its data cannot be used, or what it says of itself contradicts the declaration.
+    """
+    return load(path, recording or Recording(), marks=False).run
+
+
+def load(path: str | Path, recording: Recording, *, band: float | None = None, marks: bool = True) -> Recorded:
+    """Read a whole recorded run with its marks and with what is assumed of it.
+
+    Args:
+        path: a file or rosbag2 folder with a wrench and what tells the motion.
+        recording: what its channels mean.
+        band: highest frequency of the motion [Hz], where declared.
+        marks: whether the run's marks are needed.
+
+    Raises:
+        RigError, RunError: see :func:`load_run`.
+    """
+    bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    times, said = instants((bag.wrench, bag.motion), recording.time)
+    told = motion(bag, recording, times[1], band=band)
+    posed = (times[1], upward(bag.motion))
+    if told.imu is not bag.motion:
+        bag = replace(bag, motion=told.imu)
+        times, _ = instants((bag.wrench, bag.imu), recording.time)
+    rig = declared(bag, recording)
+    start = min(int(times[0][0]), int(times[1][0]))
+    seconds = [(stamp - start) * 1e-9 for stamp in times]
+    ours = "log_time" in bag.metadata.get("rig.run", {})
+    extra = notes.read(path) if marks or ours else notes.Notes((), ())
+    channels = _Channels(bag, rig, seconds, extra)
+    _check_rates(channels, band)
+    run = channels.run()
+    return Recorded(
+        replace(
+            run,
+            warnings=(*run.warnings, *told.warnings, *said),
+            noise=None if told.noise is None else told.noise.turned(rig.imu_rotation),
+            about=about(bag.metadata, bag.wrench.log_time),
+        ),
+        tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
+        (*rig.assumptions, *told.notes),
+        rig,
+        None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
+    )
+
+
+class _Channels:
+    """Load cell and motion sensor in the body frame, without the samples that they did not really take."""
+
+    def __init__(self, bag: BagRecording, rig: Rig, seconds: list[np.ndarray], extra: notes.Notes) -> None:
+        self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
+        wrench, imu = bag.wrench, bag.imu
+        self.wrench = np.hstack(rig.wrench(wrench))
+        self.motion = np.hstack(rig.motion(imu))
+        raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
+        flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
+        kept, self.bad = zip(*(self._sift(*one) for one in zip(raw, seconds, flagged, strict=True)), strict=True)
+        self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, kept, strict=True))
+        self.wrench, self.motion = self.wrench[kept[0]], self.motion[kept[1]]
+
+    def _sift(self, values: np.ndarray, t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which samples of a sensor to keep, and when those were taken near which nothing must be used."""
+        slower, frozen = repeats(values)
+        clipped = saturated(values)
+        for reason, found in (("held", slower | frozen), ("saturated", clipped), ("overrange", flagged)):
+            if found.any():
+                self.left_out[reason] = self.left_out.get(reason, 0) + int(found.sum())
+        return ~slower, t[frozen | clipped | flagged]
+
+    def _flagged(self, topic: str, log_time: np.ndarray, extra: notes.Notes) -> np.ndarray:
+        """Samples of the seconds in which the device said that it was out of range."""
+        about = self.bag.metadata.get("rig.run", {})
+        found = np.zeros(len(log_time), bool)
+        for one in extra.flagged:
+            if about.get(f"{one.device}.topic") == topic:
+                found |= (log_time > one.after) & (log_time <= one.until)
+        return found
+
+    def run(self) -> Run:
+        """The two at common instants."""
+        accelerates = bool(self.motion[:, 3:].any() and np.isfinite(self.motion[:, 3:]).all())
+        run = Run.from_channels(
+            self.t_wrench,
+            self.wrench[:, :3],
+            self.wrench[:, 3:],
+            self.t_imu,
+            self.motion[:, :3],
+            name=self.bag.path.name,
+            sha256=self.bag.sha256,
+            specific_force=self.motion[:, 3:] if accelerates else None,
+            bad=self.bad,
+        )
+        return replace(
+            run,
+            left_out=self.left_out | dict(run.left_out),
+            imu_position=self.rig.imu_position,
+            mounting=self.bag.metadata.get("rig.run", {}).get("mounting") or None,
+        )
+
+
+def _check_rates(channels: _Channels, band: float | None) -> None:
+    """Refuse a motion that the slower sensor cannot follow."""
+    topics = (channels.bag.wrench.topic, channels.bag.imu.topic)
+    if min(len(channels.t_wrench), len(channels.t_imu)) < 10:
+        return
+    rates = [1 / interval(t) for t in (channels.t_wrench, channels.t_imu)]
+    slow, fast = int(np.argmin(rates)), int(np.argmax(rates))
+    if not rates[fast] > UNEQUAL * rates[slow] or not np.isfinite(channels.wrench).all():
+        return
+    signal = channels.wrench[:, 3:] if fast == 0 else channels.motion[:, :3]
+    reached = max(band or 0.0, occupied_band(signal, rates[fast]))
+    if reached > rates[slow] / 2:
+        raise RunError(
+            f"the motion in {channels.bag.path.name} reaches {reached:.3g} Hz, beyond the Nyquist frequency "
+            f"{rates[slow] / 2:.3g} Hz of {topics[slow]}: record {topics[slow]} at a higher rate"
+        )

@@ -1,0 +1,87 @@
+"""Declared noise against the noise that the data show, channel by channel.
+
+Type A takes what the residuals show, so a wrong figure does no harm there; but it says that the sensor is not the one
+that its figures describe, or that something shakes the rig.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.signals.filters import motion_band
+from identify.signals.run import Run
+from uq.sources.source import SIGNALS, TARGET_UNITS, Source, Target
+
+FAR = 2.0
+"""Ratio of measured to declared noise, or the inverse, that is worth a word."""
+SEGMENTS = 8
+"""Stretches that a spectrum is averaged over, at least."""
+ABOVE = 3.0
+"""The level is taken above the motion's band by this factor: products of the motion reach to twice it."""
+BELOW = 0.35
+"""And below this part of the Nyquist frequency: what brings unequal rates together leaves that as it is."""
+FEWEST = 16
+"""Frequencies that must be left."""
+
+
+def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> Float[np.ndarray, "3"] | None:
+    """Return the standard deviation of white noise with the signal's median spectral level above a frequency.
+
+    Args:
+        signal: samples first.
+        rate: sample rate [Hz].
+        above: where the motion ends [Hz].
+
+    Returns:
+        One value an axis, in the signal's unit; None where too few frequencies are left.
+    """
+    size = max(len(signal) // SEGMENTS, 8)
+    frequency, density = scipy.signal.welch(
+        signal, fs=rate, nperseg=size, axis=0, window="blackmanharris", detrend="linear"
+    )
+    usable = (frequency > above) & (frequency < BELOW * rate / 2)
+    if usable.sum() < FEWEST:
+        return None
+    return np.sqrt(np.median(density[usable], axis=0) * rate / 2)
+
+
+def declared_level(sources: Sequence[Source], target: Target, rate: float) -> Float[np.ndarray, "3"] | None:
+    """Return the standard deviation of the white noise that sources declare of a signal; None: none does."""
+    squares = [
+        np.square(s.standard_deviation) * np.ones(3) for s in sources if (s.target, s.kind) == (target, "precision")
+    ]
+    squares += [np.square(s.settings["white"]) * rate for s in sources if (s.target, s.kind) == (target, "coloured")]
+    if not squares or not np.sum(squares) > 0:
+        return None
+    squares += [np.square(s.settings["step"]) / 12 for s in sources if (s.target, s.kind) == (target, "quantisation")]
+    return np.sqrt(np.sum(squares, axis=0))
+
+
+def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
+    """Return a line for each channel whose noise is far from what its sources declare."""
+    part = max(run.used(), key=lambda one: one.stop - one.start)
+    above = ABOVE * motion_band(run.omega[part], run.rate)
+    said = []
+    cell, imu = run.sensor_rates or (run.rate, run.rate)
+    channels = zip(SIGNALS, (run.force, run.moment, run.omega), (cell, cell, imu), strict=True)
+    for target, signal, own_rate in channels:
+        declared = declared_level(sources, target, own_rate)
+        shown = white_level(signal[part], run.rate, above)
+        if declared is None or shown is None or not shown.all():
+            continue
+        shown = shown * np.sqrt(own_rate / run.rate)  # the sensor's own samples, of the same spectrum
+        ratio = shown / np.maximum(declared, 1e-300)
+        far = np.flatnonzero((ratio > FAR) | (ratio < 1 / FAR))
+        if len(far):
+            said.append(_line(run, target, int(far[np.argmax(np.abs(np.log(ratio[far])))]), shown, declared))
+    return said
+
+
+def _line(run: Run, target: Target, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:
+    unit = TARGET_UNITS[target].replace("*", "·")
+    return (
+        f"{run.name}: {target} has noise of {shown[axis]:.2g} {unit} a sample on b{axis + 1}, "
+        f"its sources declare {declared[axis]:.2g} {unit}: check the figure, or what shakes the rig"
+    )

@@ -1,0 +1,172 @@
+"""The angular velocity of a run, whatever tells it: IMU, twist, odometry, pose, or joints with a robot's description.
+
+Every source becomes an IMU's channel in its sensor's own frame; a pose or a joint's position is differentiated here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.signals.attitude_rate import angular_velocity, attitude_band, continuous, differentiator
+from identify.signals.coloured_noise import ShapedNoise
+from identify.signals.held_samples import repeats
+from identify.signals.resample import in_gap, interpolate, interval, is_uniform
+from identify.signals.run import RunError
+from rig.channels import ImuChannel, MotionChannel, Recording
+from rig.mcap.message_fields import JOINTS, POSE, TWIST
+from uq.experiment.recording_table import Recording as Declared
+from uq.recorded.joints import Chain
+
+AT_REST = ("map", "odom", "world", "earth")
+"""Frames that do not turn with a body (REP 105)."""
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Motion:
+    """An angular velocity as an IMU's channel, and what is to be known of it."""
+
+    imu: ImuChannel
+    """In the sensor's frame; acceleration zero where none was recorded."""
+    noise: ShapedNoise | None = None
+    """The noise of an angular velocity that was differentiated; None: it is taken for white."""
+    notes: tuple[str, ...] = ()
+    """What the result assumes of it."""
+    warnings: tuple[str, ...] = ()
+
+
+def motion(bag: Recording, declared: Declared, instants: np.ndarray, *, band: float | None = None) -> Motion:
+    """Return the angular velocity that a run's motion topic tells.
+
+    Args:
+        bag: the run.
+        declared: the experiment's ``[recording]``.
+        instants: of the motion's messages, on the clock that is used for them [ns].
+        band: highest frequency of the motion [Hz], where it is declared.
+
+    Raises:
+        RunError: the topic does not tell it, or not so that it could be used.
+        ExperimentError: joints without ``urdf`` or ``urdf_frame``, or a URDF that does not fit them.
+        RigError: the optional package for URDF is missing.
+    """
+    source = bag.motion
+    if isinstance(source, ImuChannel):
+        return Motion(source)
+    name = f"{source.topic} in {bag.path.name}"
+    if source.type == JOINTS:
+        return _of_joints(source, declared, instants, name, band)
+    turning = source.angular_velocity
+    if source.type == TWIST and source.frame_id.strip("/") in AT_REST:
+        raise RunError(
+            f"the twist of {name} is in the frame '{source.frame_id}', which does not turn with the body: "
+            "record it in the body's frame, or a pose"
+        )
+    if turning is not None and turning.any():
+        return Motion(_channel(source, turning), notes=(f"the noise of {source.topic} ({source.type}) is white",))
+    if source.orientation is None:
+        raise RunError(f"the angular velocity of {name} is zero throughout: record a body that moves")
+    found = _of_pose(source, declared, instants, name, band)
+    if source.type == POSE:
+        return found
+    warning = f"the twist of {name} is zero throughout: its poses were differentiated instead"
+    return Motion(found.imu, found.noise, found.notes, (warning,))
+
+
+def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
+    """Return the upward direction that recorded poses tell, in the frame of their sensor, (n, 3); None: there are none.
+
+    A pose takes components in the sensor's frame to those in its reference frame, whose z is up (REP 103).
+    """
+    if isinstance(source, ImuChannel) or source.orientation is None:
+        return None
+    x, y, z, w = source.orientation.T
+    up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    return up / np.linalg.norm(up, axis=1, keepdims=True)
+
+
+def _of_pose(source: MotionChannel, declared: Declared, instants: np.ndarray, name: str, band: float | None) -> Motion:
+    if declared.angular_velocity_unit is not None:
+        raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")
+    quaternion = continuous(np.asarray(source.orientation), name)
+
+    def turn(uniform: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        unit = uniform / np.linalg.norm(uniform, axis=1, keepdims=True)
+        taps = differentiator(unit, rate, name, band=attitude_band(unit, rate, band))
+        omega, sigma = angular_velocity(unit, taps)
+        return omega, sigma, taps
+
+    return _differentiated(source, quaternion, instants, turn, name, "its poses")
+
+
+def _of_joints(
+    source: MotionChannel, declared: Declared, instants: np.ndarray, name: str, band: float | None
+) -> Motion:
+    chain = Chain.load(declared, source.names, name)
+    if declared.angular_velocity_unit is not None:
+        raise RunError(f"{name} holds joint states: remove recording.angular_velocity_unit, theirs is rad/s")
+    position, velocity = np.asarray(source.position), np.asarray(source.velocity)
+    for what, values in (("position", position), ("velocity", velocity)):
+        if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
+            raise RunError(f"{what} of {name} has {values.shape[1]} values for {len(source.names)} joints")
+        bad = ~np.isfinite(values).all(axis=1)
+        if bad.any():
+            raise RunError(f"{what} of {name} is not finite at sample {int(np.argmax(bad))}: remove such samples first")
+    notes = (f"the base of the robot rests; {source.topic} moves frame '{declared.urdf_frame}' of {declared.urdf}",)
+    if velocity.shape[1]:
+        white = (f"the noise of the velocities in {source.topic} is white",)
+        return Motion(_channel(source, chain.angular_velocity(position, velocity)), notes=(*notes, *white))
+
+    def turn(uniform: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        taps = differentiator(uniform, rate, name, band=band)
+        kernel = np.concatenate([-taps[::-1], [0.0], taps])
+        slope = np.stack([np.convolve(part, kernel[::-1], "valid") for part in uniform.T], axis=1)
+        inner = uniform[len(taps) : len(uniform) - len(taps)]
+        of_joints = np.sqrt(np.mean(np.diff(uniform, 4, axis=0) ** 2, axis=0) / 70)
+        return chain.angular_velocity(inner, slope), chain.spread(inner, of_joints), taps
+
+    found = _differentiated(source, position, instants, turn, name, "its joints' positions")
+    return Motion(found.imu, found.noise, (*notes, *found.notes), found.warnings)
+
+
+Turn = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+def _differentiated(
+    source: MotionChannel, values: np.ndarray, instants: np.ndarray, turn: Turn, name: str, what: str
+) -> Motion:
+    """The rate of change of uniform samples; instants near a gap are left out."""
+    start, fresh = int(instants[0]), ~repeats(values)[0]
+    instants, values, stamp = instants[fresh], values[fresh], source.stamp[fresh]
+    t, uniform, missing = _uniform((instants - start) / NANOSECONDS, values, name)
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    omega, sigma, taps = turn(uniform, rate)
+    half = len(taps)
+    near = np.convolve(missing, np.ones(2 * half + 1), "same") > 0.5
+    kept = slice(half, len(t) - half)
+    clear = ~near[kept]
+    if clear.sum() < 2:
+        raise RunError(f"fewer than two samples of {name} outside its gaps: record without gaps")
+    grid = (start + np.round(t[kept][clear] * NANOSECONDS)).astype(np.int64)
+    stamped = bool((instants == stamp).all())
+    omega = omega[clear]
+    imu = ImuChannel(
+        source.topic, source.frame_id, grid, grid if stamped else np.zeros_like(grid), omega, np.zeros_like(omega)
+    )
+    note = f"the angular velocity is that of {source.topic}, by a fit over {(2 * half + 1) / rate:.3g} s of {what}"
+    return Motion(imu, ShapedNoise(sigma, taps, rate), (f"{note}, whose noise is white",))
+
+
+def _uniform(t: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Uniform instants [s], the values there, and which of the instants lie in a gap."""
+    if len(t) < 2 or not (np.diff(t) > 0).all():
+        raise RunError(f"time of {name} does not increase: use the other clock (recording.time)")
+    if is_uniform(t):
+        return t, values, np.zeros(len(t), bool)
+    step = interval(t)
+    at = t[0] + step * np.arange(int((t[-1] - t[0]) / step * (1 + 1e-9)) + 1)
+    return at, interpolate(t, values, at), in_gap(t, at, 0.0)
+
+
+def _channel(source: MotionChannel, omega: np.ndarray) -> ImuChannel:
+    return ImuChannel(source.topic, source.frame_id, source.log_time, source.stamp, omega, np.zeros_like(omega))

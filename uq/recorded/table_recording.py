@@ -1,0 +1,28 @@
+"""A table's columns as a recording, so that the same functions process it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import Recording as BagRecording
+from uq.experiment.recording_table import UNITS, Recording
+from uq.files.provenance import sha256
+
+
+def silenced(recording: Recording, quantities: set[str]) -> Recording:
+    """Return the declaration with a unit for quantities that a table lacks, so that nothing is assumed of them."""
+    units: dict[str, Any] = {f"{name}_unit": recording.unit(name) or UNITS[name] for name in quantities}
+    return replace(recording, **units)
+
+
+def as_recording(
+    path: str | Path, force: np.ndarray, moment: np.ndarray, omega: np.ndarray, acceleration: np.ndarray
+) -> BagRecording:
+    """Return a table's columns as a recording that says nothing of itself."""
+    times = np.arange(len(force))
+    wrench = WrenchChannel("force and moment", "", times, times, force, moment)
+    imu = ImuChannel("angular velocity and acceleration", "", times, times, omega, acceleration)
+    return BagRecording(Path(path), sha256(path), {}, wrench, imu)

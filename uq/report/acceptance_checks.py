@@ -1,0 +1,49 @@
+"""What was checked of an identification: each figure, its limit, and whether it is within."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import principal
+from identify.text_tables import fixed
+
+HEAD = ("check", "found", "limit", "verdict")
+
+
+def rows(result: Identification) -> list[list[str]]:
+    """Return the checks that this kind of result allows, a row each: check, figure, limit, verdict."""
+    said = result.diagnostics
+    found = []
+    if "excitation_over_noise" in said:
+        found.append(_row("motion over the gyro's noise, weakest direction", said["excitation_over_noise"], "≥", 10.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bias = np.abs(result.bias) / (3 * result.standard_uncertainty)
+    if np.isfinite(bias).all():
+        found.append(_row("largest bias over 3 u", float(bias.max()), "≤", 0.1))
+    if result.pooling is not None and result.pooling.from_scatter is not None:
+        ratio = float(np.max(result.pooling.excess))
+        found.append(_row("scatter between runs over that within, largest", ratio, "≤", 2.0))
+    found.append(_admissible(result))
+    causes = sorted({verdict.cause for verdict in result.consistency})
+    what = f"residuals that follow something{': ' if causes else ''}{', '.join(causes)}"
+    found.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
+    found.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
+    return found
+
+
+def _row(what: str, value: float, sign: str, limit: float) -> list[str]:
+    within = value >= limit if sign == "≥" else value <= limit
+    return [what, f"{value:.3g}", f"{sign} {limit:g}", _verdict(bool(within))]
+
+
+def _admissible(result: Identification) -> list[str]:
+    """Positive moments and the triangle inequality, in units of what the uncertainty allows."""
+    moments, _ = principal(jnp.asarray(result.inertia))
+    margin = 1e3 * float(jnp.minimum(moments[0], moments[0] + moments[1] - moments[2]))
+    slack = 2e3 * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
+    what = "a mass distribution has this tensor: least margin of moments and triangle inequality, g·m²"
+    return [what, fixed(margin, 2), f"≥ {fixed(-slack, 2)}", _verdict(margin >= -slack)]
+
+
+def _verdict(within: bool) -> str:
+    return "within" if within else "see Attention"

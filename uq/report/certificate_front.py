@@ -1,0 +1,110 @@
+"""The front of a certificate: its particulars in words, and its number."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from uq.experiment.report_table import Instrument, Report
+
+MISSING = "not stated"
+FROM_RECORDING = "(from the recording)"
+ONLY = "The results relate only to the item described above, as it was measured."
+NO_CLAIM = "No accreditation is claimed."
+REPRODUCTION = "This document shall not be reproduced except in full without approval of the issuing laboratory."
+WHERE_RELEVANT = {
+    "sampling": "Sampling",
+    "adjustment": "Adjustment or repair",
+    "external": "From external providers",
+    "customer_data": "Provided by the customer",
+    "remarks": "Remarks",
+}
+"""Items that are printed only when they are stated."""
+INSTRUMENT_HEAD = ("instrument", "maker, model", "serial number", "certificate", "calibrated", "due")
+
+
+@dataclass(frozen=True)
+class Front:
+    """What stands on a certificate beside tables and figures."""
+
+    number: str | None
+    """Its unique number as stated; None: it is made of the result's content."""
+    laboratory: Sequence[str]
+    """Name, address, contact."""
+    items: Sequence[tuple[str, Sequence[str]]]
+    """Each heading with its lines."""
+    statements: Sequence[str]
+    approvals: Sequence[tuple[str, str]]
+    """Name and function of each who approves; none: nobody is stated."""
+    issued: str
+    made_up: str
+    """What the data are if they are no measurement: simulated or emulated; else empty."""
+
+
+def front(report: Report, provenance: Mapping[str, Any]) -> Front:
+    """Return the particulars in words; what is missing says so."""
+    stated = report.texts
+    made_up = {entry["made_up"] for entry in provenance.get("inputs", ()) if "made_up" in entry}
+    return Front(
+        stated.get("number"),
+        _party(report.laboratory),
+        [*_items(report), *((label, [stated[key]]) for key, label in WHERE_RELEVANT.items() if key in stated)],
+        [ONLY, f"Reproduction: {stated['reproduction']}" if "reproduction" in stated else REPRODUCTION, NO_CLAIM],
+        [(one.get("name", MISSING), one.get("function", "")) for one in report.approved_by],
+        str(report.issued or MISSING),
+        " and ".join(sorted(made_up)),
+    )
+
+
+def _items(report: Report) -> Iterator[tuple[str, list[str]]]:
+    stated = report.texts
+    yield "Customer", _party(report.customer)
+    yield "Item", _item(report.item)
+    yield "Condition of the item", [report.item.get("condition", MISSING)]
+    yield "Item received", [str(report.received or MISSING)]
+    yield "Measured", [_performed(report)]
+    yield "Issued", [str(report.issued or MISSING)]
+    yield "Location of the work", [stated.get("location", MISSING)]
+    yield "Method", [stated.get("method", MISSING)]
+    yield "Deviations from the method", [stated.get("deviations", MISSING)]
+    yield "Conditions", [f"{name.replace('_', ' ')}: {text}" for name, text in report.conditions.items()] or [MISSING]
+    yield "Traceability", [stated.get("traceability", MISSING)]
+
+
+def _party(party: Mapping[str, str]) -> list[str]:
+    return [party[key] for key in ("name", "address", "contact") if key in party] or [MISSING]
+
+
+def _item(item: Mapping[str, str]) -> list[str]:
+    make = ", ".join(item[key] for key in ("manufacturer", "model") if key in item)
+    serial = f"serial number {item['serial_number']}" if "serial_number" in item else ""
+    lines = [item.get("description", ""), make, serial, item.get("identification", "")]
+    return [line for line in lines if line] or [MISSING]
+
+
+def _performed(report: Report) -> str:
+    days = " to ".join(map(str, report.performed)) or MISSING
+    return f"{days} {FROM_RECORDING}" if report.performed and report.performed_recorded else days
+
+
+def instrument_rows(instruments: Sequence[Instrument]) -> list[list[str]]:
+    """Return a row of ``INSTRUMENT_HEAD`` for each instrument."""
+    return [_instrument(one) for one in instruments]
+
+
+def _instrument(one: Instrument) -> list[str]:
+    make = ", ".join(one.texts[key] for key in ("manufacturer", "model") if key in one.texts)
+    certificate = ", ".join(one.texts[key] for key in ("certificate", "calibrated_by") if key in one.texts)
+    name = ", ".join(one.texts[key] for key in ("name", "note") if key in one.texts) or one.name
+    dates = [str(day or MISSING) for day in (one.calibrated, one.due)]
+    cells = [make, one.texts.get("serial_number"), certificate]
+    return [f"{name} {FROM_RECORDING}" if one.recorded else name, *(cell or MISSING for cell in cells), *dates]
+
+
+def number_of(content: Mapping[str, Any]) -> str:
+    """Return the number of a report that states none: twelve digits of the SHA-256 of its content but the time."""
+    kept = dict(content)
+    kept["provenance"] = {key: value for key, value in kept.get("provenance", {}).items() if key != "time"}
+    digest = hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest().upper()
+    return "-".join(digest[k : k + 4] for k in (0, 4, 8))

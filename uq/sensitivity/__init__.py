@@ -1,0 +1,1 @@
+"""Sensitivity: Sobol indices, Shapley effects, the budget by error source."""

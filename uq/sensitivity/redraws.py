@@ -1,0 +1,170 @@
+"""A model's outputs when some inputs keep their values and the others are drawn afresh, given those kept.
+
+Two independent draws X and X' of all inputs make a trial. An independent input is redrawn by taking its value from X'.
+Correlated inputs are normal; they are redrawn from their conditional distribution by ``z' + G (z - z')``, with the
+regression ``G`` on those kept (conditioning by kriging: Journel and Huijbregts, Mining Geostatistics, 1978).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from uq.sources.distributions import Distribution, Normal
+from uq.sources.source import stream_number
+
+Values = dict[str, Array]
+Model = Callable[[Values], Array]
+Correlation = Mapping[tuple[str, str], float]
+Listed = list[tuple[str, Distribution]]
+"""Inputs in their order, which jit would take from a dict."""
+AT_ONCE = 100_000
+"""Evaluations of the model that are batched."""
+
+
+class Joint(NamedTuple):
+    """Correlated normal inputs."""
+
+    names: tuple[str, ...]
+    matrix: Float[Array, "k k"]
+    """Their correlation matrix."""
+    root: Float[Array, "k k"]
+    """``root @ root.T`` is the matrix."""
+
+
+class Pair(NamedTuple):
+    """Two independent draws of all inputs."""
+
+    values: tuple[Values, Values]
+    normals: tuple[Array, Array] | None
+    """Of the correlated inputs, standardised."""
+
+
+def correlated(inputs: Mapping[str, Distribution], correlation: Correlation | None) -> Joint | None:
+    """Return the inputs that correlation coefficients join; None where there are none.
+
+    Raises:
+        ValueError: an input that is unknown or not scalar normal, or coefficients that no joint distribution has.
+    """
+    if not correlation:
+        return None
+    for name in (name for pair in correlation for name in pair):
+        if name not in inputs:
+            raise ValueError(f"Argument `correlation` must name inputs, but '{name}' is none of {', '.join(inputs)}.")
+        if not isinstance(inputs[name], Normal) or np.shape(inputs[name].mean):
+            raise ValueError(f"Argument `correlation` must be of scalar normal inputs, but '{name}' is not one.")
+    names = tuple(name for name in inputs if any(name in pair for pair in correlation))
+    matrix = np.eye(len(names))
+    for (one, other), value in correlation.items():
+        if one == other or not -1 <= value <= 1:
+            raise ValueError(f"Argument `correlation` must be within −1 and 1, but of {one} and {other} is {value}.")
+        i, j = names.index(one), names.index(other)
+        matrix[i, j] = matrix[j, i] = value
+    strength, directions = np.linalg.eigh(matrix)
+    if strength[0] < -1e-9:
+        raise ValueError(f"Argument `correlation` must have no negative eigenvalue, but has {strength[0]:.3g}.")
+    return Joint(names, jnp.asarray(matrix), jnp.asarray(directions * np.sqrt(np.maximum(strength, 0))))
+
+
+def outputs(
+    model: Model,
+    inputs: Mapping[str, Distribution],
+    joint: Joint | None,
+    kept: Bool[np.ndarray, "rows inputs"],
+    *,
+    trials: int,
+    seed: int,
+) -> Float[np.ndarray, "trials rows outputs"]:
+    """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
+    batch = max(1, min(trials, AT_ONCE // len(kept)))
+    return np.asarray(
+        _outputs(model, list(inputs.items()), joint, jnp.asarray(kept), jax.random.key(seed), trials, batch)
+    )
+
+
+@eqx.filter_jit
+def _outputs(model, inputs: Listed, joint, kept, key, trials: int, batch: int) -> Array:
+    gains = _gains(inputs, joint, kept)
+    return jax.lax.map(
+        lambda trial: _evaluate(model, inputs, joint, _pair(inputs, joint, key, trial), kept, gains),
+        jnp.arange(trials),
+        batch_size=batch,
+    )
+
+
+def walks(
+    model: Model,
+    inputs: Mapping[str, Distribution],
+    joint: Joint | None,
+    holds: Bool[np.ndarray, "players inputs"],
+    *,
+    trials: int,
+    seed: int,
+) -> tuple[Int[np.ndarray, "trials players"], Float[np.ndarray, "trials rows outputs"]]:
+    """Return each trial's random order of the players, and the outputs as one player after the other is redrawn.
+
+    The first of the players + 1 rows keeps all inputs, the last redraws all.
+    """
+    batch = max(1, min(trials, AT_ONCE // (len(holds) + 1)))
+    key = jax.random.key(seed)
+    order, walked = _walks(model, list(inputs.items()), joint, jnp.asarray(holds), key, trials, batch)
+    return np.asarray(order), np.asarray(walked)
+
+
+@eqx.filter_jit
+def _walks(model, inputs: Listed, joint, holds, key, trials: int, batch: int) -> tuple[Array, Array]:
+    orders = jax.random.fold_in(key, stream_number("order of the players"))
+
+    def one(trial):
+        order = jax.random.permutation(jax.random.fold_in(orders, trial), len(holds))
+        redrawn = jnp.cumsum(holds[order], axis=0) > 0
+        kept = jnp.concatenate([jnp.ones((1, holds.shape[1]), bool), ~redrawn])
+        pair = _pair(inputs, joint, key, trial)
+        return order, _evaluate(model, inputs, joint, pair, kept, _gains(inputs, joint, kept))
+
+    return jax.lax.map(one, jnp.arange(trials), batch_size=batch)
+
+
+def _gains(inputs: Listed, joint: Joint | None, kept: Bool[Array, "rows inputs"]) -> Float[Array, "rows k k"] | None:
+    """Regressions of the correlated inputs on those kept, ``R m (m R m)⁺ m``; of a singular matrix too."""
+    if joint is None:
+        return None
+    places = np.array([name in joint.names for name, _ in inputs])
+
+    def gain(mask):
+        inner = joint.matrix * mask[:, None] * mask[None]
+        return joint.matrix @ jnp.linalg.pinv(inner, hermitian=True, rtol=1e-10)
+
+    return jax.vmap(gain)(kept[:, places].astype(joint.matrix.dtype))
+
+
+def _pair(inputs: Listed, joint: Joint | None, key, trial) -> Pair:
+    def own(name, copy):
+        return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), trial), copy)
+
+    def values(copy):
+        return {name: given.draw(own(name, copy), np.shape(given.mean)) for name, given in inputs}
+
+    def normals(joint, copy):
+        return joint.root @ jnp.stack([jax.random.normal(own(name, copy), ()) for name in joint.names])
+
+    return Pair((values(0), values(1)), None if joint is None else (normals(joint, 0), normals(joint, 1)))
+
+
+def _evaluate(model, inputs: Listed, joint: Joint | None, pair: Pair, kept, gains) -> Float[Array, "rows outputs"]:
+    def one(row, gain):
+        first, second = pair.values
+        values = {name: jnp.where(row[k], first[name], second[name]) for k, (name, _) in enumerate(inputs)}
+        if joint is not None and pair.normals is not None:
+            z, fresh = pair.normals
+            redrawn = fresh + gain @ (z - fresh)
+            given = dict(inputs)
+            for k, name in enumerate(joint.names):
+                values[name] = given[name].mean + given[name].standard_deviation * redrawn[k]
+        return jnp.ravel(model(values))
+
+    return jax.vmap(one)(kept, gains)

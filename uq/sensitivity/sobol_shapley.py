@@ -1,0 +1,206 @@
+"""Who causes the spread of a measurement model's output: Sobol indices and Shapley effects with standard errors.
+
+A model is a function of one trial, ``model({name: value}) -> output``, of a scalar or an array; its inputs are
+distributions by name. Trials are independent, so that every index has its standard error from their influence values.
+No input is left out, however small.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.text_tables import html_table, text_table, with_error
+from uq.sensitivity.redraws import Correlation, Model, correlated, outputs, walks
+from uq.sensitivity.subsets import MOST_PLAYERS, effects_of_costs, effects_of_swaps, masks, walsh
+from uq.sensitivity.variance_shares import Indices, mean, plain_variance, ratio, shares
+from uq.sources.distributions import Distribution
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Indices of every player (an input, or a group of inputs) for every output."""
+
+    players: tuple[str, ...]
+    trials: int
+    failed: int
+    """Trials with an output that is not finite; they are left out."""
+    evaluations: int
+    """Evaluations of the model."""
+    first: Indices | None
+    """First order, ``Var E[Y | X_p] / Var Y``; None where random permutations give Shapley effects alone."""
+    total: Indices | None
+    """Total, ``E Var[Y | all but X_p] / Var Y``; None likewise."""
+    shapley: Indices | None
+    """Shapley effects, which add up to one also when inputs interact or are correlated; None from :func:`sobol`."""
+    variance: np.ndarray
+    """Variance of each output, (outputs,)."""
+    variance_standard_error: np.ndarray
+    closure: np.ndarray
+    """The variance that the effects share out over the ordinary sample variance of the outputs, (outputs,): about 1."""
+    closure_standard_error: np.ndarray
+
+    def rows(self, output: int | None = None) -> tuple[list[str], list[list[str]]]:
+        """Return head and rows of a table: indices with standard errors of one output, or of all together (None)."""
+        kinds = {"first order": self.first, "total": self.total, "Shapley": self.shapley}
+        shown = {name: indices for name, indices in kinds.items() if indices is not None}
+        cells = [[*map(with_error, *_column(i, output))] for i in shown.values()]
+        sums = [with_error(float(_column(i, output)[0].sum()), np.nan) for i in shown.values()]
+        return ["input", *shown], [*map(list, zip(self.players, *cells, strict=True)), ["sum", *sums]]
+
+    def __repr__(self) -> str:
+        title, closure = self._lines()
+        return "\n".join([title, text_table(*self.rows()), closure])
+
+    def _repr_html_(self) -> str:
+        title, closure = self._lines()
+        return html_table(*self.rows(), caption=title) + f"<p>{closure}</p>"
+
+    def _lines(self) -> tuple[str, str]:
+        closure = ", ".join(map(with_error, self.closure, self.closure_standard_error))
+        failed = f"; {self.failed} failed and are left out" if self.failed else ""
+        return (
+            f"Shares of the variance, {self.trials:,} trials, {self.evaluations:,} evaluations{failed}",
+            f"closure (sum of the effects over the sample variance, by output): {closure}",
+        )
+
+
+def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarray]:
+    if output is None:
+        return indices.generalised, indices.generalised_standard_error
+    return indices.value[:, output], indices.standard_error[:, output]
+
+
+def sobol(
+    model: Model,
+    inputs: Mapping[str, Distribution],
+    *,
+    trials: int = 10_000,
+    seed: int = 0,
+    groups: Mapping[str, Sequence[str]] | None = None,
+) -> Sensitivity:
+    """Return first-order and total Sobol indices of independent inputs, from 2 k + 2 evaluations a trial.
+
+    With two independent draws X and X', and ``Y_u`` the output for the inputs u from X and the others from X',
+    ``V_p = E ½ (Y_all - Y_-p)(Y_p - Y_∅)`` (Owen 2013, doi:10.1145/2457052.2457064),
+    ``T_p = E ¼ [(Y_all - Y_-p)² + (Y_∅ - Y_p)²]`` (Jansen 1999, doi:10.1016/S0010-4655(98)00154-4), and the variance
+    is that of all k + 1 pairs without a common input (the design of Saltelli 2002, doi:10.1016/S0010-4655(02)00280-1).
+    All three are unbiased and do not hang on the mean of Y.
+
+    Args:
+        model: the measurement model of one trial; an output of any shape counts as its raveled components.
+        inputs: the distributions of its inputs, independent of one another.
+        trials: pairs of draws.
+        seed: seed of every draw.
+        groups: inputs that count as one player, by the group's name; inputs in no group count alone.
+
+    Raises:
+        ValueError: no trials, or a group of unknown inputs or of inputs that another group holds.
+    """
+    names, players = _players(inputs, groups, trials)
+    everything, k = (1 << len(inputs)) - 1, len(players)
+    design = _rows([everything, 0, *players, *(everything & ~p for p in players)], len(inputs))
+    every = outputs(model, inputs, None, design, trials=trials, seed=seed)
+    good = _finite(every)
+    both, none, ones, others = np.split(good, [1, 2, 2 + k], axis=1)
+    first = (both - others) * (ones - none) / 2
+    total = ((both - others) ** 2 + (none - ones) ** 2) / 4
+    pairs = np.concatenate([both - none, ones - others], axis=1)
+    effects = np.concatenate([first, total, (pairs**2).mean(1, keepdims=True) / 2], axis=1)
+    return _result(names, ("first", "total"), effects, plain_variance(good), every)
+
+
+def shapley(
+    model: Model,
+    inputs: Mapping[str, Distribution],
+    *,
+    correlation: Correlation | None = None,
+    trials: int = 10_000,
+    seed: int = 0,
+    groups: Mapping[str, Sequence[str]] | None = None,
+) -> Sensitivity:
+    """Return Shapley effects: each player's fair part of the variance, also when inputs are correlated.
+
+    Up to ten players every subset is visited, which gives first-order and total indices too; beyond, each trial walks
+    one random permutation of the players (Song, Nelson, Staum 2016, doi:10.1137/15M1048070; Goda 2021,
+    doi:10.1016/j.ress.2021.107702). The cost of a subset is ``E Var(Y | X_-u)``, estimated without bias by ``½ (Y -
+    Y')²`` where Y' redraws the inputs u given the others; the ``Var E(Y | X_u)`` of a double loop has a bias. Shapley
+    effects of a variance: Owen 2014, doi:10.1137/130936233; of correlated inputs: Owen and Prieur 2017,
+    doi:10.1137/16M1097717.
+
+    Args:
+        model: the measurement model of one trial; an output of any shape counts as its raveled components.
+        inputs: the distributions of its inputs.
+        correlation: correlation coefficients of pairs of scalar normal inputs; pairs left out are uncorrelated.
+        trials: pairs of draws.
+        seed: seed of every draw.
+        groups: inputs that count as one player, by the group's name; inputs in no group count alone.
+
+    Raises:
+        ValueError: no trials; a group of unknown inputs or of inputs that another group holds; a correlation of inputs
+            that are unknown or not normal, or that no joint distribution has.
+    """
+    names, players = _players(inputs, groups, trials)
+    joint, k = correlated(inputs, correlation), len(players)
+    if k > MOST_PLAYERS:
+        return _permutations(model, inputs, joint, names, _rows(players, len(inputs)), trials, seed)
+    unions = [sum(p for p, kept in zip(players, row, strict=True) if kept) for row in masks(k)]
+    every = outputs(model, inputs, joint, _rows(unions, len(inputs)), trials=trials, seed=seed)
+    good, alone = _finite(every), [1 << p for p in range(k)]
+    if joint is None:
+        effects, alike = effects_of_swaps(alone, k) @ (walsh(k) @ good) ** 2, good
+    else:
+        start, redrawn = good[:, -1:], good[:, ::-1]  # subset u is redrawn where its complement is kept
+        effects, alike = effects_of_costs(alone, k) @ (redrawn - start) ** 2 / 2, start
+    return _result(names, ("first", "total", "shapley"), effects, plain_variance(alike), every)
+
+
+def _permutations(model, inputs, joint, names, holds: np.ndarray, trials: int, seed: int) -> Sensitivity:
+    """Shapley effects from one random permutation of the players a trial."""
+    order, every = walks(model, inputs, joint, holds, trials=trials, seed=seed)
+    order, good = order[np.isfinite(every).all(axis=(1, 2))], _finite(every)
+    start, end = good[:, :1], good[:, -1:]
+    if joint is None:  # the walk and its reverse at once
+        increments = np.diff(good, axis=1) * (end - start) / 2
+    else:
+        increments = np.diff((good - start) ** 2, axis=1) / 2
+    effects = np.empty_like(increments)
+    np.put_along_axis(effects, order[:, :, None], increments, axis=1)
+    effects = np.concatenate([effects, increments.sum(1, keepdims=True)], axis=1)
+    return _result(names, ("shapley",), effects, plain_variance(good[:, [0, -1]]), every)
+
+
+def _players(inputs: Mapping[str, Distribution], groups: Mapping[str, Sequence[str]] | None, trials: int):
+    """Names of the players, and the subset of inputs that each holds."""
+    if trials < 2:
+        raise ValueError(f"Argument `trials` must be two or more, but is {trials}.")
+    of: dict[str, str] = {}
+    for group, members in (groups or {}).items():
+        for name in members:
+            if name not in inputs:
+                raise ValueError(f"Argument `groups` must name inputs, but '{name}' is none of {', '.join(inputs)}.")
+            if name in of:
+                raise ValueError(f"Argument `groups` must not overlap, but '{name}' is in '{of[name]}' and '{group}'.")
+            of[name] = group
+    player = [of.get(name, name) for name in inputs]
+    names = tuple(dict.fromkeys(player))
+    return names, [sum(1 << k for k, held in enumerate(player) if held == name) for name in names]
+
+
+def _rows(subsets: Sequence[int], count: int) -> np.ndarray:
+    """Which inputs each of these subsets holds, (subsets, inputs)."""
+    return np.array([[subset >> k & 1 for k in range(count)] for subset in subsets], bool)
+
+
+def _finite(every: np.ndarray) -> np.ndarray:
+    return every[np.isfinite(every).all(axis=(1, 2))]
+
+
+def _result(names, kinds, effects: np.ndarray, plain: np.ndarray, every: np.ndarray) -> Sensitivity:
+    """The indices from each trial's effects: a block of players for each kind, then the variance."""
+    k, variance, weights = len(names), effects[:, -1], np.ones(effects.shape[2])
+    found = {kind: shares(effects[:, i * k : (i + 1) * k], variance, weights) for i, kind in enumerate(kinds)}
+    return Sensitivity(
+        names, len(every), len(every) - len(effects), every.shape[0] * every.shape[1],
+        found.get("first"), found.get("total"), found.get("shapley"), *mean(variance), *ratio(variance, plain),
+    )  # fmt: skip

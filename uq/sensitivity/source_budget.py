@@ -1,0 +1,220 @@
+"""The experiment's budget: which error source causes how much of the tensor's uncertainty, and which the mean error.
+
+Every source is drawn twice, under its own name and under a twin's, and each pair of trials is solved with every choice
+of one or the other. Two choices that differ by swapping some sources say what variance these sources cause
+(:mod:`uq.sensitivity.walks`); as the sources' draws are shared by all choices, only the gyro's cost anything, twice.
+The engine of the Monte Carlo does it all: the sources, and the cases in which they act, are its inputs.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from identify.precision import check_precision
+from uq.campaign.campaign import Progress, Statistics, default_batch, distinct, prepare_setup, run_trials
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.files.provenance import provenance
+from uq.gram_sums.setup import Case, Setup
+from uq.sensitivity.budget_result import BudgetResult, Effects, MeanSquare, SourceBudget
+from uq.sensitivity.variance_shares import mean, plain_variance, ratio, shares
+from uq.sensitivity.walks import Design, PairEffects, walk_variance
+from uq.trials.samplewise import SampledSetup
+
+AnySetup = Setup | SampledSetup
+WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+"""How often each packed component stands in the tensor: the sum of the variances of its nine entries, the trace of
+their covariance, does not hang on the body frame's axes."""
+
+
+def budget(
+    experiment: Experiment,
+    *,
+    trials: int = 1000,
+    seed: int = 0,
+    trajectories: str | Sequence[str] | None = None,
+    estimators: str | Sequence[str] | None = None,
+    dtype: str = "float64",
+    batch: int | None = None,
+    devices: Sequence[jax.Device] | None = None,
+    progress: Progress | None = None,
+) -> BudgetResult:
+    """Return who causes what: first-order, total and Shapley shares of every source and group, and its mean error.
+
+    Shares are of the variance of each component, and of the whole tensor (the trace of the covariance of its nine
+    entries); see :func:`uq.sensitivity.sobol_shapley.shapley` for the definitions and references. The mean errors are
+    those that a source or group makes alone. Each figure has its standard error.
+
+    Args:
+        experiment: body, platform, trajectories, sources, estimators. Sources that are correlated count as one. With
+            more than ten, Shapley shares come from random walks over the choices, whose scatter is in their errors.
+        trials: pairs of trials, at least 2.
+        seed: seed of every draw.
+        trajectories: name or names of the trajectories; None for all.
+        estimators: name or names of the estimators; None for all.
+        dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
+        batch: pairs that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
+        devices: devices to spread the pairs over; None for all.
+        progress: called after each stretch of pairs.
+
+    Raises:
+        ExperimentError: too few trials, no source, no such trajectory or estimator.
+    """
+    if trials < 2:
+        raise ExperimentError(f"{trials} trials of a budget: ask for two or more")
+    if not any(source.smooth for source in experiment.sources):
+        raise ExperimentError("no [[source]] in the experiment from which anything is drawn: add one")
+    warned = check_precision(dtype)
+    dtype = "float32" if warned else dtype
+    devices = list(devices or jax.devices())
+    batch = batch or default_batch(devices[0])
+    chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
+    if not chosen:
+        raise ExperimentError("no [[estimator]] in the experiment: add one")
+    budgets: dict[str, dict[str, SourceBudget]] = {}
+    for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
+        name, spec = experiment.select(name)
+        setup = prepare_setup(experiment, spec, chosen, dtype=dtype)
+        assert isinstance(setup, AnySetup)  # noqa: S101
+        twins = twinned(setup)
+        report = None if progress is None else lambda done, asked, name=name: progress(f"{name} budget", done, asked)
+        estimates = run_trials(twins.setup, trials, seed, devices, batch, report)
+        errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
+        budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
+    record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, batch=batch)
+    return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warned), record)
+
+
+class Player(NamedTuple):
+    """Sources that count together: one, those correlated with it, or a group."""
+
+    name: str
+    sources: frozenset[str]
+    draws: int
+    """Which of the independent draws are theirs, as a subset's number; saturation and quantisation draw nothing."""
+
+
+class Twinned(NamedTuple):
+    """A set-up with every source twice."""
+
+    setup: AnySetup
+    """Its cases are none, each group's player alone, each source's alone, then the choices of one draw or the other."""
+    sources: tuple[Player, ...]
+    groups: tuple[Player, ...]
+    design: Design
+
+
+def twinned(setup: AnySetup) -> Twinned:
+    """Return the set-up with a twin of every source, and the cases that a budget needs.
+
+    A choice has the sources of some draws from the first draws, which are those of the Monte Carlo's trials, and the
+    twins of the others.
+    """
+    mark = "′"
+    while any(s.name + mark in {other.name for other in setup.sources} for s in setup.sources):
+        mark += "′"
+    draws = _independent(setup)
+    sources = _players({s.name: s.name for s in setup.sources}, setup, draws)
+    groups = _players({s.name: s.group for s in setup.sources}, setup, draws)
+    design = Design.of(len(draws), [[p.draws for p in sources], [p.draws for p in groups]])
+    alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *sources))]
+    fixed = {source.name for source in setup.sources if not source.smooth}
+
+    def choice(w: int) -> Case:
+        own = [n if w >> k & 1 else n + mark for k, names in enumerate(draws) for n in names]
+        return Case(f"choice:{w}", frozenset([*fixed, *own]))
+
+    doubled = replace(
+        setup,
+        sources=(*setup.sources, *(replace(s, name=s.name + mark) for s in setup.sources)),
+        mixing=(*setup.mixing, *(replace(m, names=tuple(n + mark for n in m.names)) for m in setup.mixing)),
+        cases=(*alone, *map(choice, design.choices)),
+    )
+    return Twinned(doubled, sources, groups, design)
+
+
+def _independent(setup: AnySetup) -> list[frozenset[str]]:
+    """The sources that are drawn, each with those that are correlated with it."""
+    joint = {name: frozenset(mix.names) for mix in setup.mixing for name in mix.names}
+    return list(dict.fromkeys(joint.get(s.name, frozenset([s.name])) for s in setup.sources if s.smooth))
+
+
+def _players(label: Mapping[str, str], setup: AnySetup, draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:
+    """The sources of one label, joined with those of another where correlation joins them."""
+    sets = [frozenset([s.name for s in setup.sources if label[s.name] == one]) for one in dict.fromkeys(label.values())]
+    for names in draws:
+        joined = frozenset().union(*(one for one in sets if one & names))
+        sets = list(dict.fromkeys(joined if one & names else one for one in sets))
+    found = []
+    for names in sets:
+        name = " + ".join(dict.fromkeys(label[s.name] for s in setup.sources if s.name in names))
+        found.append(Player(name, names, sum(1 << k for k, own in enumerate(draws) if own <= names)))
+    return tuple(found)
+
+
+def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
+    """Return the budget that the errors of all cases give.
+
+    Args:
+        twins: the set-up whose cases they are.
+        errors: estimate minus truth, (pairs, cases, 6) [kg·m²]; pairs with a NaN are left out.
+    """
+    good = errors[np.isfinite(errors).all(axis=(1, 2))]
+    size, g = len(twins.design.choices), len(twins.groups)
+    none, alone, choices = good[:, 0], good[:, 1:-size], good[:, -size:]
+    of_sources, of_groups = (twins.design.effects(choices, game) for game in (0, 1))
+    return SourceBudget(
+        _effects(twins.sources, of_sources, alone[:, g:]),
+        _effects(twins.groups, of_groups, alone[:, :g]),
+        none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
+        _mean_square(choices.mean(1), of_sources.variance),
+        *ratio(of_sources.variance, plain_variance(choices)),
+        len(errors) - len(good),
+    )
+
+
+def _effects(players: Sequence[Player], found: PairEffects, alone: np.ndarray) -> Effects:
+    first, total, shapley = (shares(e, found.variance, WEIGHTS) for e in (found.first, found.total, found.shapley))
+    if found.walks is not None:
+        of_walks = walk_variance(found.walks, found.variance)
+        whole = walk_variance((found.walks @ WEIGHTS)[..., None], (found.variance @ WEIGHTS)[:, None])[:, 0]
+        shapley = shapley.widened(of_walks, whole)
+    statistics: Mapping[str, Statistics] = {p.name: Statistics.of(alone[:, i]) for i, p in enumerate(players)}
+    return Effects(tuple(player.name for player in players), first, total, shapley, statistics)
+
+
+def _mean_square(error: np.ndarray, variance: np.ndarray) -> MeanSquare:
+    """Bias and dispersion of all sources together, from each trial's mean over its choices and its variance."""
+    bias, bias_error = mean(error)
+    of_variance, of_variance_error = mean(variance)
+    each = np.array([_bias_share(error[:, [k]], variance[:, [k]], np.ones(1)) for k in range(len(WEIGHTS))])
+    share, share_error = each.T
+    whole, whole_error = _bias_share(error, variance, WEIGHTS)
+    return MeanSquare(
+        bias, bias_error, of_variance, of_variance_error, share, share_error, whole, whole_error
+    )  # fmt: skip
+
+
+def _bias_share(error: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """Share of the squared mean error in the mean square, with its standard error.
+
+    The square of a mean is unbiased by the mean's own variance taken off; its standard error holds near zero too, where
+    the square is all noise: ``Var b̂² = 4 b² s² + 2 s⁴``.
+    """
+    n = len(error)
+    if n < 2:
+        return np.nan, np.nan
+    bias, of_variance = error.mean(0), variance.mean(0)
+    covariance = np.cov(error, rowvar=False).reshape(len(weights), len(weights)) / n
+    square = weights @ (bias**2 - np.diag(covariance))
+    of_square = 2 * (error - bias) @ (weights * bias)
+    noise = 2 * np.sum(covariance**2 * np.outer(weights, weights))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        whole = square + weights @ of_variance
+        share = square / whole
+        influence = (1 - share) * of_square - share * (variance - of_variance) @ weights
+        of_first_order = influence.var(ddof=1) / n
+        beyond = (1 - share) ** 2 * max(-noise, noise - of_square.var(ddof=1) / n)
+    return float(share), float(np.sqrt(max(of_first_order + beyond, 0)) / whole)

@@ -1,0 +1,1 @@
+"""Error sources: what they perturb, their distributions and correlations, their draws."""

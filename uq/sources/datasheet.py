@@ -1,0 +1,129 @@
+"""Datasheet figures in words: ``"±0.5 % of full scale, k = 2"`` to the distribution that it states.
+
+What the words mean is the GUM's reading of such statements: a coverage factor or a level of confidence says normal
+(4.3.3, 4.3.4; Student's t with stated degrees of freedom), bare limits say rectangular (4.3.7), a resolution is
+rectangular with the half-width of half a step (F.2.2.1).
+"""
+
+import re
+from statistics import NormalDist
+from typing import Any
+
+import scipy
+
+from uq.files.units import UnitError, quantity
+from uq.sources.distributions import Distribution, Normal, Rectangular, StudentT, Triangular, UShaped
+
+NUMBER = r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
+SHAPES = {
+    "rectangular": Rectangular, "uniform": Rectangular, "triangular": Triangular, "u-shaped": UShaped,
+    "arcsine": UShaped, "arc sine": UShaped,
+}  # fmt: skip
+WORDS = (
+    "expanded uncertainty", "accuracy", "uncertainty", "error", "within", "maximum", "max.", "max", "up to",
+    "less than", "U =", "U=", "±", "+/-", "+-", "<=", "≤", "<",
+)  # fmt: skip
+"""What may stand before a figure without changing its meaning."""
+FULL_SCALE = re.compile(rf"({NUMBER})\s*%\s*(?:of\s+)?(?:the\s+)?(?:full[ -]scale|F\.?S\.?O?\.?|range|span)", re.I)
+REMARKS = {
+    "k": rf"k\s*=\s*({NUMBER})|(\d)\s*(?:σ|sigma)|rms|standard (?:uncertainty|deviation)",
+    "level": rf"({NUMBER})\s*%(?:\s+(?:confidence|coverage|level).*)?",
+    "freedom": rf"({NUMBER})\s+degrees of freedom|(?:ν|nu|dof)\s*=\s*({NUMBER})",
+    "resolution": "resolution",
+    "normal": "normal|gaussian",
+}
+"""Remarks beside a figure, apart from the names of shapes."""
+READING = re.compile(rf"({NUMBER})\s*%\s*(?:of\s+)?(?:the\s+)?(?:reading|measured value|value|RD)", re.I)
+EXAMPLES = "'±0.5 % of full scale, k = 2', '0.1 % FS', 'accuracy ±2 N', '±2 N, 95 %', 'resolution 0.01 N'"
+
+
+def datasheet(
+    text: object, unit: str, *, full_scale: float | None = None, reading: float | None = None
+) -> Distribution:
+    """Return the distribution of an error, about zero, that a datasheet states.
+
+    Args:
+        text: the statement: an error in ``unit``, in per cent of full scale or of reading; after a comma or in brackets
+            a coverage factor (``k = 2``, ``3 sigma``, ``rms``), a level of confidence (``95 %``), degrees of freedom,
+            or a shape (``rectangular``, ``triangular``, ``u-shaped``).
+        unit: unit of the result.
+        full_scale: full scale in ``unit``, for figures in per cent of it.
+        reading: what is measured, in ``unit``, for figures in per cent of it.
+
+    Raises:
+        UnitError: the statement is not understood, or needs the full scale or the reading.
+    """
+    if not isinstance(text, str):
+        raise UnitError(f"is {text!r}: write a statement such as {EXAMPLES}")
+    figure, *said = (part.strip() for part in re.split(r"[,;()]", text) if part.strip() or not text.strip())
+    for words in (r"\d\s*(?:σ|sigma)", "rms", "resolution", "standard (?:uncertainty|deviation)"):
+        if found := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
+            said.append(found[0])
+            figure = (figure[: found.start()] + figure[found.end() :]).strip(" =:")
+    half_width = _half_width(text, _without_words(figure), unit, full_scale, reading)
+    return _meaning(text, half_width, said)
+
+
+def _without_words(figure: str) -> str:
+    changed = True
+    while changed:
+        before = figure
+        for word in WORDS:
+            if figure.lower().startswith(word.lower()):
+                figure = figure[len(word) :].lstrip(" :=")
+        changed = figure != before
+    return figure
+
+
+def _half_width(text: str, figure: str, unit: str, full_scale: float | None, reading: float | None) -> float:
+    for pattern, name, whole in ((FULL_SCALE, "full scale", full_scale), (READING, "reading", reading)):
+        if found := pattern.fullmatch(figure):
+            if whole is None:
+                raise UnitError(f"is {text!r}: give the {name} too")
+            return float(found[1]) / 100 * whole
+    try:
+        value = quantity(re.sub(rf"^({NUMBER})\s*(?=\D)", r"\1 ", figure), unit)
+    except UnitError:
+        raise UnitError(f"is {text!r}: write a figure in {unit} or in % of full scale, such as {EXAMPLES}") from None
+    if not value >= 0:
+        raise UnitError(f"is {text!r}: write zero or more")
+    return value
+
+
+def _meaning(text: str, half_width: float, said: list[str]) -> Distribution:
+    """The distribution of which ``half_width`` is the stated figure."""
+    found = {name: value for words in said for name, value in _understood(text, words).items()}
+    covers, shape = found.keys() & {"k", "level"}, found.get("shape")
+    if "resolution" in found:
+        half_width, shape = half_width / 2, shape or Rectangular
+    if covers and shape is None:
+        return _covering(text, half_width, found.get("k"), found.get("level"), found.get("freedom"))
+    if covers or "freedom" in found:
+        raise UnitError(f"is {text!r}: a coverage factor goes with a normal error; leave one out")
+    if "normal" in found:
+        raise UnitError(
+            f"is {text!r}: a normal error needs a coverage factor or a level of confidence; add k = 2 or 95 %"
+        )
+    return (shape or Rectangular)(-half_width, half_width)
+
+
+def _understood(text: str, words: str) -> dict[str, Any]:
+    """What one remark beside the figure says."""
+    for name, pattern in REMARKS.items():
+        if found := re.fullmatch(pattern, words, re.I):
+            return {name: float(next(filter(None, found.groups()), 1.0))}
+    if words.lower() in SHAPES:
+        return {"shape": SHAPES[words.lower()]}
+    raise UnitError(f"is {text!r}: '{words}' is not understood; write such as {EXAMPLES}")
+
+
+def _covering(
+    text: str, half_width: float, k: float | None, level: float | None, freedom: float | None
+) -> Distribution:
+    """Normal, or t, of which an expanded uncertainty is stated: by its coverage factor, or by its level alone."""
+    if (k is not None and k <= 0) or (level is not None and not 50 <= level < 100) or (freedom or 1) <= 0:
+        raise UnitError(f"is {text!r}: write a coverage factor above zero, or a level from 50 % to below 100 %")
+    if k is None:
+        upper = (1 + (level or 0.0) / 100) / 2
+        k = NormalDist().inv_cdf(upper) if freedom is None else float(scipy.special.stdtrit(freedom, upper))
+    return Normal(0.0, half_width / k) if freedom is None else StudentT(0.0, half_width / k, freedom)

@@ -1,0 +1,236 @@
+"""What a long campaign has computed so far, in a folder: one file a stretch of trials, each with its checksum.
+
+``campaign.json`` says of what campaign the folder is; every part names it by its digest. A part is a line of JSON and
+the estimates as NumPy arrays. Several processes write into one folder, each the trials that it computed. Files are
+written beside their place and moved into it, so that a campaign that is killed leaves whole parts only. Nothing is used
+of a folder in which anything does not fit.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import io
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uq.files.document import ExperimentError
+from uq.sources.source import stream_number
+from uq.trials.trial import TrialEstimates
+
+FORMAT = 2
+"""Version of the files' format."""
+EVERY = 5.0
+"""Seconds between two writes."""
+
+
+class Checkpoint:
+    """A folder with the stretches of one campaign that are done."""
+
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        say: Callable[[str], None] | None = None,
+        every: float = EVERY,
+        processes: int = 1,
+        process: int = 0,
+    ) -> None:
+        """Name the folder; nothing is read or written before :meth:`open`.
+
+        Args:
+            folder: where the parts are kept; made when the first is written.
+            say: called with a line where a campaign is resumed.
+            every: seconds between two writes.
+            processes: how many share the folder.
+            process: which of them this is; the first locks the folder and tidies it up.
+        """
+        self.processes, self.first = processes, process == 0
+        self.folder, self.say, self.every = Path(folder), say, every
+        self.pending: list[tuple[Path, bytes]] = []
+        self.digest, self.written, self.lock = "", 0.0, -1
+        self.made: list[Path] = []
+
+    def open(self, identity: Mapping[str, Any]) -> None:
+        """Make the folder that of one campaign, or see that it is.
+
+        Raises:
+            ExperimentError: the folder is in use, damaged, or of another campaign.
+            OSError: it cannot be read or written.
+        """
+        made = [folder for folder in (self.folder, *self.folder.parents) if not folder.exists()]
+        digest, head = _digest(identity), self.folder / "campaign.json"
+        if not self.first:
+            if not head.exists():
+                raise ExperimentError(f"no {head} on this machine: give --out a folder that all processes share")
+            self._compare(head, dict(identity), digest)
+            self.digest, self.written = digest, time.monotonic()
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.lock = os.open(self.folder / "lock", os.O_CREAT | os.O_RDWR, 0o644)
+        try:
+            fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self.lock)
+            self.lock = -1
+            raise ExperimentError(f"another campaign writes in {self.folder}: wait for it, or choose another") from None
+        if head.exists():
+            self._compare(head, dict(identity), digest)
+        elif any(self.folder.glob("*.part")):
+            raise ExperimentError(f"no campaign.json in {self.folder}: {_delete(self.folder)}")
+        else:
+            _write(head, json.dumps({"format": FORMAT, "digest": digest, "campaign": identity}, indent=1).encode())
+        self.digest, self.made, self.written = digest, made, time.monotonic()
+
+    def load(self, trajectory: str, trials: int) -> list[TrialEstimates]:
+        """Return the stretches of a trajectory that are done, from its first trial on.
+
+        Raises:
+            ExperimentError: a part is cut, edited, missing, or of another campaign.
+            OSError: it cannot be read.
+        """
+        parts: list[TrialEstimates] = []
+        done = 0
+        paths = sorted(self.folder.glob(f"{_stem(trajectory)}-*.part"))
+        for k, path in enumerate(paths):
+            header, estimates = self._read(path)
+            if header["first"] > done and header["processes"] > 1:
+                self._forget(paths[k:])  # a process that was lost had more to write
+                break
+            if (header["trajectory"], header["first"]) != (trajectory, done):
+                raise ExperimentError(f"a part before {path} is missing: {_delete(self.folder)}")
+            done += len(estimates.ok)
+            parts.append(estimates)
+        if done and self.say:
+            self.say(f"resuming {trajectory} at trial {min(done, trials):,} of {trials:,}")
+        return parts
+
+    def keep(self, trajectory: str, first: int, estimates: TrialEstimates) -> None:
+        """Take a stretch; write those that wait if it is time."""
+        path = self.folder / f"{_stem(trajectory)}-{first:010d}.part"
+        header = {"format": FORMAT, "campaign": self.digest, "trajectory": trajectory, "first": first}
+        header["processes"] = self.processes
+        self.pending.append((path, _pack(header, estimates)))
+        if time.monotonic() - self.written >= self.every:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits."""
+        for path, data in self.pending:
+            _write(path, data)
+        self.pending, self.written = [], time.monotonic()
+
+    def close(self) -> None:
+        """Write what waits and leave the folder to others; gone again if there is nothing in it to go on from."""
+        if self.lock < 0:
+            if not self.first and self.digest:
+                self.flush()
+            return
+        try:
+            if self.digest:
+                self.flush()
+                if not any(self.folder.glob("*.part")):
+                    self.remove()
+        finally:
+            os.close(self.lock)
+            self.lock = -1
+
+    def remove(self) -> None:
+        """Delete the folder, and those above it that were made for it if they are empty."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            for folder in self.made[1:]:
+                folder.rmdir()
+
+    def _forget(self, paths: list[Path]) -> None:
+        """Delete parts that nothing leads up to: their trials are run again."""
+        for path in paths if self.first else []:
+            path.unlink()
+
+    def _compare(self, head: Path, identity: dict[str, Any], wanted: str) -> None:
+        try:
+            content = json.loads(head.read_text("utf-8"))
+            version, digest, found = content["format"], content["digest"], content["campaign"]
+        except (ValueError, KeyError, TypeError):
+            raise ExperimentError(f"{head} is cut or edited: {_delete(self.folder)}") from None
+        if version != FORMAT:
+            raise ExperimentError(f"{head} has the format {version}, not {FORMAT}: {_delete(self.folder)}")
+        if digest != _digest(found):
+            raise ExperimentError(f"{head} is edited: {_delete(self.folder)}")
+        if digest != wanted:
+            given = json.loads(json.dumps(identity))
+            other = [key for key in {**found, **given} if found.get(key) != given.get(key)]
+            raise ExperimentError(
+                f"{self.folder} is of another campaign (other {', '.join(other)}): "
+                f"give the same arguments as before, choose another folder, or {_delete(self.folder)}"
+            )
+
+    def _read(self, path: Path) -> tuple[dict[str, Any], TrialEstimates]:
+        header, payload = _unpack(path.read_bytes())
+        if not header:
+            raise ExperimentError(f"{path} is cut or edited (its checksum is another): {_delete(self.folder)}")
+        if header["campaign"] != self.digest:
+            raise ExperimentError(f"{path} is of another campaign: {_delete(self.folder)}")
+        with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+            return header, TrialEstimates(arrays["inertia"], arrays["ok"])
+
+
+def code_digest() -> str:
+    """Return a hash of the package's own code: two checkouts that differ give different checkpoints."""
+    uq = Path(__file__).parents[1]
+    found = hashlib.sha256()
+    for package in (uq, uq.with_name("identify")):
+        for path in sorted(package.rglob("*.py")):
+            found.update(path.relative_to(package.parent).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def _delete(folder: Path) -> str:
+    return f"delete {folder} to start again"
+
+
+def _stem(trajectory: str) -> str:
+    """Name of a trajectory's files, whatever characters its own has."""
+    return f"{stream_number(trajectory):08x}"
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _pack(header: dict[str, Any], estimates: TrialEstimates) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, inertia=estimates.inertia, ok=estimates.ok)
+    payload = buffer.getvalue()
+    return json.dumps(header | {"sha256": _checksum(header, payload)}).encode() + b"\n" + payload
+
+
+def _unpack(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Header and payload; no header where the checksum does not fit."""
+    line, _, payload = data.partition(b"\n")
+    try:
+        header = json.loads(line)
+        stated = header.pop("sha256")
+    except (ValueError, KeyError, AttributeError, TypeError):
+        return {}, b""
+    return (header, payload) if stated == _checksum(header, payload) else ({}, b"")
+
+
+def _checksum(header: dict[str, Any], payload: bytes) -> str:
+    return hashlib.sha256(_digest(header).encode() + payload).hexdigest()
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file beside its place, down to the disk, and move it there."""
+    partial = path.with_name(path.name + ".partial")
+    with partial.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(partial, path)

@@ -1,0 +1,277 @@
+"""Trials without samples: the Gram sums themselves are drawn, so nothing grows with the length of the run.
+
+A trial depends on the gyro's white noise through some 150 sums over samples, whose mean and covariance are known
+exactly (:mod:`uq.gram_sums.gram_moments`). Their part linear in the noise is normal; their quadratic part is a sum over
+all samples and taken as normal too, which is the only approximation. Given these sums, the load cell's white normal
+noise acts on the right side of the normal equations as one normal vector with the covariance ``Σ Ωᵀ S Ω``.
+
+Unlike other trials these are computed many at a time, the trials on the last axis: they are so small that only whole
+vectors of them keep a processor busy (:mod:`uq.gram_sums.sum_equations`).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from identify.motion.trajectory import Motion
+from identify.rigid_body.dynamics import wrench
+from identify.rigid_body.inertia import Body
+from uq.files.document import ExperimentError
+from uq.gram_sums import plain_solve, sum_equations
+from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, cell_map
+from uq.gram_sums.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
+from uq.gram_sums.setup import Case, Estimator, cases_of
+from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
+from uq.sources.distributions import Normal
+from uq.sources.random_normals import normals_of_keys
+from uq.sources.source import Mixing, Source, block_key, draw_constants, stream_number
+from uq.trials.trial import TrialEstimates, valid_samples
+
+REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
+
+
+class CollapsedSetup(eqx.Module):
+    """Everything that a collapsed trial needs besides its key: nothing in it grows with the number of samples."""
+
+    r_cg: Float[Array, "3"]
+    """True centre of gravity from Q, in B [m]."""
+    sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...]
+    cases: tuple[Case, ...] = eqx.field(static=True)
+    mean: Float[Array, "variants estimators kept"]
+    """Each estimator's expected ``sum_equations.KEPT``; the first variant is without noise of the gyro."""
+    root: Float[Array, "noisy estimators kept products"]
+    """A square root of their joint covariance, for each variant but the first."""
+    variant: Int[Array, " cases"]
+    """Which variant acts in each case."""
+    cell: Float[Array, "cases 6 6"]
+    """Covariance of the load cell's white noise of one sample in each case; force before moment."""
+    estimators: int = eqx.field(static=True)
+
+
+def collapse(
+    motion: Motion,
+    body: Body,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    mixing: Sequence[Mixing] = (),
+) -> CollapsedSetup:
+    """Return what collapsed trials need of a noise-free motion, in float64.
+
+    Raises:
+        ExperimentError: a source whose effect the sums' moments do not tell.
+    """
+    gyro = _check(sources, mixing)
+    cases = cases_of(sources)
+    acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in cases]
+    variants = list(dict.fromkeys([(), *acting]))
+    squares = {source.name: np.broadcast_to(np.square(np.asarray(source.sigma, float)), 3) for source in gyro}
+    variances = np.array([sum((squares[name] for name in names), np.zeros(3)) for names in variants])
+    white = [source for source in sources if source.kind == "precision"]
+    means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
+                                    [e.taps for e in estimators], variances)  # fmt: skip
+    own = _own(len(estimators))
+    return CollapsedSetup(
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means[:, own], roots[:, own],
+        jnp.asarray([variants.index(names) for names in acting]),
+        jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
+    )  # fmt: skip
+
+
+def _check(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[Source]:
+    """The white noise of omega.
+
+    Raises:
+        ExperimentError: a source whose effect the sums' moments do not tell.
+    """
+    white = [source for source in sources if source.kind == "precision"]
+    other = [source.name for source in white if not isinstance(source.shape, Normal)]
+    columns = Columns.of(sources)
+    if other or perturbed(sources) & OF_THE_GYRO or columns.time or columns.motion:
+        what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
+        raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
+    gyro = [source for source in white if source.target == "omega"]
+    if any(set(mix.names) & {source.name for source in gyro} for mix in mixing):
+        raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
+    return gyro
+
+
+@jax.jit
+def _means_and_roots(
+    omega: Array, alpha: Array, specific_force: Array, body: Body, taps: list[Array], variances: Array
+) -> tuple[Array, Array]:
+    """Expected sums for each variance of omega's noise, and roots of their covariance for all but the first."""
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(body, omega, alpha, specific_force)
+    signals = jnp.concatenate([omega, alphas_of(omega, taps), *true])
+    moments = moments_of_signals(signals, valid_samples(omega.shape[1], [Estimator("", one) for one in taps]), taps)
+    first = np.array(list(distinct_products(len(taps)).values()))
+
+    def root(variance):
+        matrix = covariance(moments, variance)[first[:, None], first]
+        scale = jnp.sqrt(jnp.diag(matrix))
+        inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
+        values, vectors = jnp.linalg.eigh(matrix * jnp.outer(inverse, inverse))
+        return scale[:, None] * vectors * jnp.sqrt(jnp.maximum(values, 0))[None]
+
+    means = jax.vmap(lambda variance: mean(moments, variance)[first])(variances)
+    return means, jax.lax.map(root, variances[1:])
+
+
+def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Case) -> Float[np.ndarray, "6 6"]:
+    """The covariance of what the case's sources add to one sample of force and moment."""
+    active = [source for source in white if source.target in ("F", "M") and source.name in case.sources]
+    total = np.zeros((6, 6))
+    spreads = {s.name: np.eye(6)[:, 0:3] if s.target == "F" else np.eye(6)[:, 3:6] for s in active}
+    spreads = {s.name: spreads[s.name] * np.asarray(s.sigma)[None] for s in active}
+    for source in active:
+        total += spreads[source.name] @ spreads[source.name].T
+    for mix in mixing:
+        ends = np.cumsum(mix.axes)
+        parts = [(name, slice(end - size, end)) for name, size, end in zip(mix.names, mix.axes, ends, strict=True)]
+        here = [(spreads[name], part) for name, part in parts if name in spreads]
+        for one, rows in here:
+            for another, columns in here:
+                correlation = np.asarray(mix.correlation)[rows, columns]
+                own = np.eye(3) if rows == columns else np.zeros((3, 3))
+                total += one @ (correlation - own) @ another.T
+    return total
+
+
+def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
+    """Run one trial on drawn sums; see :func:`uq.trials.trial.trial`."""
+    return jax.tree.map(lambda leaf: leaf[0], collapsed_trials(setup, key, jnp.asarray(index)[None]))
+
+
+def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+    """Run many trials at a time; the result has them on the leading axis."""
+    draws = _draw(setup, key, indices)
+    quiet = jnp.broadcast_to(setup.mean[:1, ..., None], (1, *setup.mean.shape[1:], len(indices)))
+    sums = jnp.concatenate([quiet, setup.mean[1:, ..., None] + setup.root @ draws.gyro])
+    inertia = jnp.zeros((setup.estimators, len(setup.cases), 6, len(indices)))
+    ok = jnp.zeros((setup.estimators, len(setup.cases), len(indices)), bool)
+    for kind, members in _kinds(setup).items():
+        numbers, cases = (grid.ravel() for grid in np.meshgrid(range(setup.estimators), members, indexing="ij"))
+        found = _estimates(setup, draws, sums, kind, (numbers, cases))
+        inertia, ok = inertia.at[numbers, cases].set(found[0]), ok.at[numbers, cases].set(found[1])
+    return TrialEstimates(jnp.moveaxis(inertia, -1, 0), jnp.moveaxis(ok, -1, 0))
+
+
+class _Draws(NamedTuple):
+    """What trials draw, the trials on the last axis."""
+
+    errors: Errors
+    """Of each case."""
+    gyro: Float[Array, "products *trials"]
+    """Standard normal numbers for the sums."""
+    cell: Float[Array, "estimators 6 *trials"]
+    """The same for the right sides."""
+
+
+def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> _Draws:
+    def errors(index):
+        draws = draw_constants(setup.sources, setup.mixing, key, index, float)
+        return errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+
+    white = [source for source in setup.sources if source.kind == "precision"]
+    normal = []
+    for targets, shape in ((("omega",), setup.root.shape[-1:]), (("F", "M"), (setup.estimators, 6))):
+        first = [source for source in white if source.target in targets][:1]
+        keys = [jax.vmap(lambda i, s=s: block_key(stream_number(s.name), key, i, 0))(indices) for s in first]
+        drawn = normals_of_keys(keys[0], math.prod(shape)) if keys else jnp.zeros((math.prod(shape), len(indices)))
+        normal.append(drawn.reshape(*shape, -1))
+    return _Draws(jax.vmap(errors, out_axes=-1)(indices), *normal)
+
+
+class _Kind(NamedTuple):
+    """What cases have in common, so that as little as possible is computed trial by trial."""
+
+    moving: bool
+    """The normal matrix differs from trial to trial, by errors of the gyro."""
+    cell: bool
+    """The load cell's white noise may act; where nothing moves it costs little, and is not told apart."""
+    noisy: bool
+    """The covariance of that noise differs, by errors of the centre of gravity."""
+
+
+def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
+    found: dict[_Kind, list[int]] = {}
+    for number, case in enumerate(setup.cases):
+        acting = [source for source in setup.sources if source.name in case.sources]
+        moving = any(source.target == "omega" for source in acting)
+        noisy = any(s.kind == "precision" for s in acting) and "r_cg" in perturbed(acting)
+        cell = any(s.kind == "precision" and s.target != "omega" for s in (acting if moving else setup.sources))
+        found.setdefault(_Kind(moving, cell, moving or noisy), []).append(number)
+    return found
+
+
+def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[np.ndarray, np.ndarray]):
+    """Some estimators' estimates of some cases of a kind, (pairs, 6, trials), and which could be solved.
+
+    In three loops over the pairs, since the compiler would compute anew in each what it can fuse into one.
+    """
+    known = jax.lax.map(lambda pair: _known(setup, draws, sums, kind, *pair), pairs)
+    equations = jax.lax.map(lambda one: _equations(setup, draws, kind, *one), (known, *pairs))
+    return jax.lax.map(lambda one: _solved(draws, kind, *one), (*equations, pairs[0]))
+
+
+def _known(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array) -> dict:
+    """The sums that the equations need."""
+    errors = jax.tree.map(lambda leaf: leaf[case], draws.errors)
+    rows = sums[setup.variant[case], number] if kind.moving else setup.mean[0, number][:, None]
+    known: dict = dict(zip(sum_equations.KEPT, rows, strict=True))
+    if perturbed(setup.sources) & {"cell_scale", "cell_misalignment", "cell_cross_talk"}:
+        known |= _sensed(known, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
+    known |= sum_equations.residual_sums(known, setup.r_cg[:, None] + errors.r_cg, errors.cell_bias)
+    wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
+    if not kind.moving:
+        return {w: known[w] for w in (*sum_equations.NEEDED, *wanted)}
+    powers = sum_equations.powers_of(errors.gyro_bias)
+    return {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
+
+
+def _equations(setup: CollapsedSetup, draws: _Draws, kind: _Kind, known: dict, number: Array, case: Array):
+    """Normal matrix, its noise's covariance where the load cell's acts, and right side."""
+    noise = {}
+    if kind.cell:
+        at = setup.r_cg[:, None] + (draws.errors.r_cg[case] if kind.noisy else 0.0)
+        weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
+        noise = sum_equations.weighted_matrix(known, weight)
+    return sum_equations.normal_matrix(known), noise, sum_equations.right_side(known)
+
+
+def _solved(draws: _Draws, kind: _Kind, normal: dict, covariance: dict, right: list, number: Array):
+    if kind.cell:
+        noise = plain_solve.times_root(covariance, draws.cell[number])
+        right = [one + other for one, other in zip(right, noise, strict=True)]
+    found, ok = plain_solve.solve(normal, right)
+    inertia = jnp.stack(found)
+    ok = ok & jnp.all(jnp.isfinite(inertia), axis=0)
+    return jnp.where(ok[None], inertia, jnp.nan), ok
+
+
+def _own(estimators: int) -> np.ndarray:
+    """Where the sums of :data:`uq.gram_sums.sum_equations.KEPT` stand among the distinct products of all estimators."""
+    place = {factors: k for k, factors in enumerate(distinct_products(estimators))}
+
+    def row(factor, number):
+        return factor if factor < 3 else factor + 3 * number if factor < 6 else factor - 3 + 3 * estimators
+
+    return np.array(
+        [[place[tuple(row(f, k) for f in factors)] for factors in sum_equations.KEPT] for k in range(estimators)]
+    )
+
+
+def _sensed(known: dict, cell: Float[Array, "6 6 trials"]) -> dict:
+    """The sums with the wrench, as the load cell sees it."""
+    return {
+        (*phi, 6 + row): plain_solve.total(cell[row, k] * known[(*phi, 6 + k)] for k in range(6))
+        for phi in sum_equations.PHI
+        for row in range(6)
+    }

@@ -1,0 +1,172 @@
+"""Several processes, on one machine or many, as one campaign: each computes its share, and all know all results.
+
+What JAX's own runtime does (finding the others, collectives, noticing that one is gone) is left to it; here is what a
+campaign needs besides: steps that the first process takes before the others, and one line when a process is lost.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from jax.experimental import multihost_utils
+
+from uq.files.document import ExperimentError
+from uq.trials.trial import TrialEstimates
+from uq.trials.watchdog import LOST_LINE
+
+T = TypeVar("T")
+
+PATIENCE = 120
+"""Seconds to wait for all processes at the start."""
+HEARTBEAT = 30
+"""Seconds without a sign of life after which a process is taken for lost."""
+LONGEST_MESSAGE = 2000
+
+
+class LostProcess(ExperimentError):  # noqa: N818
+    """Another process of the campaign is gone."""
+
+
+class FailedElsewhere(ExperimentError):  # noqa: N818
+    """The first process failed, and says why."""
+
+
+def join(coordinator: str | None = None, processes: int | None = None, process: int | None = None) -> None:
+    """Join the other processes; before the first array is made.
+
+    Args:
+        coordinator: ``HOST:PORT`` where the first process listens.
+        processes: how many there are.
+        process: which of them this is, from 0. Without all three, the cluster's own environment tells them (Slurm,
+            Open MPI, …: :func:`jax.distributed.initialize`).
+
+    Raises:
+        ExperimentError: no cluster is detected, or the others do not come.
+    """
+    jax.config.update("jax_cpu_collectives_implementation", "gloo")
+    try:
+        with _silent():
+            jax.distributed.initialize(
+                coordinator, processes, process, initialization_timeout=PATIENCE, heartbeat_timeout_seconds=HEARTBEAT
+            )
+            multihost_utils.sync_global_devices("joined")
+    except (ValueError, TypeError, RuntimeError) as error:
+        if jax.distributed.is_initialized():
+            raise LostProcess(f"the {processes or 'other'} processes did not come together: start them again") from None
+        if (coordinator is None and "must be defined" in str(error)) or "should be defined" in str(error):
+            raise ExperimentError(
+                "no cluster is detected: give --coordinator HOST:PORT --processes N --process I"
+            ) from None
+        where = f" at {coordinator}" if coordinator else ""
+        what = str(error).splitlines()[0]
+        raise ExperimentError(f"the processes do not meet{where} ({what}): check address and number") from None
+
+
+def leave() -> None:
+    """Wait for the others and part from them."""
+    jax.distributed.shutdown()
+
+
+def several() -> bool:
+    """Whether there are other processes."""
+    return jax.process_count() > 1
+
+
+def is_first() -> bool:
+    """Whether this process speaks for all."""
+    return jax.process_index() == 0
+
+
+@contextlib.contextmanager
+def guarded() -> Iterator[None]:
+    """Turn what a collective raises when another process is gone into one line.
+
+    Raises:
+        LostProcess: another process is gone.
+    """
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:
+        if not several() or isinstance(error, ExperimentError):
+            raise
+        raise LostProcess(LOST_LINE) from error
+
+
+def meet() -> None:
+    """Wait for the other processes, if there are any."""
+    if several():
+        with guarded():
+            multihost_utils.sync_global_devices("meet")
+
+
+def in_turn(action: Callable[[], T]) -> T:
+    """Do something on the first process, then on the others; where it fails on the first, it fails on all.
+
+    Raises:
+        FailedElsewhere: the first process failed.
+        LostProcess: another process is gone.
+    """
+    if not several():
+        return action()
+    if not is_first():
+        if message := _told(""):
+            raise FailedElsewhere(message)
+        return action()
+    try:
+        done = action()
+    except Exception as error:
+        _told(str(error) or type(error).__name__)
+        raise
+    _told("")
+    return done
+
+
+def agree(what: str, value: Any) -> None:
+    """See that all processes have the same value.
+
+    Raises:
+        ExperimentError: the first process has another.
+    """
+    digest = hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+    if several() and _told(digest) != digest:
+        raise ExperimentError(f"the processes have different {what}: start all alike, with --out on shared disk")
+
+
+def _told(message: str) -> str:
+    """Return what the first process says."""
+    text = np.zeros(4 * LONGEST_MESSAGE, np.uint8)
+    data = message[:LONGEST_MESSAGE].encode()
+    text[: len(data)] = np.frombuffer(data, np.uint8)
+    with guarded():
+        said = np.asarray(multihost_utils.broadcast_one_to_all(text))
+    return bytes(said[said > 0]).decode()
+
+
+def own_share(devices: Sequence[jax.Device], first: int, stretch: TrialEstimates) -> tuple[int, TrialEstimates]:
+    """Return the part of a stretch that this process computed, and the number of its first trial."""
+    if not several():
+        return first, stretch
+    each = len(stretch.ok) // len(devices)
+    own = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
+    begin, end = each * own[0], each * (own[-1] + 1)
+    return first + begin, TrialEstimates(*(leaf[begin:end] for leaf in stretch))
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep the transport's own greetings from standard output."""
+    sys.stdout.flush()
+    kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nothing)

@@ -1,0 +1,205 @@
+"""One trial, sample by sample and case by case: for any source, and the oracle of :mod:`uq.trials.trial`.
+
+The chain from truth to record, in this order: body, platform and air give the true wrench and angular velocity; the
+sensor sees them in its own axes, with cross-talk, through its scale factors; noise, bias and drift are added; the
+angular velocity is that of an earlier instant (delay); the range ends (saturation); the resolution is finite
+(quantisation).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from identify.estimators.gram import Sums, solve, sums_of
+from identify.motion.trajectory import Motion
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import features
+from identify.signals.differentiate import derivative
+from uq.files.document import ExperimentError
+from uq.gram_sums.error_maps import Columns, Platform, gyro_map
+from uq.gram_sums.setup import Case, Estimator, Sampling, Setup, cases_of
+from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
+from uq.sources.flicker_noise import draw_coloured
+from uq.sources.source import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants, noise_streams
+from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trial
+from uq.trials.trial import TrialEstimates, prepare, trial
+
+
+class SampledSetup(eqx.Module):
+    """Everything that a trial needs besides its key, with every sample of the noise-free run."""
+
+    body: Body
+    platform: Platform
+    t: Float[Array, " n"]
+    """Instants [s]."""
+    omega: Float[Array, "3 n"]
+    """True angular velocity [rad/s]."""
+    wrench: Float[Array, "columns n"]
+    """True wrench and the other functions of :class:`uq.gram_sums.error_maps.Columns`."""
+    sources: tuple[Source, ...]
+    mixing: tuple[Mixing, ...]
+    estimators: tuple[Estimator, ...]
+    cases: tuple[Case, ...] = eqx.field(static=True)
+    columns: Columns = eqx.field(static=True)
+    dtype: np.dtype = eqx.field(static=True)
+    """Precision of draws and signals; sums and solutions have the default precision."""
+
+    @property
+    def rate(self) -> Float[Array, ""]:
+        """Sample rate [Hz]."""
+        return (len(self.t) - 1) / (self.t[-1] - self.t[0])
+
+
+AnySetup = Setup | SampledSetup | CollapsedSetup
+
+
+class Record(NamedTuple):
+    """What the sensors say, component first."""
+
+    wrench: Float[Array, "6 n"]
+    """Force [N] and moment [N·m]."""
+    omega: Float[Array, "3 n"]
+    """Angular velocity [rad/s]."""
+
+
+def needs_samples(sources: Sequence[Source], mixing: Sequence[Mixing]) -> bool:
+    """Whether sums do not tell what these sources do: the signals must be computed sample by sample."""
+    gyro, cell = (
+        {s.name for s in sources if s.kind == "precision" and (s.target == "omega") is which} for which in (True, False)
+    )
+    crossed = any(gyro & set(mix.names) and cell & set(mix.names) for mix in mixing)
+    return crossed or any(s.kind in ("delay", "coloured", "saturation", "quantisation") for s in sources)
+
+
+def prepare_any(
+    motion: Motion,
+    body: Body,
+    platform: Platform,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    mixing: Sequence[Mixing] = (),
+    dtype: str = "float64",
+    sampling: Sampling = "conditioned",
+) -> AnySetup:
+    """Return what a trial needs: sums where they tell all that the sources do, else every sample.
+
+    Raises:
+        ExperimentError: the sums are to be drawn, and their moments do not tell what the sources do.
+    """
+    if sampling == "collapsed" and needs_samples(sources, mixing):
+        raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
+    if needs_samples(sources, mixing):
+        return prepare_samples(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype)
+    if sampling == "collapsed":
+        return collapse(motion, body, sources, estimators, mixing=mixing)
+    return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
+
+
+def any_trial(setup: AnySetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
+    """Run one trial; see :func:`uq.trials.trial.trial`."""
+    if isinstance(setup, CollapsedSetup):
+        return collapsed_trial(setup, key, index)
+    return sampled_trial(setup, key, index) if isinstance(setup, SampledSetup) else trial(setup, key, index)
+
+
+def prepare_samples(
+    motion: Motion,
+    body: Body,
+    platform: Platform,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    mixing: Sequence[Mixing] = (),
+    dtype: str = "float64",
+) -> SampledSetup:
+    """Keep every sample of a noise-free motion and its wrench."""
+    columns = Columns.of(sources)
+    wrench = columns.sampled(body, motion)
+    return SampledSetup(
+        body, platform, motion.t, motion.omega, wrench, tuple(sources), tuple(mixing), tuple(estimators),
+        cases_of(sources), columns, np.dtype(dtype),
+    )  # fmt: skip
+
+
+def sampled_trial(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
+    """Run one trial; see :func:`uq.trials.trial.trial`."""
+    draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
+    errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+    noise = draw_noise(setup, key, index)
+    acting = jnp.asarray([[s.name in case.sources for s in setup.sources] for case in setup.cases]).reshape(
+        len(setup.cases), len(setup.sources)
+    )
+
+    def of_case(one):
+        errors, acting = one
+        record = sensed(setup, smooth_signals(setup, errors), noise, acting)
+        sums = [record_sums(setup, record, estimator) for estimator in setup.estimators]
+        return [solve(of, setup.body.r_cg_from_q + errors.r_cg) for of in sums]
+
+    found = jax.lax.map(of_case, (errors, acting))
+    return TrialEstimates(jnp.stack([e.inertia for e in found]), jnp.stack([e.ok for e in found]))
+
+
+def smooth_signals(setup: SampledSetup, errors: Errors) -> Record:
+    """Return what sensors without noise, of unlimited range and resolution, would say: smooth in the errors."""
+    wrench = setup.columns.map(setup.body, setup.platform, errors) @ setup.wrench + errors.cell_bias[:, None]
+    omega = setup.omega
+    if "gyro_delay" in perturbed(setup.sources):
+        omega = jax.vmap(setup.platform.trajectory.omega, out_axes=1)(setup.t - errors.gyro_delay)
+    drift = jnp.outer(errors.gyro_drift, setup.t - setup.t[0])
+    return Record(wrench, gyro_map(errors) @ omega + errors.gyro_bias[:, None] + drift)
+
+
+def draw_noise(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) -> dict[str, Float[Array, "3 n"]]:
+    """Return the noise of every noise source of a trial, by name."""
+    n = len(setup.t)
+    white = [source for source in setup.sources if source.kind == "precision"]
+    streams = noise_streams(white, key, index)
+    draw = lambda block: draw_blocks(white, setup.mixing, streams, block, setup.dtype)  # noqa: E731
+    blocks = jax.lax.map(draw, jnp.arange(-(-n // BLOCK)))
+    noise = {s.name: b.swapaxes(0, 1).reshape(3, -1)[:, :n] for s, b in zip(white, blocks, strict=True)}
+    coloured = [source for source in setup.sources if source.kind == "coloured"]
+    return noise | {s.name: draw_coloured(s, key, index, n, setup.rate, setup.dtype) for s in coloured}
+
+
+def sensed(setup: SampledSetup, signals: Record, noise: dict[str, Array], acting) -> Record:
+    """Add noise to signals, end their range, round them to their resolution; ``acting``: which sources do."""
+    smooth = {"F": signals.wrench[:3], "M": signals.wrench[3:], "omega": signals.omega}
+    said = {}
+    for target in SIGNALS:
+        signal = smooth[target].astype(setup.dtype)
+        limit, step = jnp.full((3, 1), jnp.inf, signal.dtype), jnp.zeros((3, 1), signal.dtype)
+        for on, source in zip(acting, setup.sources, strict=True):
+            if source.target == target and source.noise:
+                signal = signal + jnp.where(on, noise[source.name], 0)
+            if source.target == target and source.kind == "saturation":
+                limit = jnp.where(on, jnp.minimum(limit, _column(source.settings["limit"], signal)), limit)
+            if source.target == target and source.kind == "quantisation":
+                step = jnp.where(on, jnp.maximum(step, _column(source.settings["step"], signal)), step)
+        said[target] = quantised(jnp.clip(signal, -limit, limit), step)
+    return Record(jnp.concatenate([said["F"], said["M"]]), said["omega"])
+
+
+def _column(values, signal: Array) -> Array:
+    return jnp.asarray(values, signal.dtype)[:, None]
+
+
+def quantised(signal: Float[Array, "3 n"], step: Float[Array, "3 1"]) -> Float[Array, "3 n"]:
+    """Round to the nearest multiple of a step; zero leaves the signal as it is."""
+    return jnp.where(step > 0, step * jnp.round(signal / jnp.where(step > 0, step, 1)), signal)
+
+
+def record_sums(setup: SampledSetup, record: Record, estimator: Estimator) -> Sums:
+    """Return an estimator's sums over the samples where all estimators have a derivative."""
+    halo, n = max(len(e.taps) for e in setup.estimators), record.omega.shape[1]
+    lost = halo - len(estimator.taps)
+    alpha = derivative(record.omega[:, lost : n - lost], estimator.taps.astype(record.omega.dtype))
+    omega, wrench = record.omega[:, halo : n - halo], record.wrench[:, halo : n - halo]
+    parts = [part.astype(float) for part in (features(omega, alpha), wrench)]
+    return sums_of(parts[0], parts[1][:3], parts[1][3:])

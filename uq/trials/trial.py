@@ -1,0 +1,319 @@
+"""One trial of the Monte Carlo: draws in, estimates of every case and estimator out. A pure function of a key.
+
+A trial visits its samples in blocks and keeps only sums (:mod:`identify.estimators.gram`) over *elements*: the
+features, or with errors that map the angular velocity those of :func:`uq.gram_sums.error_maps.features_of_elements`.
+The noise-free sums are known, and what the gyro's noise changes in them is summed apart: with the change δ of the
+elements φ, ``(φ + δ)(φ + δ)ᵀ - φφᵀ = (φ + δ/2) δᵀ + δ (φ + δ/2)ᵀ``, so that one product is enough. Every case (all
+sources, one group, one source) and every estimator is solved from the sums of the same draws, over the samples where
+all estimators have a derivative. Constant errors are linear maps of these sums (:mod:`uq.gram_sums.error_maps`).
+
+White normal noise of the load cell enters through sums that are linear in it, so that, given the gyro's draws, these
+sums are normal with a known covariance. ``sampling="conditioned"`` draws them from it; ``"samples"`` draws the noise of
+every sample. A case has the same distribution either way; cases with and without noise of the gyro draw from the same
+normal numbers. Noise of other distributions is always drawn sample by sample.
+
+``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.collapsed`.
+
+Sources that no sums can tell (delay, saturation, quantisation, coloured noise) need every sample:
+:mod:`uq.trials.samplewise`.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Key
+
+from identify.estimators.gram import Sums, solve
+from identify.motion.trajectory import Motion
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import features
+from identify.signals.differentiate import derivative
+from uq.gram_sums.covariance_root import covariance_root
+from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, Platform, changes_of_elements, element_map, true_elements
+from uq.gram_sums.setup import SHARED, Estimator, Sampling, Setup, Signals, cases_of, noisy_count
+from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
+from uq.sources.distributions import Normal
+from uq.sources.random_normals import joined
+from uq.sources.source import BLOCK, Mixing, Source, draw_constants, draw_pairs, draw_sums, noise_streams
+
+
+class TrialEstimates(NamedTuple):
+    """Estimates of one trial."""
+
+    inertia: Float[Array, "estimators cases 6"]
+    """Packed tensors [kg·m²]; NaN where a case could not be solved."""
+    ok: Bool[Array, "estimators cases"]
+    """Which could."""
+
+
+def prepare(
+    motion: Motion,
+    body: Body,
+    platform: Platform,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    mixing: Sequence[Mixing] = (),
+    dtype: str = "float64",
+    sampling: Sampling = "conditioned",
+) -> Setup:
+    """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator."""
+    columns = Columns.of(sources)
+    whole = bool(perturbed(sources) & OF_THE_GYRO)
+    t = motion.t - motion.t[0]
+    shared = true_elements(motion.omega, motion.alpha, t) if whole else features(motion.omega, motion.alpha)[:SHARED]
+    valid = valid_samples(len(t), estimators)
+    alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
+    of_noise = [jnp.zeros((noisy_count(whole, estimators), len(t)))] if whole else []
+    phi = jnp.concatenate([shared, *alphas, *of_noise]) * valid[None]
+    wrench = columns.sampled(body, motion)
+    force, moment, other = jnp.split(phi @ wrench.T, (3, 6), axis=1)
+    halo = _halo(estimators)
+    signals = Signals(
+        jnp.arange(-(-len(t) // BLOCK)),
+        _blocks(jnp.concatenate([phi, wrench]).astype(dtype), halo),
+        _blocks(valid[None].astype(dtype), halo)[:, 0],
+    )
+    return Setup(
+        body, platform, signals, Sums(phi @ phi.T, force, moment), other, tuple(sources), tuple(mixing),
+        tuple(estimators), cases_of(sources), columns, whole, np.dtype(dtype), sampling,
+    )  # fmt: skip
+
+
+def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[Array, " n"]:
+    """Return 1 where every estimator has a derivative, else 0."""
+    index, halo = jnp.arange(n), _halo(estimators)
+    return ((index >= halo) & (index < n - halo)).astype(float)
+
+
+def _halo(estimators: Sequence[Estimator]) -> int:
+    """Samples that the longest differentiator needs on either side."""
+    return max(estimator.taps.shape[0] for estimator in estimators)
+
+
+def _blocks(signal: Array, halo: int) -> Array:
+    """Cut component-first samples into zero-padded blocks, block first, the first of them preceded by a halo."""
+    count = -(-signal.shape[1] // BLOCK)
+    padded = jnp.pad(signal, ((0, 0), (halo, count * BLOCK - signal.shape[1])))[:, : count * BLOCK]
+    return padded.reshape(signal.shape[0], count, BLOCK).swapaxes(0, 1)
+
+
+def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
+    """Run one trial.
+
+    Args:
+        setup: the experiment on one trajectory.
+        key: the campaign's key, from its seed.
+        index: number of the trial.
+
+    Returns:
+        The estimates of every estimator and case, from the same draws.
+    """
+    return jax.tree.map(lambda leaf: leaf[0], trials(setup, key, jnp.asarray(index)[None]))
+
+
+def trials(
+    setup: Setup, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
+) -> TrialEstimates:
+    """Run several trials block by block, so that a block of the true run is fetched once for all of them.
+
+    Args:
+        setup: the experiment on one trajectory.
+        key: the campaign's key, from its seed.
+        indices: numbers of the trials.
+        at_once: whether to visit a block for all trials at a time, which wide devices need; else one by one, so that
+            what a trial works on stays in a processor's cache.
+
+    Returns:
+        The estimates, with the trials on the leading axis.
+    """
+    plan = _plan(setup)
+    drawn = _visit_blocks(setup, plan, key, indices, _all_at_once if at_once else _one_by_one)
+
+    def solved(index, drawn):
+        draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
+        errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+        sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, drawn, key, index))
+        estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
+        return TrialEstimates(estimate.inertia, estimate.ok)
+
+    return jax.vmap(solved)(indices, drawn)
+
+
+def _one_by_one(of_trial, room, trials):
+    return jax.lax.scan(of_trial, room, trials)[1]
+
+
+def _all_at_once(of_trial, room, trials):
+    return jax.vmap(lambda one: of_trial(room, one)[1])(trials)
+
+
+class _Plan(NamedTuple):
+    """Which draws a setup needs, found from its static part."""
+
+    gyro: tuple[Source, ...]
+    """Precision sources of omega."""
+    sampled: tuple[Source, ...]
+    """Precision sources of force and moment that are drawn sample by sample."""
+    conditioned: tuple[Source, ...]
+    """Those whose sums are drawn."""
+    variants: tuple[frozenset[str], ...]
+    """The sets of gyro sources that act together in some case; not the empty one."""
+
+
+def _plan(setup: Setup) -> _Plan:
+    precision = [source for source in setup.sources if source.kind == "precision"]
+    gyro = tuple(source for source in precision if source.target == "omega")
+    cell = [source for source in precision if source.target in ("F", "M")]
+    in_sums = [setup.sampling == "conditioned" and isinstance(source.shape, Normal) for source in cell]
+    names = frozenset(source.name for source in gyro)
+    variants = dict.fromkeys(active for case in setup.cases if (active := case.sources & names))
+    sampled, conditioned = (
+        tuple(s for s, drawn in zip(cell, in_sums, strict=True) if drawn is which) for which in (False, True)
+    )
+    return _Plan(gyro, sampled, conditioned, tuple(variants))
+
+
+class _Drawn(NamedTuple):
+    """Sums over one trial. A change is what a variant's gyro noise adds to an element; variant by variant."""
+
+    products: Float[Array, "variants rows changes"]
+    """Of the elements, half changed, and of the wrench and the columns that follow it, with the changes."""
+    true: Float[Array, "elements noise"]
+    """Of the true elements with the load cell's noise that is drawn by sample, three columns a source."""
+    changes: Float[Array, "variants changes noise"]
+    """Of the changes with it."""
+
+
+class _Room(NamedTuple):
+    """What a trial works in: one trial after the other writes what its noise changes, and nothing else."""
+
+    half: Float[Array, "rows 1200"]
+    """The known signals, with half the changes added."""
+    changes: Float[Array, "padded 1200"]
+    """The changes, filled up to the width of a processor's matrix product."""
+
+
+def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Drawn:
+    """Scan over the blocks; of each trial's noise the last samples are kept, so that derivatives see across seams."""
+
+    def of_trial(signals, room, trial):
+        _, drawn, tails = trial
+        wide = jax.tree.map(lambda tail, pairs: joined([tail, pairs.real, pairs.imag]), tails, drawn)
+        room, sums = _block_sums(setup, plan, signals, room, *wide)
+        return room, (jax.tree.map(lambda one: one[:, BLOCK:], wide), sums)
+
+    def of_trials(signals, tails):
+        # apart from what uses them: else XLA draws for each use
+        drawn = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams)
+        return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, drawn, tails))
+
+    def draw(block, streams):
+        of = zip((plan.gyro, plan.sampled), streams, strict=True)
+        return [draw_pairs(sources, setup.mixing, keys, block, setup.dtype) for sources, keys in of]
+
+    def visit(carry, signals):
+        tails, more = of_trials(signals, carry[0])
+        return (tails, jax.tree.map(lambda total, part: total + part.astype(total.dtype), carry[1], more)), None
+
+    streams = jax.vmap(lambda index: [noise_streams(s, key, index) for s in (plan.gyro, plan.sampled)])(indices)
+    halo = _halo(setup.estimators)
+    none = lambda sources, samples: [jnp.zeros((len(indices), 3, samples), setup.dtype) for _ in sources]  # noqa: E731
+    tails = [none(plan.gyro, 2 * halo), none(plan.sampled, halo)]
+    one = jax.tree.map(lambda leaf: leaf[0], setup.signals)
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, one, tails)[1])
+    return jax.lax.scan(visit, (tails, zero), setup.signals)[0][1]
+
+
+def _room(setup: Setup, signals: Signals) -> _Room:
+    count = noisy_count(setup.whole, setup.estimators)
+    return _Room(signals.known, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
+
+
+def _block_sums(setup: Setup, plan: _Plan, signals: Signals, room: _Room, gyro, cell) -> tuple[_Room, _Drawn]:
+    """Sums of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` with one behind."""
+    changed = setup.changed
+    cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(one[:, :BLOCK] for one in cell)])
+    count = changed.stop - changed.start
+    products = [jnp.zeros((0, len(signals.known), count), setup.dtype)]
+    with_cell = [jnp.zeros((0, count, len(cell)), setup.dtype)]
+    for variant in plan.variants:
+        noise = sum(one for one, source in zip(gyro, plan.gyro, strict=True) if source.name in variant)
+        room = _changed_room(setup, signals, room, noise)
+        products.append((room.half @ room.changes.T)[None, :, :count])
+        with_cell.append((room.changes[:count] @ cell.T)[None])
+    of_true = signals.known[: changed.stop] @ cell.T
+    return room, _Drawn(jnp.concatenate(products), of_true, jnp.concatenate(with_cell))
+
+
+def _changed_room(setup: Setup, signals: Signals, room: _Room, noise) -> _Room:
+    """Write what noise changes; part by part in its place, of which XLA makes fast loops on a CPU."""
+    changes, start = room.changes, 0
+    for part in _changes(setup, signals.known, noise):
+        changes = jax.lax.dynamic_update_slice_in_dim(changes, part * signals.valid[None], start, 0)
+        start += len(part)
+    half = signals.known[setup.changed] + changes[:start] / 2
+    return _Room(jax.lax.dynamic_update_slice_in_dim(room.half, half, setup.changed.start, 0), changes)
+
+
+def _changes(setup: Setup, true, noise) -> list[Array]:
+    """What noise in omega (3, halo + block + halo) adds to the elements that it changes, part by part."""
+    halo = _halo(setup.estimators)
+    taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
+    alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
+    return [*changes_of_elements(true, noise[:, halo : halo + BLOCK], whole=setup.whole), *alphas]
+
+
+class _AllSums(NamedTuple):
+    """Sums over the elements of each variant; the first is without noise of the gyro."""
+
+    gram: Float[Array, "variants elements elements"]
+    wrench: Float[Array, "variants elements columns"]
+    noise: Float[Array, "variants elements sources 3"]
+    """With the load cell's noise, first of the sources drawn by sample, then of those whose sums are drawn."""
+
+
+def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
+    """Add to the true sums what noise changes; drawn sums are from the same normal numbers in every variant."""
+    first, elements = setup.changed.start, setup.changed.stop
+    change = jnp.pad(drawn.products[:, :elements], ((1, 0), (0, 0), (first, 0)))
+    gram = setup.sums.gram[None] + change + change.swapaxes(1, 2)
+    true = jnp.concatenate([setup.sums.force, setup.sums.moment, setup.other], axis=1)
+    wrench = true[None] + jnp.pad(drawn.products[:, elements:].swapaxes(1, 2), ((1, 0), (first, 0), (0, 0)))
+    noise = [drawn.true[None] + jnp.pad(drawn.changes, ((1, 0), (first, 0), (0, 0)))]
+    if plan.conditioned:
+        draws = draw_sums(plan.conditioned, setup.mixing, key, index, elements)
+        noise.append(jax.vmap(covariance_root)(gram) @ jnp.concatenate(draws, axis=1))
+    return _AllSums(gram, wrench, jnp.concatenate(noise, axis=2).reshape(*gram.shape[:2], -1, 3))
+
+
+def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
+    """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
+    cell, gyro = (*plan.sampled, *plan.conditioned), frozenset(source.name for source in plan.gyro)
+    on = [[[float(s.name in case.sources and s.target == t) for t in "FM"] for s in cell] for case in setup.cases]
+    variant = np.array([(frozenset(), *plan.variants).index(case.sources & gyro) for case in setup.cases])
+
+    def of_case(errors, on, sums):
+        noise = jnp.einsum("akj,kt->atj", sums.noise, on).reshape(-1, 6)
+        measured = sums.wrench @ setup.columns.map(setup.body, setup.platform, errors).T + noise
+        measured = measured + jnp.outer(sums.gram[:, 0], errors.cell_bias)
+        m, own = element_map(errors, whole=setup.whole), [_own(setup, k) for k in range(len(setup.estimators))]
+        problems = [Sums(m @ sums.gram[np.ix_(k, k)] @ m.T, m @ measured[k, :3], m @ measured[k, 3:]) for k in own]
+        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
+
+    active = np.reshape(on, (len(setup.cases), len(cell), 2))
+    problems = jax.vmap(of_case, out_axes=1)(errors, active, jax.tree.map(lambda leaf: leaf[variant], sums))
+    return problems, setup.body.r_cg_from_q[None] + errors.r_cg
+
+
+def _own(setup: Setup, estimator: int) -> np.ndarray:
+    """Where an estimator's elements stand among all: those that all share, and its own alphas, true and of noise."""
+    alphas = 3 * estimator + np.arange(3)
+    if not setup.whole:
+        return np.r_[:SHARED, SHARED + alphas]
+    true, noisy = 15, 15 + 3 * len(setup.estimators)
+    return np.r_[:true, true + alphas, noisy : noisy + 21, noisy + 21 + alphas]
