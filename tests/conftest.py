@@ -15,7 +15,7 @@ from hypothesis import settings
 from uq.cli.compilation_cache import keep_compiled
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
-    os.environ["INERTIA_CACHE"] = tempfile.mkdtemp(prefix="inertia-tests-")
+    os.environ["INERTIA_CACHE"] = os.environ.get("INERTIA_TEST_CACHE") or tempfile.mkdtemp(prefix="inertia-tests-")
 keep_compiled()
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -24,7 +24,7 @@ jax.config.update("jax_num_cpu_devices", 2)
 
 
 def pytest_unconfigure():
-    if "PYTEST_XDIST_WORKER" not in os.environ:
+    if "PYTEST_XDIST_WORKER" not in os.environ and "INERTIA_TEST_CACHE" not in os.environ:
         shutil.rmtree(os.environ["INERTIA_CACHE"], ignore_errors=True)
 
 
