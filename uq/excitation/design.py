@@ -14,7 +14,7 @@ from identify.motion.stages import Stages
 from identify.motion.starting_motions import start
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.excitation.baseline import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
-from uq.excitation.design_bound import DesignBound, design_bound, repeating_bound
+from uq.excitation.design_bound import DesignBound, design_bound
 from uq.excitation.design_goal import GOALS, Measure, expanded, goal_of
 from uq.excitation.rig_limits import resolved_limits, uses
 from uq.excitation.starting_stages import patterns_for, staged
@@ -75,8 +75,6 @@ class Design:
     """The same with the reference."""
     bound: DesignBound | None
     """What no motion under these limits can beat; None: the limits do not tell."""
-    bound_repeating: DesignBound | None
-    """The same of motions that repeat soon, as the designed one does; None: it does not, or the limits do not tell."""
     peaks: list[Peak]
     """Each limit's largest use over the whole run, largest first."""
     starts: list[Start]
@@ -167,8 +165,7 @@ def design(
     return Design(
         experiment, best.spec, beaten.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
         np.asarray(expanded(jnp.asarray(beaten.covariance))), design_bound(experiment, beaten.spec, limits),
-        repeating_bound(experiment, best.spec, limits), uses(experiment, best.spec, limits, fine), listed,
-        limits.bandwidth,
+        uses(experiment, best.spec, limits, fine), listed, limits.bandwidth,
     )  # fmt: skip
 
 

@@ -14,11 +14,8 @@ from jaxtyping import Array, Float
 
 from identify.motion.information_bound import Uncertainty, least
 from identify.motion.leg_limits import Limits
-from identify.motion.mean_square_of_band import largest_amplitude, largest_mean_square
-from identify.motion.mean_square_of_period import ramp_mean_square, repeating_mean_square
-from identify.motion.stages import rising
+from identify.motion.mean_square import largest_amplitude, largest_mean_square
 from identify.motion.stewart_platform import jacobian, lengths
-from identify.motion.trajectory import Multisine
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from identify.rigid_body.regressor import cross_matrix, omega_r
 from uq.experiment.experiment import Experiment, TrajectorySpec
@@ -31,8 +28,6 @@ RELAXED = (
     "ramps take no time",
 )
 """What the bound does not ask of a motion."""
-HARMONICS = 4
-"""Most that a motion has which repeats: it does so within less than one more period of the bandwidth."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +38,8 @@ class DesignBound:
     """Of the three moments [kg·m²]."""
     products: float
     """Of the three products [kg·m²]."""
-    relaxes: tuple[str, ...]
+    relaxes: tuple[str, ...] = RELAXED
     """What the bound does not ask of a motion."""
-    period: float = np.inf
-    """It holds for motions, or stages of them, that repeat within less than this [s]; infinite: for all."""
 
 
 def design_bound(
@@ -65,65 +58,8 @@ def design_bound(
         The bound; None where stroke and speed of a leg are free, or the load cell has no white noise.
     """
     if squares is None:
-        amplitudes, ratio = amplitudes_of(experiment, limits)
-        squares = amplitudes**2 * _any(ratio, limits.bandwidth)
-    return _of_squares(experiment, spec, squares, RELAXED, np.inf)
-
-
-def repeating_bound(experiment: Experiment, spec: TrajectorySpec, limits: Limits) -> DesignBound | None:
-    """Return what no motion can beat that repeats soon, or whose stages do, if this one does.
-
-    Soon is within less than ``(HARMONICS + 1) / bandwidth``. Motions start and stop as this one does, and repeat for as
-    long: its whole periods at full size. What is left counts as if the legs could be at their limits all the time.
-
-    Args:
-        experiment: body, platform and sources.
-        spec: how long and how often is sampled; how stages start and stop.
-        limits: in figures.
-
-    Returns:
-        The bound; None if this motion is of another kind, or where a leg's speed is free, or :func:`design_bound` None.
-    """
-    trajectory, period = spec.trajectory, (HARMONICS + 1) / limits.bandwidth
-    amplitudes, ratio = amplitudes_of(experiment, limits)
-    if not (isinstance(trajectory, Multisine) and trajectory.period < period and np.isfinite(ratio)):
-        return None
-    ramp, ends = float(trajectory.ramp), np.unique(np.asarray(trajectory.end))
-    full = np.diff(ends, prepend=0.0) - 2 * ramp
-    repeats = (np.floor(full / trajectory.period + 1e-6) * trajectory.period).sum()
-    ramps = 2 * ramp * len(ends)
-    window = np.asarray(rising(np.arange(1, 4001) / 4000 * ramp, ramp)) if ramp > 0 else np.zeros((4, 1))
-    strokes = (_strokes(experiment, limits) / amplitudes).max()
-    in_ramps = ramp_mean_square(window[:3], ratio / (2 * np.pi * limits.bandwidth), strokes)
-    whole = repeats * repeating_mean_square(ratio, HARMONICS) + ramps * in_ramps + (spec.duration - repeats - ramps)
-    relaxed = (*RELAXED[:-1], f"for {spec.duration - repeats:g} s, mostly ramps, the motion need not repeat")
-    return _of_squares(experiment, spec, amplitudes**2 * whole / spec.duration, relaxed, period)
-
-
-def amplitudes_of(experiment: Experiment, limits: Limits) -> tuple[Float[np.ndarray, "6"], float]:
-    """Return the legs' largest accelerations [m/s²], and the largest ratio of a speed to what the band's edge needs."""
-    each = zip(limits.acceleration, limits.speed, _strokes(experiment, limits), strict=True)
-    amplitudes = np.array([largest_amplitude(*one, limits.bandwidth) for one in each])
-    return amplitudes, float((2 * np.pi * limits.bandwidth * limits.speed / amplitudes).max())
-
-
-def _strokes(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
-    """How far each leg may go from its length at home, at most [m]."""
-    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
-    return np.abs(limits.length - home[:, None]).max(axis=1)
-
-
-def _any(ratio: float, bandwidth: float) -> float:
-    return largest_mean_square(1.0, ratio / (2 * np.pi * bandwidth), bandwidth)
-
-
-def _of_squares(
-    experiment: Experiment,
-    spec: TrajectorySpec,
-    squares: Float[np.ndarray, "6"],
-    relaxed: tuple[str, ...],
-    period: float,
-) -> DesignBound | None:
+        each = zip(largest_accelerations(experiment, limits), limits.speed, strict=True)
+        squares = np.array([largest_mean_square(*leg, limits.bandwidth) for leg in each])
     noise = moment_noise(experiment, spec)
     if np.linalg.eigvalsh(noise)[0] <= 0 or not np.isfinite(squares).all():
         return None
@@ -131,9 +67,22 @@ def _of_squares(
     to_alpha = np.linalg.inv(np.asarray(jacobian(platform, platform.home_pose)))[3:]
     samples = spec.rate * spec.duration
     moments, products = (
-        least(average(samples, noise, part), np.eye(6), squares, to_alpha).value / 1e3 for part in (MOMENTS, PRODUCTS)
+        least(average(samples, noise, components), np.eye(6), squares, to_alpha).value / 1e3
+        for components in (MOMENTS, PRODUCTS)
     )
-    return DesignBound(moments, products, relaxed, period)
+    return DesignBound(moments, products)
+
+
+def largest_accelerations(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
+    """Return the largest acceleration of each leg [m/s²] that its limits and the command's bandwidth allow."""
+    each = zip(limits.acceleration, limits.speed, largest_strokes(experiment, limits), strict=True)
+    return np.array([largest_amplitude(*leg, limits.bandwidth) for leg in each])
+
+
+def largest_strokes(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
+    """Return how far each leg may go from its length at home, at most [m]."""
+    home = np.asarray(lengths(experiment.platform, experiment.platform.home_pose))
+    return np.abs(limits.length - home[:, None]).max(axis=1)
 
 
 def moment_noise(experiment: Experiment, spec: TrajectorySpec) -> Float[np.ndarray, "3 3"]:

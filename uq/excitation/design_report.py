@@ -16,7 +16,6 @@ from identify.text_tables import fixed, html_table, text_table
 from uq.campaign.statistics import GRAM_METRE
 from uq.excitation.baseline import highest_frequency
 from uq.excitation.design import Design
-from uq.excitation.design_bound import DesignBound
 from uq.excitation.designed_files import NAME, designed_files
 from uq.excitation.platform_scene import FRAMES, Scene, scene
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
@@ -62,12 +61,8 @@ class DesignReport:
     @property
     def bound(self) -> dict[str, float | None]:
         """The least average 3σ that any motion under these limits reaches [kg·m²]; None: not known."""
-        return _least(self.design.bound)
-
-    @property
-    def bound_repeating(self) -> dict[str, float | None]:
-        """The same of motions that repeat as soon as the designed one; None: not known."""
-        return _least(self.design.bound_repeating)
+        bound = self.design.bound
+        return {goal: None if bound is None else float(getattr(bound, goal)) for goal in GOALS}
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows: 3σ of each trajectory by component, averages, change against the reference."""
@@ -78,11 +73,10 @@ class DesignReport:
             for goal in GOALS:
                 cells += [f"{GRAM_METRE * own[goal]:.3g}", _change(own[goal], base[goal])]
             rows.append([name, f"{self.bands[name]:.3g}", *cells])
-        for name, bound in (("bound", self.bound), ("bound if repeating", self.bound_repeating)):
-            pairs = [(least, base[goal]) for goal, least in bound.items() if least is not None]
-            if pairs:
-                cells = [cell for pair in pairs for cell in (f"{GRAM_METRE * pair[0]:.3g}", _change(*pair))]
-                rows.append([name, "", *("" for _ in COMPONENTS), *cells])
+        pairs = [(least, base[goal]) for goal, least in self.bound.items() if least is not None]
+        if pairs:
+            cells = [cell for pair in pairs for cell in (f"{GRAM_METRE * pair[0]:.3g}", _change(*pair))]
+            rows.append(["bound", "", *("" for _ in COMPONENTS), *cells])
         return ["3σ, g·m²", "band, Hz", *COMPONENTS, "moments", "change, %", "products", "change, %"], rows
 
     def source_rows(self) -> tuple[list[str], list[list[str]]]:
@@ -126,10 +120,10 @@ class DesignReport:
         names = sorted({peak.quantity.replace("_", " ") for peak in self.design.active})
         said.append(f"What limits it: {', '.join(names)}." if names else "No limit is used up.")
         if self.design.bound is not None:
-            said.append(f"No motion under these limits promises less than {_said(self.bound)}.")
-        if self.design.bound_repeating is not None:
-            soon = f"that repeats, in stages or not, within less than {self.design.bound_repeating.period:.3g} s"
-            said.append(f"None {soon} promises less than {_said(self.bound_repeating)}.")
+            bounds = [
+                f"{GRAM_METRE * least:.3g} g·m² ({goal})" for goal, least in self.bound.items() if least is not None
+            ]
+            said.append(f"No motion under these limits promises less than {' and '.join(bounds)}.")
         return said
 
     def files(self) -> dict[str, bytes]:
@@ -154,11 +148,8 @@ class DesignReport:
             },
             "promised_three_sigma": _by_component(GRAM_METRE * design.expanded),
             "promised_three_sigma_reference": _by_component(GRAM_METRE * design.expanded_reference),
-            "bound": _in_grams(self.bound),
+            "bound": {goal: None if least is None else GRAM_METRE * least for goal, least in self.bound.items()},
             "bound_relaxes": [] if design.bound is None else list(design.bound.relaxes),
-            "bound_repeating": _in_grams(self.bound_repeating),
-            "bound_repeating_period_s": None if design.bound_repeating is None else design.bound_repeating.period,
-            "bound_repeating_relaxes": [] if design.bound_repeating is None else list(design.bound_repeating.relaxes),
             "limits": [_plain(peak._asdict()) for peak in design.peaks],
             "active": [str(peak) for peak in design.active],
             "starts": [_plain(dataclasses.asdict(start)) for start in design.starts],
@@ -210,18 +201,6 @@ def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def _by_component(values: np.ndarray) -> dict[str, float]:
     return dict(zip(COMPONENTS, np.asarray(values).tolist(), strict=True))
-
-
-def _least(bound: DesignBound | None) -> dict[str, float | None]:
-    return {goal: None if bound is None else float(getattr(bound, goal)) for goal in GOALS}
-
-
-def _in_grams(bound: Mapping[str, float | None]) -> dict[str, float | None]:
-    return {goal: None if x is None else GRAM_METRE * x for goal, x in bound.items()}
-
-
-def _said(bound: Mapping[str, float | None]) -> str:
-    return " and ".join(f"{GRAM_METRE * x:.3g} g·m² ({goal})" for goal, x in bound.items() if x is not None)
 
 
 def _change(own: float, base: float) -> str:

@@ -17,10 +17,7 @@ from uq.report.page_parts import Drawing, Page, Table, source_tables
 def design_page(report: DesignReport) -> Page:
     """Return the content of a design's report."""
     design = report.design
-    named = (("bound", design.bound), ("bound of motions that repeat", design.bound_repeating))
-    relaxed = [
-        f"The {name} leaves out: {text}." for name, found in named if found is not None for text in found.relaxes
-    ]
+    relaxed = [] if design.bound is None else [f"The bound leaves out: {text}." for text in design.bound.relaxes]
     return Page(
         "The best experiment that a platform can run",
         [*report.verdicts(), COMPUTED],

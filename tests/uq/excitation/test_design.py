@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from identify.motion.leg_limits import effort, peaks, platform_motion
-from identify.motion.trajectory import Multisine
 from uq.excitation.baseline import highest_frequency, largest, promise, scaled
 from uq.excitation.design import Design, Search, design
-from uq.excitation.design_bound import RELAXED, design_bound, repeating_bound
+from uq.excitation.design_bound import RELAXED, design_bound
 from uq.excitation.design_goal import GOALS, goal_of, principal_slope
 from uq.excitation.rig_limits import efforts, resolved_limits, uses
 from uq.experiment.experiment import Experiment
@@ -118,9 +117,7 @@ def test_the_design_in_the_docs_is_what_they_say():
         three = 3e3 * np.sqrt(np.diag(promise(experiment, spec, 50.0).covariance))
         np.testing.assert_allclose([three[[0, 3, 5]].mean(), three[[1, 2, 4]].mean()], expected, atol=6e-4)
     least = design_bound(experiment, experiment.trajectories["T1"], limits)
-    np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.531, 1.057], atol=6e-4)
-    least = repeating_bound(experiment, experiment.trajectories["designed"], limits)
-    np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.700, 1.174], atol=6e-4)
+    np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.460, 1.008], atol=6e-4)
 
 
 # --- limits and reference ---
@@ -226,29 +223,6 @@ def test_bad_options(given, options, message):
 def test_without_limits(preset, given):
     with pytest.raises(ExperimentError, match=r"missing table \[platform.limits\]"):
         design(dataclasses.replace(given, limits=None))
-
-
-def test_motions_that_repeat_have_a_bound_of_their_own(given):
-    """Above the general one, and the nearer to it the more of the run is ramps; T1 does not repeat, nor does a slow motion."""
-    limits, base = resolved_limits(given, 20), given.trajectories["T1"]
-    general = design_bound(given, base, limits)
-
-    def of(frequency, ramp, start=None):
-        amplitudes = np.full((6, np.size(frequency)), 0.01)
-        motion = Multisine(np.atleast_1d(frequency), amplitudes, amplitudes, np.array(20.0), np.array(ramp), start)
-        return repeating_bound(given, dataclasses.replace(base, trajectory=motion), limits)
-
-    soon, longer, parts = of(1.0, 0.5), of(1.0, 2.0), of(1.0, 0.7)
-    assert general.moments < longer.moments < soon.moments
-    assert general.products < longer.products < soon.products
-    assert parts.moments < soon.moments  # 0.6 s are left of whole periods
-    assert soon.period == 5 / 3
-    assert "for 1 s, mostly ramps, the motion need not repeat" in soon.relaxes
-    assert "for 2 s, mostly ramps, the motion need not repeat" in parts.relaxes
-    for slow in (0.6, [0.6, 2.4], [1.0, 2.1], [1.0, 1.0, 0.5]):
-        assert of(slow, 0.5, np.array([0, 0, 10.0]) if np.size(slow) == 3 else None) is None
-    assert of([1.0, 3.0, 1.5], 0.5, np.array([0, 0, 10.0])) is not None
-    assert repeating_bound(given, base, limits) is None
 
 
 def test_without_noise_there_is_no_bound(given):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from identify.motion.mean_square import WEIGHTS, _Programme, mean_square_bound
-from identify.motion.mean_square_of_band import best_excursion
+from benchmarks.studies.sums_of_squares import WEIGHTS, _Programme, mean_square_bound
+from identify.motion.mean_square import largest_mean_square
 
 RATIO = 3.3
 
@@ -77,7 +77,7 @@ def test_limits():
     assert 0.5 <= mean_square_bound(1.0) < 0.52
     bounds = [mean_square_bound(ratio) for ratio in (1.0, RATIO, 8.0)]
     assert bounds == sorted(bounds)
-    assert bounds[1] < best_excursion(1.0, RATIO / (10 * np.pi), 5.0) - 0.07
+    assert bounds[1] < largest_mean_square(1.0, RATIO / (10 * np.pi), 5.0) - 0.07
 
 
 @pytest.mark.parametrize("ratio", [1 - 1e-12, 1e6])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from identify.motion.mean_square_of_period import ramp_mean_square, repeating_mean_square
+from benchmarks.studies.repeating_signals import ramp_mean_square, repeating_mean_square
 
 RATIO = 3.3
 

@@ -1,0 +1,1 @@
+"""Proofs and studies whose figures stand in docs/: what a reader of a report does not need (``python -m``)."""
