@@ -3,23 +3,29 @@
 ``Omega_R`` of (7) is linear in nine features of the motion, ``alpha`` and the products ``omega_i omega_j``; with
 ``omega`` itself and 1 these are thirteen, and everything that least squares needs is sums of their products
 (:mod:`identify.estimators.gram`). Features stand on the leading axis, so ``(3,)`` gives one sample and ``(3, n)`` a
-block.
+block. Every function takes arrays of JAX or of NumPy and returns the same kind; nothing here imports JAX, so that the
+tables and ``inertia inspect`` start without it.
 """
 
-import jax.numpy as jnp
+from typing import Any
+
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
+
+Array = Any  # of JAX or NumPy: jaxtyping's Array would import JAX
 
 FEATURES = ("1", "w1", "w2", "w3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3", "a1", "a2", "a3")
-OMEGA, ALPHA = slice(1, 4), slice(10, 13)
-"""Where omega and alpha stand among the features."""
+OMEGA, PRODUCTS, ALPHA = slice(1, 4), slice(4, 10), slice(10, 13)
+"""Where omega, its products and alpha stand among the features."""
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""The axes of the products ``omega_i omega_j``."""
 
 
 def features(omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"]) -> Float[Array, "13 *n"]:
     """Return the features ``FEATURES`` of angular velocity [rad/s] and angular acceleration [rad/s²]."""
-    w1, w2, w3 = omega
-    products = jnp.stack([w1 * w1, w2 * w2, w3 * w3, w1 * w2, w1 * w3, w2 * w3])
-    return jnp.concatenate([jnp.ones_like(omega[:1]), omega, products, alpha])
+    xp = omega.__array_namespace__()
+    products = xp.stack([omega[i] * omega[j] for i, j in PAIRS])
+    return xp.concat([xp.ones_like(omega[:1]), omega, products, alpha])
 
 
 def _omega_r(feature):
@@ -34,11 +40,25 @@ def _omega_r(feature):
 
 def omega_r(omega: Float[Array, "3"], alpha: Float[Array, "3"]) -> Float[Array, "3 6"]:
     """Return ``Omega_R`` of (7): ``Omega_R @ inertia == I·alpha + omega × (I·omega)`` [N·m]."""
-    return jnp.array(_omega_r(features(omega, alpha)))
+    return omega.__array_namespace__().array(_omega_r(features(omega, alpha)))
 
 
 OMEGA_R_OF_FEATURES = np.array([_omega_r(unit) for unit in np.eye(len(FEATURES))])
 """Shape (13, 3, 6): ``Omega_R = sum_k feature_k * OMEGA_R_OF_FEATURES[k]``."""
+
+
+def _first_moment(feature):
+    """``[alpha]× + [omega]×[omega]×`` from the features of one sample; works on any array library."""
+    _, _, _, _, w11, w22, w33, w12, w13, w23, a1, a2, a3 = feature
+    return [
+        [-w22 - w33, w12 - a3, w13 + a2],
+        [w12 + a3, -w11 - w33, w23 - a1],
+        [w13 - a2, w23 + a1, -w11 - w22],
+    ]
+
+
+FIRST_MOMENT_OF_FEATURES = np.array([_first_moment(unit) for unit in np.eye(len(FEATURES))])
+"""Shape (13, 3, 3): what the first moment ``m r`` is multiplied by in the force, of the features as ``Omega_R`` is."""
 
 
 def pi(force: Float[Array, "3"]) -> Float[Array, "3 3"]:
@@ -49,8 +69,13 @@ def pi(force: Float[Array, "3"]) -> Float[Array, "3 3"]:
 def cross_matrix(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
     """Return the matrix with ``cross_matrix(v) @ x == v × x``."""
     v1, v2, v3 = vector
-    zero = jnp.zeros_like(v1)
-    return jnp.array([[zero, -v3, v2], [v3, zero, -v1], [-v2, v1, zero]])
+    xp = vector.__array_namespace__()
+    zero = xp.zeros_like(v1)
+    return xp.array([[zero, -v3, v2], [v3, zero, -v1], [-v2, v1, zero]])
+
+
+PI_OF_FORCE = np.array([pi(unit) for unit in np.eye(3)])
+"""Shape (3, 3, 3): ``Pi(F) = sum_k F_k * PI_OF_FORCE[k]``."""
 
 
 def wrench_regressor(
@@ -67,8 +92,8 @@ def wrench_regressor(
         ``Y`` with ``Y @ (m, m r, inertia about Q) == (F, M)``: (4) and (11) written about Q, where they are linear
         in mass [kg], first moment ``m r`` [kg·m] and the packed tensor about Q [kg·m²].
     """
-    spin = cross_matrix(omega)
-    first_moment = cross_matrix(alpha) + spin @ spin
-    force = jnp.hstack([specific_force[:, None], first_moment, jnp.zeros((3, 6), omega.dtype)])
-    moment = jnp.hstack([jnp.zeros((3, 1), omega.dtype), -cross_matrix(specific_force), omega_r(omega, alpha)])
-    return jnp.vstack([force, moment])
+    xp = omega.__array_namespace__()
+    first_moment = xp.array(_first_moment(features(omega, alpha)))
+    force = xp.hstack([specific_force[:, None], first_moment, xp.zeros((3, 6), omega.dtype)])
+    moment = xp.hstack([xp.zeros((3, 1), omega.dtype), pi(specific_force), omega_r(omega, alpha)])
+    return xp.vstack([force, moment])

@@ -1,12 +1,15 @@
 """Sensor frames: rotations to the body frame, and the point where a moment is taken or an acceleration measured.
 
-Samples first, (n, 3), on plain arrays.
+Samples first, (n, 3), on plain arrays. A rotation vector may be an array of JAX or of NumPy; nothing here imports JAX.
 """
 
-import jax.numpy as jnp
+from typing import Any
+
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpy.typing import ArrayLike
+
+Array = Any  # of JAX or NumPy: jaxtyping's Array would import JAX
 
 TOLERANCE = 1e-3
 """Departure of a written matrix from orthonormal that counts as rounding of its decimals."""
@@ -98,24 +101,26 @@ def specific_force_at(
 
 def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     """Return the rotation matrix of a rotation vector [rad] (Rodrigues), with its Taylor branch near zero."""
-    square = jnp.dot(turn, turn)
+    xp = turn.__array_namespace__()
+    square = xp.dot(turn, turn)
     small = square < 1e-8
-    angle = jnp.sqrt(jnp.where(small, 1.0, square))
-    sine = jnp.where(small, 1 - square / 6, jnp.sin(angle) / angle)
-    cosine = jnp.where(small, 0.5 - square / 24, (1 - jnp.cos(angle)) / angle**2)
+    angle = xp.sqrt(xp.where(small, 1.0, square))
+    sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
+    cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
     x, y, z = turn
-    zero = jnp.zeros_like(x)
-    hat = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
-    return jnp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
+    zero = xp.zeros_like(x)
+    hat = xp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+    return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
 
 
 def rate_of_turn(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:
     """Return the angular velocity in B [rad/s] of the attitude ``exp(turn)``, whose rotation vector has this rate."""
-    square = jnp.dot(turn, turn)
+    xp = turn.__array_namespace__()
+    square = xp.dot(turn, turn)
     small = square < 1e-6
-    safe = jnp.where(small, 1.0, square)
-    angle = jnp.sqrt(safe)
-    first = jnp.where(small, 0.5 - square / 24 + square**2 / 720, (1 - jnp.cos(angle)) / safe)
-    second = jnp.where(small, 1 / 6 - square / 120 + square**2 / 5040, (angle - jnp.sin(angle)) / (safe * angle))
-    crossed = jnp.cross(turn, rate)
-    return rate - first * crossed + second * jnp.cross(turn, crossed)
+    safe = xp.where(small, 1.0, square)
+    angle = xp.sqrt(safe)
+    first = xp.where(small, 0.5 - square / 24 + square**2 / 720, (1 - xp.cos(angle)) / safe)
+    second = xp.where(small, 1 / 6 - square / 120 + square**2 / 5040, (angle - xp.sin(angle)) / (safe * angle))
+    crossed = xp.cross(turn, rate)
+    return rate - first * crossed + second * xp.cross(turn, crossed)

@@ -9,13 +9,11 @@ the gyro's bias, over half a second. Which of the moving stretches count is a qu
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features, pi
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
 
 SMOOTHING = 0.1
 """Moving average that takes vibration and noise off [s]."""
@@ -188,9 +186,8 @@ def _thinning(rate: float, omega: np.ndarray, stretches: Sequence[Stretch]) -> i
 def _columns(rate: float, omega: np.ndarray, force: np.ndarray) -> np.ndarray:
     """The regressor of the moment about the point over tensor and centre of gravity (7), (n, 3, 9)."""
     alpha = np.gradient(omega, 1 / rate, axis=0)
-    phi = np.asarray(features(jnp.asarray(omega.T), jnp.asarray(alpha.T)))
-    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
-    return np.concatenate([rows, np.asarray(jax.vmap(pi)(jnp.asarray(force)))], axis=2)
+    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, features(omega.T, alpha.T))
+    return np.concatenate([rows, np.einsum("kji,nk->nji", PI_OF_FORCE, force)], axis=2)
 
 
 def _information(columns: np.ndarray, moment: np.ndarray, least: float) -> np.ndarray:

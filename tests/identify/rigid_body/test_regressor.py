@@ -1,5 +1,8 @@
 """Omega_R and the wrench regressor: against the definition, and against Pinocchio's."""
 
+import subprocess
+import sys
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from identify.rigid_body.dynamics import acceleration_at, wrench
 from identify.rigid_body.inertia import Body, parallel_axis, unpack
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features, omega_r, pi, wrench_regressor
+from identify.rigid_body.regressor import (
+    FIRST_MOMENT_OF_FEATURES,
+    OMEGA_R_OF_FEATURES,
+    PI_OF_FORCE,
+    cross_matrix,
+    features,
+    omega_r,
+    pi,
+    wrench_regressor,
+)
 
 pin = pytest.importorskip("pinocchio")
 
@@ -42,6 +54,30 @@ def test_omega_r_is_linear_in_the_features(motion):
 def test_pi_is_the_cross_product(motion):
     force, r = motion
     np.testing.assert_allclose(pi(force) @ r, jnp.cross(r, force), atol=1e-15)
+    np.testing.assert_allclose(
+        jnp.einsum("k,kij->ij", force, jnp.asarray(PI_OF_FORCE)) @ r, jnp.cross(r, force), atol=1e-15
+    )
+
+
+def test_the_first_moment_is_linear_in_the_features(motion):
+    omega, alpha = motion
+    spin = cross_matrix(omega)
+    from_features = jnp.einsum("k,kij->ij", features(omega, alpha), jnp.asarray(FIRST_MOMENT_OF_FEATURES))
+    np.testing.assert_allclose(from_features, cross_matrix(alpha) + spin @ spin, atol=1e-15)
+
+
+def test_numpy_arrays_give_the_same_as_numpy_arrays(motion):
+    plain = [np.asarray(x) for x in motion]
+    for function in (features, omega_r, lambda w, a: wrench_regressor(w, a, w + a)):
+        rows = function(*plain)
+        assert type(rows) is np.ndarray
+        np.testing.assert_allclose(rows, function(*motion), rtol=1e-15, atol=1e-16)
+
+
+def test_the_tables_need_no_jax():
+    """`inertia inspect` reads them, and would wait for JAX twice as long as for everything else."""
+    code = "import sys, identify.rigid_body.regressor, identify.rigid_body.rotation; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("batch", [(), (1,), (3, 1, 2)])
