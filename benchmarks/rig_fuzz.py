@@ -9,14 +9,14 @@ import sys
 import atheris
 
 with atheris.instrument_imports(include=["rig"]):
-    from rig.devices import create
+    from rig.devices import create_device
 
 COLUMNS = ["time us", "omega_x deg/s", "omega_y deg/s", "omega_z deg/s"]
 
 
 def parser(kind: str):  # type: ignore[no-untyped-def]
     """A fresh parser of this kind."""
-    return create(kind, **({"columns": COLUMNS, "separator": ","} if kind == "line" else {})).parser()
+    return create_device(kind, **({"columns": COLUMNS, "separator": ","} if kind == "line" else {})).parser()
 
 
 def check(kind: str, data: bytes) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 
 RIG = """
@@ -49,7 +49,7 @@ def write_run(path: Path) -> None:
     rows = np.stack([np.sin(t), np.cos(3 * t), np.sin(2 * t)], axis=1)
     time_ = np.round(t * 1e9).astype(np.int64)
     wrench = WrenchChannel("/wrench", "body", time_, time_, 10 * rows, rows)
-    bag.write(path, wrench=wrench, imu=ImuChannel("/imu", "body", time_, time_, rows, 9.81 + rows))
+    runs.write(path, wrench=wrench, imu=ImuChannel("/imu", "body", time_, time_, rows, 9.81 + rows))
 
 
 def usage(pid: int) -> tuple[float, float]:
@@ -93,7 +93,7 @@ def main() -> None:
         for device, facts in result.pop("summary")["devices"].items():
             print(device, {k: facts[k] for k in ("samples", "missing", "failures", "overflow_bytes", "complete")})
         print(result)
-        contents = bag.load(folder / "out.mcap")
+        contents = runs.load(folder / "out.mcap")
         for topic, pieces in contents.topics.items():
             columns = pieces.arrays()
             print(

@@ -15,14 +15,14 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 
 OPEN = """
 import sys, time
-from rig import bag
+from rig import runs
 start = time.perf_counter()
-run = bag.read(sys.argv[1])
+run = runs.read(sys.argv[1])
 took = time.perf_counter() - start
 count = len(run.wrench.stamp) + len(run.imu.stamp)
 status = dict(line.split(":", 1) for line in open("/proc/self/status"))
@@ -39,7 +39,7 @@ def write_run(path: Path, count: int, compression: str) -> None:
     values = [draw.normal(size=(n, 3)) for _ in range(4)]
     wrench = WrenchChannel("/wrench", "body", time_, time_, *values[:2])
     imu = ImuChannel("/imu", "body", time_, time_, *values[2:])
-    bag.write(path, wrench=wrench, imu=imu, compression=compression)
+    runs.write(path, wrench=wrench, imu=imu, compression=compression)
 
 
 def theirs(path: Path) -> int:
@@ -54,9 +54,9 @@ def ratio(folder: Path) -> None:
     for compression in ("none", "zstd", "lz4"):
         path, count = folder / f"{compression}.mcap", 100_000
         write_run(path, count, compression)
-        bag.read(path)  # warm-up
+        runs.read(path)  # warm-up
         start = time.perf_counter()
-        bag.read(path)
+        runs.read(path)
         ours = count / (time.perf_counter() - start)
         start = time.perf_counter()
         theirs(path)

@@ -10,12 +10,12 @@ import sys
 
 import numpy as np
 
-from rig.devices import create, microstrain, robotous, xsens
+from rig.devices import create_device, microstrain, robotous, xsens
 
 
 def in_garbage(kind: str, megabytes: float) -> tuple[int, int]:
     """(frames accepted, bytes) in so much random garbage."""
-    draw, parser = np.random.default_rng(11), create(kind).parser()
+    draw, parser = np.random.default_rng(11), create_device(kind).parser()
     total = int(megabytes * 1e6)
     for start in range(0, total, 65536):
         parser.feed(draw.bytes(min(65536, total - start)))
@@ -79,11 +79,11 @@ def double_flips(count: int) -> None:
             microstrain.encode(10**9, values[:3], values[3:]),
             lambda f: f[-2:] == microstrain.checksum(f[:-2]),
         ),
-        "bota": (create("bota").emulator(rate=800.0).frame(1, 1.0, values), lambda f: False),
+        "bota": (create_device("bota").emulator(rate=800.0).frame(1, 1.0, values), lambda f: False),
     }
     for kind, (frame, seen) in cases.items():
         share = exact_share(frame, seen)
-        wrong = undetected(frame, lambda kind=kind: create(kind).parser(), count)
+        wrong = undetected(frame, lambda kind=kind: create_device(kind).parser(), count)
         error = math.sqrt(max(share * (1 - share), 1 / count) / count)
         print(f"two flipped bits, {kind}: {wrong / count:.5f} of frames; theory at most {share:.5f} ± {error:.5f}")
 

@@ -18,8 +18,7 @@ from rig.bags.contents import Contents, load
 from rig.channels import ImuChannel, Recording, WrenchChannel
 from rig.exceptions import RigError
 from rig.files import replacing
-from rig.mcap import cdr_encode as cdr
-from rig.mcap import message_definitions as schemas
+from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.container import seal
 from rig.mcap.message_fields import MOTIONS, WRENCHES
 from rig.mcap.writer import Compression, new_writer, register
@@ -28,7 +27,7 @@ __all__ = ["Contents", "load", "read", "read_any", "write"]
 
 PathLike = str | os.PathLike[str]
 BLOCK = 4096  # rows that are Python numbers at a time while writing
-TYPES = {WrenchChannel: schemas.WRENCH, ImuChannel: schemas.IMU}
+TYPES = {WrenchChannel: message_definitions.WRENCH, ImuChannel: message_definitions.IMU}
 
 
 def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -> Recording:
@@ -47,7 +46,7 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
         RigError: the file is no recording, cut or damaged; a topic is missing, empty, not unique or of another type.
         OSError: the file cannot be opened.
     """
-    return _read(path, wrench, imu, (schemas.WRENCH,), (schemas.IMU,))
+    return _read(path, wrench, imu, (message_definitions.WRENCH,), (message_definitions.IMU,))
 
 
 def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = None) -> Recording:
@@ -131,7 +130,9 @@ def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
 
 def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
-    encode = (cdr.WrenchEncoder if isinstance(channel, WrenchChannel) else cdr.ImuEncoder)(channel.frame_id)
+    encode = (cdr_encode.WrenchEncoder if isinstance(channel, WrenchChannel) else cdr_encode.ImuEncoder)(
+        channel.frame_id
+    )
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 
 START = 1_700_000_000_000_000_000
@@ -35,7 +35,7 @@ def write(path, signals, *, metadata=None, every=1, stamped=True, late=None, seq
     wrench = WrenchChannel("/wrench", "cell", log, head, signals.force, signals.moment, sequence)
     slow = slice(None, None, every)
     imu = ImuChannel("/imu", "imu", stamp[slow], stamp[slow], signals.omega[slow], signals.specific_force[slow])
-    bag.write(path, wrench=wrench, imu=imu, metadata={} if metadata is None else {"rig.run": metadata}, overwrite=True)
+    runs.write(path, wrench=wrench, imu=imu, metadata={} if metadata is None else {"rig.run": metadata}, overwrite=True)
     return path
 
 

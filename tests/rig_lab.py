@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 
 RIG = """
@@ -36,7 +36,7 @@ def ramp_run(path, seconds=60.0, rate=800.0):
     time_ = 10**9 + np.round(t * 1e9).astype(np.int64)
     wrench = WrenchChannel("/wrench", "body", time_, time_, rows, rows[:, ::-1].copy())
     imu = ImuChannel("/imu", "body", time_, time_, rows, rows[:, ::-1].copy())
-    bag.write(path, wrench=wrench, imu=imu)
+    runs.write(path, wrench=wrench, imu=imu)
 
 
 class Bench:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.axes import rotation
 from uq.campaign.simulation import simulate
@@ -31,7 +31,7 @@ class Sensors:
     gravity: np.ndarray
 
     def write(self, path):
-        bag.write(path, wrench=self.wrench, imu=self.imu)
+        runs.write(path, wrench=self.wrench, imu=self.imu)
         return path
 
     def of_wrench(self, force=EYE, moment=None):

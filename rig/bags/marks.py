@@ -35,7 +35,7 @@ class Notes(NamedTuple):
     flagged: tuple[Flagged, ...]
 
 
-def read(path: str | os.PathLike[str]) -> Notes:
+def read_marks(path: str | os.PathLike[str]) -> Notes:
     """Read the marks (``/mark``) and the devices' status (``/diagnostics``) of a run.
 
     Raises:

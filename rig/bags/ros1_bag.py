@@ -9,7 +9,7 @@ from mcap.records import Channel, Schema
 
 from rig.bags.packing import Packer
 from rig.exceptions import RigError
-from rig.mcap import message_definitions as schemas
+from rig.mcap import message_definitions
 from rig.mcap.container import Batch, Definitions
 
 PathLike = str | os.PathLike[str]
@@ -44,7 +44,7 @@ class Ros1Part:
                     number = connection.id
                     definitions.schemas[number] = Schema(number, b"", "ros1msg", connection.msgtype)
                     definitions.channels[number] = Channel(number, connection.topic, "ros1", {}, number)
-                wanted = [item for item in reader.connections if schemas.canonical(item.msgtype) in types]
+                wanted = [item for item in reader.connections if message_definitions.canonical(item.msgtype) in types]
                 for connection, time, data in reader.messages(wanted) if wanted else ():
                     packer.add(connection.id, time, bytes(data))
                     if packer.full:

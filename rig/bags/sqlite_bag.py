@@ -12,7 +12,7 @@ from mcap.records import Channel, Schema
 
 from rig.bags.packing import Packer
 from rig.exceptions import RigError
-from rig.mcap import message_definitions as schemas
+from rig.mcap import message_definitions
 from rig.mcap.container import Batch, Definitions
 
 PathLike = str | os.PathLike[str]
@@ -69,7 +69,7 @@ class SqlitePart:
         for number, topic, kind, encoding in topics:
             definitions.schemas[number] = Schema(number, b"", "ros2msg", kind)
             definitions.channels[number] = Channel(number, topic, encoding, {}, number)
-        wanted = [number for number, _, kind, _ in topics if schemas.canonical(kind) in types]
+        wanted = [number for number, _, kind, _ in topics if message_definitions.canonical(kind) in types]
         packer, places = Packer(), ", ".join("?" * len(wanted))
         rows = database.execute(
             f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) ORDER BY id",  # noqa: S608

@@ -16,7 +16,7 @@ REGISTRY = {
 }
 
 
-def create(kind: str, **options: object) -> Device:
+def create_device(kind: str, **options: object) -> Device:
     """The device of this kind with these options (see the class of each device for what it takes).
 
     Raises:

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.detective import detect
 from rig.inspection.suspicions import Finding, findings, skew
@@ -68,7 +68,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Insp
         RigError: the file is no MCAP, cut or damaged.
         OSError: it cannot be opened.
     """
-    contents = bag.load(path)
+    contents = runs.load(path)
     report = Inspection(os.fspath(path))
     channels: list[WrenchChannel | ImuChannel] = []
     for topic, pieces in sorted(contents.topics.items()):
@@ -96,7 +96,7 @@ def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
     return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
 
 
-def _add_missing(contents: bag.Contents, report: Inspection) -> None:
+def _add_missing(contents: runs.Contents, report: Inspection) -> None:
     types = {c.type for c in report.channels}
     for name in {WRENCH, IMU} - types:
         report.findings.append(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.channels import ImuChannel, WrenchChannel
-from rig.record import device_clock as clock
+from rig.record import device_clock
 
 STANDARD_GRAVITY = 9.80665  # m/s²
 
@@ -32,7 +32,7 @@ class Finding:
 
 def skew(channel: WrenchChannel | ImuChannel) -> float:
     """How much faster the arrival clock runs than the stamps, as a pure number, by the lower convex hull."""
-    return clock.fit(channel.stamp, channel.log_time).skew
+    return device_clock.fit(channel.stamp, channel.log_time).skew
 
 
 def findings(channel: WrenchChannel | ImuChannel) -> Iterator[Finding]:

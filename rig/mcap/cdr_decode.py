@@ -4,7 +4,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rig.mcap import cdr_layout as layout
+from rig.mcap import cdr_layout
 from rig.mcap.message_fields import columns as kept_columns
 
 # The record of one message up to its data: https://mcap.dev/spec#message-op0x05
@@ -36,7 +36,7 @@ def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray
 class Group:
     """Messages of one layout: their places among the others, and their records."""
 
-    def __init__(self, where: NDArray[np.intp], rows: NDArray, shape: layout.Layout) -> None:
+    def __init__(self, where: NDArray[np.intp], rows: NDArray, shape: cdr_layout.Layout) -> None:
         self.where = where
         self.rows = rows
         self.names = tuple(shape.names)
@@ -76,7 +76,7 @@ def messages(data: bytes, offsets: list[int], type_name: str, encoding: str = "c
         if len(groups) == MOST_LAYOUTS:
             raise ValueError("its frames or names change from message to message")
         first = starts[left[0]]
-        shape = layout.of(data[first + START.itemsize : first + lengths[left[0]]], type_name, encoding)
+        shape = cdr_layout.of(data[first + START.itemsize : first + lengths[left[0]]], type_name, encoding)
         alike = left[lengths[left] == lengths[left[0]]]
         rows = records(data, starts[alike], np.dtype(RECORD + shape.fields))
         same = _same(rows, shape)
@@ -87,7 +87,7 @@ def messages(data: bytes, offsets: list[int], type_name: str, encoding: str = "c
     return groups
 
 
-def _same(rows: NDArray, shape: layout.Layout) -> NDArray[np.bool_] | None:
+def _same(rows: NDArray, shape: cdr_layout.Layout) -> NDArray[np.bool_] | None:
     """Which records agree with the first in all that makes their layout; None: all of them."""
     columns = [rows[name] for name in shape.alike]
     if shape.encoding == "cdr":

@@ -5,7 +5,7 @@
 
 import struct
 
-from rig.mcap import message_definitions as schemas
+from rig.mcap import message_definitions
 from rig.mcap.message_fields import SHAPES
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
@@ -31,7 +31,7 @@ class WrenchEncoder(Encoder):
     """Packs WrenchStamped: ``encoder(stamp_ns, Fx, Fy, Fz, Mx, My, Mz)``."""
 
     def __init__(self, frame_id: str) -> None:
-        super().__init__(schemas.WRENCH, frame_id)
+        super().__init__(message_definitions.WRENCH, frame_id)
 
 
 _NO_ORIENTATION = (0.0, 0.0, 0.0, 1.0, -1.0, *[0.0] * 8)
@@ -42,7 +42,7 @@ class ImuEncoder(Encoder):
     """Packs Imu without orientation (``orientation_covariance[0] = -1``) and with unknown covariances (zeros)."""
 
     def __init__(self, frame_id: str) -> None:
-        super().__init__(schemas.IMU, frame_id)
+        super().__init__(message_definitions.IMU, frame_id)
 
     def __call__(self, stamp: int, *values: float) -> bytes:
         """The message with this stamp [ns], angular velocity and specific force (six doubles)."""

@@ -8,7 +8,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from rig.mcap import message_definitions as schemas
+from rig.mcap import message_definitions
 
 Compression = Literal["zstd", "lz4", "none"]
 COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
@@ -64,6 +64,6 @@ class _SpooledIndexes:
 
 def register(writer: Writer, type_name: str, topic: str) -> int:
     """Add a CDR channel of this ROS 2 type, with its full definition; returns its id."""
-    definition = schemas.DEFINITIONS[type_name]
+    definition = message_definitions.DEFINITIONS[type_name]
     schema_id = writer.register_schema(type_name, "ros2msg", definition.encode())
     return writer.register_channel(topic, "cdr", schema_id)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
-from rig.devices import REGISTRY, create
+from rig.devices import REGISTRY, create_device
 from rig.devices.conversation import Identity, NoAnswerError
 from rig.exceptions import RigError
 from rig.record.port import Port, PortLostError, converse, open_port
@@ -58,7 +58,7 @@ def _ask(name: str, description: str) -> Found:
 
 
 def _identify(name: str, kind: str) -> Identity:
-    device = create(kind)
+    device = create_device(kind)
     port: Port = open_port(name, device.BAUDRATE)
     try:
         identity = converse(device.start(), port)

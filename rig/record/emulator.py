@@ -24,11 +24,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import runs as bag
 from rig.channels import Recording
-from rig.devices import create
+from rig.devices import create_device
 from rig.devices.line import IMU, WRENCH
 from rig.exceptions import RigError
+from rig.runs import read
 
 BACKLOG = 2**20  # bytes that wait for a slow reader before they are dropped, as in an adapter with much memory
 
@@ -132,7 +132,7 @@ class Line:
     BATCH = 2000
 
     def __init__(self, spec: dict, signals: Signals, folder: Path, zero: float) -> None:
-        self._device = create(spec["kind"], **spec["options"])
+        self._device = create_device(spec["kind"], **spec["options"])
         self._signals = signals
         self._matrix = np.array(spec["matrix"])
         self._delay, self._skew = spec.get("delay", 0.0), 1 + 1e-6 * spec.get("skew_ppm", 0.0)
@@ -277,14 +277,14 @@ def main() -> None:
     """Emulate the devices that the first line of the input describes."""
     specs = json.loads(_first_line())
     try:
-        runs = {path: Signals.of(bag.read(path)) for path in {spec["run"] for spec in specs}}
+        signals = {path: Signals.of(read(path)) for path in {spec["run"] for spec in specs}}
     except (RigError, OSError) as error:
         _answer({"error": str(error)})
         return
     zero = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="rig-emulator-") as folder:
-        lines = {spec["name"]: Line(spec, runs[spec["run"]], Path(folder), zero) for spec in specs}
-        duration = max(signals.duration for signals in runs.values())
+        lines = {spec["name"]: Line(spec, signals[spec["run"]], Path(folder), zero) for spec in specs}
+        duration = max(played.duration for played in signals.values())
         endless = any(spec.get("loop") for spec in specs)
         ports = {name: str(line.pty.link) for name, line in lines.items()}
         _answer({"ports": ports, "duration": None if endless else duration})

@@ -11,13 +11,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from rig.exceptions import RigError
-from rig.mcap import cdr_encode as cdr
-from rig.mcap import message_definitions as schemas
-from rig.mcap import status_messages as messages
+from rig.mcap import cdr_encode, message_definitions, status_messages
 from rig.mcap.container import seal
 from rig.mcap.writer import new_writer, register
-from rig.record import command_delay as delay
-from rig.record import memory
+from rig.record import command_delay, memory
 from rig.record.device_source import Measurement, Source
 from rig.record.growing_file import Sink
 from rig.record.rig_file import Rig
@@ -28,8 +25,8 @@ FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with T
 STATUS = 1.0  # seconds between two status messages
 TRIM = 10.0  # seconds between two returns of free memory
 KEPT = 60_000  # samples kept for the delay between a command and the IMU
-ENCODERS = {"wrench": cdr.WrenchEncoder, "imu": cdr.ImuEncoder}
-TYPES = {"wrench": schemas.WRENCH, "imu": schemas.IMU, "values": schemas.VALUES}
+ENCODERS = {"wrench": cdr_encode.WrenchEncoder, "imu": cdr_encode.ImuEncoder}
+TYPES = {"wrench": message_definitions.WRENCH, "imu": message_definitions.IMU, "values": message_definitions.VALUES}
 
 
 @dataclass
@@ -172,19 +169,19 @@ class Recorder:
             measures = entry.device.measures
             self._channels[entry.name] = register(self._writer, TYPES[measures], entry.topic)
             self._encoders[entry.name] = self._encoder(source)
-            self._raw[entry.name] = register(self._writer, schemas.BYTES, f"/raw/{entry.name}")
+            self._raw[entry.name] = register(self._writer, message_definitions.BYTES, f"/raw/{entry.name}")
             if entry.delay_to:
                 for name in (entry.name, entry.delay_to):
                     self._signals[name] = deque(maxlen=KEPT)
-        self._status_channel = register(self._writer, schemas.DIAGNOSTICS, "/diagnostics")
-        self._mark_channel = register(self._writer, schemas.TEXT, "/mark")
+        self._status_channel = register(self._writer, message_definitions.DIAGNOSTICS, "/diagnostics")
+        self._mark_channel = register(self._writer, message_definitions.TEXT, "/mark")
 
     def _encoder(self, source: Source) -> Callable[[int, tuple[float, ...]], bytes]:
         entry = source.entry
         measures = entry.device.measures
         if measures == "values":
             names = getattr(entry.device, "names", ())
-            return lambda stamp, values: messages.values(stamp, entry.frame_id, names, values)
+            return lambda stamp, values: status_messages.values(stamp, entry.frame_id, names, values)
         encode = ENCODERS[measures](entry.frame_id)
         return lambda stamp, values: encode(stamp, *values)
 
@@ -196,7 +193,7 @@ class Recorder:
             for event in session.events(source):
                 if event.data:
                     time_ = event.time + self._epoch
-                    self._writer.add_message(self._raw[name], time_, messages.raw(event.data), time_)
+                    self._writer.add_message(self._raw[name], time_, status_messages.raw(event.data), time_)
                 for measurement in source.take(event):
                     self._write(channel, encode, measurement)
                     if kept is not None:
@@ -205,7 +202,11 @@ class Recorder:
         while self._marks:
             time_, text = self._marks.popleft()
             self._writer.add_message(
-                self._mark_channel, time_ + self._epoch, messages.text(text), time_ + self._epoch, self.summary.marks
+                self._mark_channel,
+                time_ + self._epoch,
+                status_messages.text(text),
+                time_ + self._epoch,
+                self.summary.marks,
             )
             self.summary.marks += 1
 
@@ -213,7 +214,7 @@ class Recorder:
         for source in session.sources:
             while source.troubles:
                 self._say(source.troubles[0])
-                self._report(messages.WARN, source, source.troubles.pop(0))
+                self._report(status_messages.WARN, source, source.troubles.pop(0))
 
     def _write(self, channel: int, encode: Callable[[int, tuple[float, ...]], bytes], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
@@ -223,14 +224,14 @@ class Recorder:
     def _status(self, session: Session, now: int) -> None:
         rows = []
         for source in session.sources:
-            level = messages.OK if source.state == "ok" else messages.ERROR
+            level = status_messages.OK if source.state == "ok" else status_messages.ERROR
             rows.append((level, source.entry.name, source.state, self._facts(source)))
-        data = messages.diagnostics(now + self._epoch, rows)
+        data = status_messages.diagnostics(now + self._epoch, rows)
         self._writer.add_message(self._status_channel, now + self._epoch, data, now + self._epoch)
 
     def _report(self, level: int, source: Source, text: str) -> None:
         now = time.monotonic_ns() + self._epoch
-        data = messages.diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
+        data = status_messages.diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
         self._writer.add_message(self._status_channel, now, data, now)
 
     @staticmethod
@@ -282,7 +283,7 @@ class Recorder:
         for source in session.sources:
             entry = source.entry
             if entry.delay_to:
-                found = delay.of_command(
+                found = command_delay.of_command(
                     getattr(entry.device, "names", ()), self._signals[entry.name], self._signals[entry.delay_to]
                 )
                 if found is None:

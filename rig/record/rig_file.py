@@ -5,7 +5,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.devices import create
+from rig.devices import create_device
 from rig.devices.base import Device
 from rig.exceptions import RigError
 
@@ -64,7 +64,7 @@ class Rig:
     entries: tuple[Entry, ...]
 
 
-def load(path: str | os.PathLike[str]) -> Rig:
+def load_rig(path: str | os.PathLike[str]) -> Rig:
     """Read and check a rig file.
 
     Raises:
@@ -106,7 +106,7 @@ def _checked(table: dict, where: str) -> Entry:
     if port.startswith("udp:") and table["kind"] == "line":
         options["whole_lines"] = True
     try:
-        device = create(table["kind"], **options)
+        device = create_device(table["kind"], **options)
     except RigError as error:
         raise RigError(f"{error} (in {where})") from error
     sign = _sign(table, device, where)

@@ -16,10 +16,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagWriter
 from rosbags.typesys import Stores, get_typestore
 
-from rig import runs as bag
+from rig import runs
 from rig.exceptions import RigError
-from rig.mcap import cdr_encode as cdr
-from rig.mcap import message_definitions as schemas
+from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.writer import _SpooledIndexes, new_writer, register
 from tests.rig_samples import IMU_COLUMNS, SHARED, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
 
@@ -31,8 +30,8 @@ METADATA = {"rig.run": {"note": "a test", "wrench": "on the body at Q"}}
 def test_what_is_written_is_read(tmp_path, compression, frame):
     path = tmp_path / "run.mcap"
     wrench, imu = wrench_channel(frame=frame), imu_channel(77, frame=frame)
-    bag.write(path, wrench=wrench, imu=imu, metadata=METADATA, compression=compression)
-    got = bag.read(path)
+    runs.write(path, wrench=wrench, imu=imu, metadata=METADATA, compression=compression)
+    got = runs.read(path)
     assert_same(got.wrench, wrench, WRENCH_COLUMNS)
     assert_same(got.imu, imu, IMU_COLUMNS)
     assert got.metadata == METADATA
@@ -50,7 +49,7 @@ def decoded(path):
 
 def test_mcap_ros2_support_reads_what_we_write(tmp_path):
     wrench, imu = wrench_channel(), imu_channel()
-    bag.write(tmp_path / "run.mcap", wrench=wrench, imu=imu, metadata={})
+    runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu, metadata={})
     rows = {"/wrench": [], "/imu": []}
     for topic, record, message in decoded(tmp_path / "run.mcap"):
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
@@ -73,7 +72,7 @@ def test_mcap_ros2_support_reads_what_we_write(tmp_path):
 
 def test_rosbags_reads_what_we_write(tmp_path):
     wrench, imu = wrench_channel(), imu_channel()
-    bag.write(tmp_path / "run.mcap", wrench=wrench, imu=imu, metadata={})
+    runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu, metadata={})
     store = get_typestore(Stores.ROS2_HUMBLE)
     forces, rates, times = [], [], []
     with AnyReader([tmp_path / "run.mcap"], default_typestore=store) as reader:
@@ -97,11 +96,11 @@ def rosbags_message(store, channel, row):
     vector = types["geometry_msgs/msg/Vector3"]
     if channel.topic == "/wrench":
         wrench = types["geometry_msgs/msg/Wrench"](vector(*channel.force[row]), vector(*channel.moment[row]))
-        return types[schemas.WRENCH](header, wrench)
+        return types[message_definitions.WRENCH](header, wrench)
     nine = np.zeros(9)
     quaternion = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
     rate, force = vector(*channel.angular_velocity[row]), vector(*channel.linear_acceleration[row])
-    return types[schemas.IMU](header, quaternion, nine, rate, nine, force, nine)
+    return types[message_definitions.IMU](header, quaternion, nine, rate, nine, force, nine)
 
 
 def plain(message):
@@ -116,7 +115,7 @@ def test_runs_written_by_rosbags_are_read(tmp_path, little_endian):
     wrench, imu = wrench_channel(), imu_channel()
     store = get_typestore(Stores.ROS2_HUMBLE)
     with RosbagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for channel, kind in ((wrench, schemas.WRENCH), (imu, schemas.IMU)):
+        for channel, kind in ((wrench, message_definitions.WRENCH), (imu, message_definitions.IMU)):
             connection = writer.add_connection(channel.topic, kind, typestore=store)
             for row, time in enumerate(channel.log_time):
                 data = store.serialize_cdr(rosbags_message(store, channel, row), kind, little_endian=little_endian)
@@ -124,7 +123,7 @@ def test_runs_written_by_rosbags_are_read(tmp_path, little_endian):
     (path,) = (tmp_path / "bag").glob("*.mcap")
     with RosbagReader(tmp_path / "bag") as reader:
         assert reader.message_count == 400
-    got = bag.read(path)
+    got = runs.read(path)
     assert_same(got.wrench, wrench, [c for c in WRENCH_COLUMNS if c != "sequence"])
     assert_same(got.imu, imu, [c for c in IMU_COLUMNS if c != "sequence"])
 
@@ -134,13 +133,13 @@ def test_runs_written_by_mcap_ros2_support_are_read(tmp_path):
     store = get_typestore(Stores.ROS2_HUMBLE)
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = Ros2Writer(stream)
-        for channel, kind in ((imu, schemas.IMU), (wrench, schemas.WRENCH)):
-            schema = writer.register_msgdef(kind, schemas.DEFINITIONS[kind])
+        for channel, kind in ((imu, message_definitions.IMU), (wrench, message_definitions.WRENCH)):
+            schema = writer.register_msgdef(kind, message_definitions.DEFINITIONS[kind])
             for row, time in enumerate(channel.log_time.tolist()):
                 message = plain(rosbags_message(store, channel, row))
                 writer.write_message(channel.topic, schema, message, time, time, sequence=int(channel.sequence[row]))
         writer.finish()
-    got = bag.read(tmp_path / "run.mcap")
+    got = runs.read(tmp_path / "run.mcap")
     assert_same(got.wrench, wrench, WRENCH_COLUMNS)
     assert_same(got.imu, imu, IMU_COLUMNS)
 
@@ -148,7 +147,7 @@ def test_runs_written_by_mcap_ros2_support_are_read(tmp_path):
 @pytest.mark.skipif(not (SHARED / "throws").is_dir(), reason="the sample data is not here")
 def test_the_sample_throws_are_read_as_by_mcap_ros2_support():
     path = SHARED / "throws" / "a_00.mcap"
-    got = bag.read(path)
+    got = runs.read(path)
     moments = [[m.wrench.torque.x, m.wrench.torque.y, m.wrench.torque.z] for t, _, m in decoded(path) if t == "/wrench"]
     assert got.imu.angular_velocity.shape == (2061, 3)
     np.testing.assert_array_equal(got.wrench.moment, moments)
@@ -159,10 +158,10 @@ def test_frames_of_changing_length_and_order_are_sorted_by_time(tmp_path):
     values, times = np.random.default_rng(3).normal(size=(50, 6)), np.random.default_rng(4).permutation(50)
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
-        number = register(writer, schemas.WRENCH, "/wrench")
-        imu = register(writer, schemas.IMU, "/imu")
-        writer.add_message(imu, 0, cdr.ImuEncoder("x")(0, *[0.0] * 6), 0)
-        little = cdr.WrenchEncoder("f")
+        number = register(writer, message_definitions.WRENCH, "/wrench")
+        imu = register(writer, message_definitions.IMU, "/imu")
+        writer.add_message(imu, 0, cdr_encode.ImuEncoder("x")(0, *[0.0] * 6), 0)
+        little = cdr_encode.WrenchEncoder("f")
         for row, time in enumerate(times.tolist()):
             data = little(time, *values[row])
             if row % 2:
@@ -170,7 +169,7 @@ def test_frames_of_changing_length_and_order_are_sorted_by_time(tmp_path):
                 data = big
             writer.add_message(number, time, data, time)
         writer.finish()
-    got = bag.read(tmp_path / "run.mcap").wrench
+    got = runs.read(tmp_path / "run.mcap").wrench
     assert got.log_time.tolist() == got.stamp.tolist() == list(range(50))
     order = np.argsort(times)
     np.testing.assert_array_equal(np.hstack([got.force, got.moment]), values[order])
@@ -184,12 +183,12 @@ def test_files_without_index_or_chunks_are_read(tmp_path, chunked):
             stream, use_chunking=chunked, index_types=IndexType.NONE, chunk_size=500, compression=CompressionType.NONE
         )
         writer.start()
-        for channel, kind in ((wrench, schemas.WRENCH), (imu, schemas.IMU)):
+        for channel, kind in ((wrench, message_definitions.WRENCH), (imu, message_definitions.IMU)):
             number = register(writer, kind, channel.topic)
-            for time, _, data, stamp, sequence in bag._messages(channel, number):
+            for time, _, data, stamp, sequence in runs._messages(channel, number):
                 writer.add_message(number, time, data, stamp, sequence)
         writer.finish()
-    got = bag.read(tmp_path / "run.mcap")
+    got = runs.read(tmp_path / "run.mcap")
     assert_same(got.wrench, wrench, WRENCH_COLUMNS)
     assert_same(got.imu, imu, IMU_COLUMNS)
 
@@ -200,15 +199,19 @@ def test_topics_are_chosen_by_name_or_by_type(tmp_path):
     imu = imu_channel()
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
-        for channel, kind in ((first, schemas.WRENCH), (other, schemas.WRENCH), (imu, schemas.IMU)):
+        for channel, kind in (
+            (first, message_definitions.WRENCH),
+            (other, message_definitions.WRENCH),
+            (imu, message_definitions.IMU),
+        ):
             number = register(writer, kind, channel.topic)
-            for time, _, data, stamp, sequence in bag._messages(channel, number):
+            for time, _, data, stamp, sequence in runs._messages(channel, number):
                 writer.add_message(number, time, data, stamp, sequence)
-        register(writer, schemas.WRENCH, "/empty")
+        register(writer, message_definitions.WRENCH, "/empty")
         writer.finish()
     path = tmp_path / "run.mcap"
-    assert_same(bag.read(path, wrench="/other").wrench, other, WRENCH_COLUMNS)
-    assert_same(bag.read(path, wrench="/wrench", imu="/imu").wrench, first, WRENCH_COLUMNS)
+    assert_same(runs.read(path, wrench="/other").wrench, other, WRENCH_COLUMNS)
+    assert_same(runs.read(path, wrench="/wrench", imu="/imu").wrench, first, WRENCH_COLUMNS)
     for named, words in [
         ({}, "several .*name one of /other, /wrench"),
         ({"wrench": "/none"}, "no topic /none .*choose one of /empty, /other, /wrench"),
@@ -216,59 +219,59 @@ def test_topics_are_chosen_by_name_or_by_type(tmp_path):
         ({"wrench": "/empty"}, "no messages"),
     ]:
         with pytest.raises(RigError, match=words) as error:
-            bag.read(path, **named)
+            runs.read(path, **named)
         assert "\n" not in str(error.value)
 
 
 def test_a_run_without_imu_names_what_it_has(tmp_path):
-    bag.write(tmp_path / "run.mcap", wrench=wrench_channel(), metadata={})
+    runs.write(tmp_path / "run.mcap", wrench=wrench_channel(), metadata={})
     with pytest.raises(RigError, match=r"no sensor_msgs/msg/Imu topic in .*it has /wrench"):
-        bag.read(tmp_path / "run.mcap")
+        runs.read(tmp_path / "run.mcap")
 
 
 def test_another_encoding_is_refused(tmp_path):
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
-        schema = writer.register_schema(schemas.WRENCH, "", b"")
+        schema = writer.register_schema(message_definitions.WRENCH, "", b"")
         number = writer.register_channel("/wrench", "cbor", schema)
         writer.add_message(number, 0, b"{}", 0)
         writer.finish()
     with pytest.raises(RigError, match="in encoding 'cbor', which"):
-        bag.read(tmp_path / "run.mcap", wrench="/wrench")
+        runs.read(tmp_path / "run.mcap", wrench="/wrench")
 
 
 @pytest.mark.parametrize("data", [b"", b"\0\1\0\0", b"\0\7\0\0" + bytes(80), b"\0\1\0\0" + b"\xff" * 80])
 def test_a_message_that_is_no_wrench_is_refused(tmp_path, data):
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
-        writer.add_message(register(writer, schemas.WRENCH, "/wrench"), 0, data, 0)
+        writer.add_message(register(writer, message_definitions.WRENCH, "/wrench"), 0, data, 0)
         writer.finish()
     with pytest.raises(RigError):
-        bag.read(tmp_path / "run.mcap")
+        runs.read(tmp_path / "run.mcap")
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"t,F,M\n" * 100])
 def test_something_else_is_not_an_mcap(tmp_path, content):
     (tmp_path / "run.mcap").write_bytes(content)
     with pytest.raises(RigError, match="not an MCAP file"):
-        bag.read(tmp_path / "run.mcap")
+        runs.read(tmp_path / "run.mcap")
 
 
 def test_every_cut_is_noticed_and_recover_is_named(tmp_path):
     path = tmp_path / "run.mcap"
-    bag.write(path, wrench=wrench_channel(), imu=imu_channel(), metadata=METADATA)
+    runs.write(path, wrench=wrench_channel(), imu=imu_channel(), metadata=METADATA)
     whole = path.read_bytes()
     for size in range(8, len(whole), 211):
         path.write_bytes(whole[:size])
         with pytest.raises(RigError, match="inertia recover"):
-            bag.read(path)
+            runs.read(path)
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
 def test_no_flipped_bit_goes_unnoticed(tmp_path, compression):
     """Our files end with a checksum over everything: 150 flips anywhere in the data section are all refused."""
     path = tmp_path / "run.mcap"
-    bag.write(path, wrench=wrench_channel(30), imu=imu_channel(30), metadata=METADATA, compression=compression)
+    runs.write(path, wrench=wrench_channel(30), imu=imu_channel(30), metadata=METADATA, compression=compression)
     whole = path.read_bytes()
     draw = np.random.default_rng(8)
     for position in draw.integers(8, len(whole) - 8, 150):
@@ -276,15 +279,15 @@ def test_no_flipped_bit_goes_unnoticed(tmp_path, compression):
         damaged[position] ^= 1 << draw.integers(8)
         path.write_bytes(damaged)
         with pytest.raises(RigError):
-            bag.read(path)
+            runs.read(path)
 
 
 def test_the_index_of_the_chunks_is_whole_and_small(tmp_path):
     """The writer keeps it on disk: a recording of days must not fill the memory. Foreign readers seek by it."""
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
-        number = register(writer, schemas.WRENCH, "/wrench")
-        encode = cdr.WrenchEncoder("body")
+        number = register(writer, message_definitions.WRENCH, "/wrench")
+        encode = cdr_encode.WrenchEncoder("body")
         for time in range(1000):
             writer.add_message(number, time, encode(time, *[0.0] * 6), time)
             writer.flush()
@@ -302,9 +305,9 @@ def test_an_existing_file_is_kept(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")
     with pytest.raises(RigError, match="output exists"):
-        bag.write(path, wrench=wrench_channel(), metadata={})
+        runs.write(path, wrench=wrench_channel(), metadata={})
     assert path.read_bytes() == b"precious"
-    bag.write(path, wrench=wrench_channel(), metadata={}, overwrite=True)
+    runs.write(path, wrench=wrench_channel(), metadata={}, overwrite=True)
     assert path.read_bytes() != b"precious"
 
 
@@ -312,7 +315,7 @@ def test_a_failed_write_leaves_nothing(tmp_path):
     broken = wrench_channel()
     object.__setattr__(broken, "moment", broken.moment[:-1])
     with pytest.raises(RigError, match="differ in length"):
-        bag.write(tmp_path / "run.mcap", wrench=broken, metadata={})
+        runs.write(tmp_path / "run.mcap", wrench=broken, metadata={})
     with pytest.raises(RigError, match="no folder"):
-        bag.write(tmp_path / "missing" / "run.mcap", wrench=wrench_channel(), metadata={})
+        runs.write(tmp_path / "missing" / "run.mcap", wrench=wrench_channel(), metadata={})
     assert list(tmp_path.iterdir()) == []

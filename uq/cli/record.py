@@ -50,14 +50,13 @@ def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _record(arguments: argparse.Namespace) -> int:
-    from rig.record import memory
-    from rig.record import rig_file as rigfile
+    from rig.record import memory, rig_file
     from rig.record.growing_file import run_path
     from rig.record.recorder import Recorder
     from rig.record.terminal import Keys, Terminal
 
     memory.share_one_arena()
-    rig = rigfile.load(arguments.rig)
+    rig = rig_file.load_rig(arguments.rig)
     terminal = Terminal(sys.stderr)
     recorder = Recorder(rig, run_path(arguments.output), note=arguments.note, say=terminal.say)
     with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
@@ -68,12 +67,11 @@ def _record(arguments: argparse.Namespace) -> int:
 
 
 def _watch(arguments: argparse.Namespace) -> int:
-    from rig.record import live_values as watch
-    from rig.record import rig_file as rigfile
+    from rig.record import live_values, rig_file
 
-    stop = watch.Stop()
+    stop = live_values.Stop()
     with _on_signal(stop.set):
-        for line in watch.watch(rigfile.load(arguments.rig), stop, seconds=arguments.seconds):
+        for line in live_values.watch(rig_file.load_rig(arguments.rig), stop, seconds=arguments.seconds):
             print(line, flush=True)
     return 0
 

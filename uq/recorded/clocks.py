@@ -4,7 +4,7 @@ import numpy as np
 
 from identify.signals.resample import GAP, JITTER_WARNING
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
-from rig.record import device_clock as clock
+from rig.record import device_clock
 
 Channel = WrenchChannel | ImuChannel | MotionChannel
 AHEAD = 0.5
@@ -51,7 +51,7 @@ def _fitted(channel: Channel) -> tuple[np.ndarray, tuple[str, ...]]:
         return arrival, ()
     stamped = channel.stamp.any() and _increases(channel.stamp)
     device = channel.stamp if stamped else _ticks(channel)
-    line = clock.fit(device, arrival)
+    line = device_clock.fit(device, arrival)
     times = device + np.round(line.offset + line.skew * (device - line.origin)).astype(np.int64)
     spread = 1e-6 * float((arrival - times).std())
     if spread > LATE * 1e3:

@@ -9,7 +9,7 @@ from identify.signals.filters import occupied_band
 from identify.signals.held_samples import repeats, saturated
 from identify.signals.resample import UNEQUAL, interval
 from identify.signals.run import Run, RunError
-from rig.bags import marks as notes
+from rig.bags.marks import Notes, read_marks
 from rig.channels import Recording as BagRecording
 from rig.runs import read_any
 from uq.experiment.recording_table import Recording
@@ -72,7 +72,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
     start = min(int(times[0][0]), int(times[1][0]))
     seconds = [(stamp - start) * 1e-9 for stamp in times]
     ours = "log_time" in bag.metadata.get("rig.run", {})
-    extra = notes.read(path) if marks or ours else notes.Notes((), ())
+    extra = read_marks(path) if marks or ours else Notes((), ())
     channels = _Channels(bag, rig, seconds, extra)
     _check_rates(channels, band)
     run = channels.run()
@@ -93,7 +93,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
 class _Channels:
     """Load cell and motion sensor in the body frame, without the samples that they did not really take."""
 
-    def __init__(self, bag: BagRecording, rig: Rig, seconds: list[np.ndarray], extra: notes.Notes) -> None:
+    def __init__(self, bag: BagRecording, rig: Rig, seconds: list[np.ndarray], extra: Notes) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
         self.wrench = np.hstack(rig.wrench(wrench))
@@ -113,7 +113,7 @@ class _Channels:
                 self.left_out[reason] = self.left_out.get(reason, 0) + int(found.sum())
         return ~slower, t[frozen | clipped | flagged]
 
-    def _flagged(self, topic: str, log_time: np.ndarray, extra: notes.Notes) -> np.ndarray:
+    def _flagged(self, topic: str, log_time: np.ndarray, extra: Notes) -> np.ndarray:
         """Samples of the seconds in which the device said that it was out of range."""
         about = self.bag.metadata.get("rig.run", {})
         found = np.zeros(len(log_time), bool)

@@ -14,7 +14,7 @@ import zstandard
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from rig import runs as bag
+from rig import runs
 from rig.bags import protobuf
 from rig.exceptions import RigError
 from tests.bags import ROS1, STORE, header, merged, wrench, write_mcap, write_ros1, write_rosbag2
@@ -45,7 +45,7 @@ MESSAGE = bytes.fromhex(
 
 
 def check(path, *, sequence=False, stamp_of=lambda channel: channel.stamp):
-    got = bag.read(path)
+    got = runs.read(path)
     for one, other, columns in ((got.wrench, WRENCH, WRENCH_COLUMNS), (got.imu, IMU, IMU_COLUMNS)):
         assert_same(one, other, [name for name in columns if sequence or name != "sequence"])
     return got
@@ -165,7 +165,7 @@ def test_foxgloves_pose_is_a_pose(tmp_path):
     items = [(7, "/pose", "foxglove.PoseInFrame", pose), (8, "/f", "geometry_msgs/msg/Wrench", {})]
     encode = lambda tree, _: json.dumps(tree or plain(wrench(STORE, [1, 2, 3], [4, 5, 6]))).encode()  # noqa: E731
     write_mcap(tmp_path / "r.mcap", items, encode=encode, **write)
-    got = bag.read_any(tmp_path / "r.mcap")
+    got = runs.read_any(tmp_path / "r.mcap")
     assert got.motion.orientation.tolist() == [[0, 0.6, 0, 0.8]]
     assert (got.motion.frame_id, got.motion.stamp.tolist()) == ("map", [3_000_000_005])
     assert got.wrench.moment.tolist() == [[4, 5, 6]]
@@ -200,8 +200,8 @@ def test_mcap_in_protobuf_is_read(tmp_path):
         schema=DESCRIPTORS,
     )
     with pytest.raises(RigError, match=r"topic /imu in .* its schema does not define sensor_msgs/msg/Imu"):
-        bag.read(tmp_path / "r.mcap")
-    wrench_of = bag.load(tmp_path / "r.mcap", only={"geometry_msgs/msg/WrenchStamped": None}).wrench("/wrench")
+        runs.read(tmp_path / "r.mcap")
+    wrench_of = runs.load(tmp_path / "r.mcap", only={"geometry_msgs/msg/WrenchStamped": None}).wrench("/wrench")
     assert wrench_of.stamp.tolist() == [12_000_000_345]
     assert wrench_of.force.tolist() == [[1.5, 0.0, -9.25]]
     assert wrench_of.frame_id == "cell"
@@ -209,7 +209,7 @@ def test_mcap_in_protobuf_is_read(tmp_path):
 
 def refuse(path, words):
     with pytest.raises(RigError, match=words) as error:
-        bag.read(path)
+        runs.read(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)
 
@@ -232,7 +232,7 @@ def test_every_cut_of_a_ros1_bag_is_noticed(tmp_path):
 
 
 def test_every_cut_of_a_compressed_file_is_noticed(tmp_path):
-    bag.write(tmp_path / "run.mcap", wrench=WRENCH, imu=IMU, metadata={})
+    runs.write(tmp_path / "run.mcap", wrench=WRENCH, imu=IMU, metadata={})
     whole = zstandard.compress((tmp_path / "run.mcap").read_bytes())
     for size in range(4, len(whole) - 1, 997):
         (tmp_path / "run.mcap.zstd").write_bytes(whole[:size])
@@ -291,7 +291,7 @@ def test_folders_that_are_no_run(tmp_path):
     folder.mkdir()
     refuse(folder, "no recording in the folder")
     for name in ("run_0001.mcap", "run_0002.mcap"):  # two runs of `inertia record`, not one that is split
-        bag.write(folder / name, wrench=WRENCH, imu=IMU, metadata={})
+        runs.write(folder / name, wrench=WRENCH, imu=IMU, metadata={})
     refuse(folder, r"several runs in the folder .*name one of run_0001.mcap, run_0002.mcap")
     (folder / "metadata.yaml").write_text("relative_file_paths:\n  - run_0001.mcap\n  - gone.mcap\n")
     refuse(folder, r"no file gone.mcap in .*metadata.yaml")
@@ -337,7 +337,7 @@ def test_other_topics_take_no_memory(tmp_path, plugin):
     write_rosbag2(tmp_path / "bag", sorted([*merged(WRENCH, IMU), *pictures], key=lambda one: one[0]), plugin=plugin)
     check(tmp_path / "bag")
     tracemalloc.start()
-    bag.read(tmp_path / "bag")
+    runs.read(tmp_path / "bag")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 8e6, peak

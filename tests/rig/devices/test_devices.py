@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from rig.devices import REGISTRY, bota, create, microstrain, robotous, vectornav, vectornav_ascii, xsens
+from rig.devices import REGISTRY, bota, create_device, microstrain, robotous, vectornav, vectornav_ascii, xsens
 from rig.devices.conversation import Listen, NoAnswerError, Send
 from rig.exceptions import RigError
 from tests.rig_samples import SHARED
@@ -169,7 +169,7 @@ def test_vectornav_reads_another_layout_of_its_group():
     mask = 0b1_0011_1001  # time, attitude, quaternion, rate, acceleration
     body = struct.pack("<BHQ3f4f3f3f", 1, mask, 9, *[0.0] * 7, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     data = b"\xfa" + body + vectornav.crc_hqx(body, 0).to_bytes(2, "big")
-    assert only(create("vectornav", mask=mask).parser(), data).values == (1, 2, 3, 4, 5, 6)
+    assert only(create_device("vectornav", mask=mask).parser(), data).values == (1, 2, 3, 4, 5, 6)
 
 
 def test_vectornav_ascii_vector():
@@ -188,7 +188,7 @@ def test_vectornav_ascii_vector():
 def line(**options):
     columns = ["time us", "_", "omega_x deg/s", "omega_y deg/s", "omega_z deg/s"]
     columns += ["specific_force_x g", "specific_force_y g", "specific_force_z g"]
-    return create("line", columns=columns, separator=",", whole_lines=True, **options)
+    return create_device("line", columns=columns, separator=",", whole_lines=True, **options)
 
 
 def test_a_line_of_numbers_in_its_units():
@@ -209,7 +209,7 @@ def test_a_bad_line_is_no_sample_and_nothing_inside_it_is():
 
 
 def test_the_first_half_line_is_passed_over():
-    parser = create("line", columns=["a", "b"]).parser()
+    parser = create_device("line", columns=["a", "b"]).parser()
     assert [s.values for s in parser.feed(b"5 6\n7 8\n")] == [(7.0, 8.0)]
 
 
@@ -229,7 +229,7 @@ def test_the_first_half_line_is_passed_over():
 )
 def test_wrong_options_say_what_to_do(kind, options, words):
     with pytest.raises(RigError, match=words):
-        create(kind, **options)
+        create_device(kind, **options)
 
 
 def talk(conversation, emulator, *, silent=False, boots=True):
@@ -261,7 +261,7 @@ RATES = {"robotous": 200.0, "vectornav": 200.0, "vectornav-ascii": 100.0, "bota"
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)
 def test_the_conversation_identifies_configures_and_starts(kind):
     rate = RATES.get(kind, 250.0)
-    device = create(kind, rate=rate)
+    device = create_device(kind, rate=rate)
     emulator = device.emulator(rate=1.0)
     identity = talk(device.start(), emulator)
     assert emulator.streaming
@@ -278,7 +278,7 @@ def test_the_conversation_identifies_configures_and_starts(kind):
 
 def test_a_sensor_that_was_running_already_is_named_by_nobody():
     """It answers the commands but shows no boot text: that is said, and no name is made up."""
-    device = create("bota", rate=800.0)
+    device = create_device("bota", rate=800.0)
     emulator = device.emulator(rate=800.0)
     identity = talk(device.start(), emulator, boots=False)
     assert emulator.streaming
@@ -288,7 +288,7 @@ def test_a_sensor_that_was_running_already_is_named_by_nobody():
 
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)
 def test_a_silent_device_is_no_answer(kind):
-    device = create(kind)
+    device = create_device(kind)
     with pytest.raises(NoAnswerError) as error:
         talk(device.start(), device.emulator(rate=1.0), silent=True)
     assert error.value.heard == 0
@@ -296,7 +296,7 @@ def test_a_silent_device_is_no_answer(kind):
 
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)
 def test_a_device_that_must_not_be_configured_is_sent_nothing(kind):
-    device = create(kind, configure=False)
+    device = create_device(kind, configure=False)
     with pytest.raises(StopIteration):
         device.start().send(None)
     assert device.stop() == b""

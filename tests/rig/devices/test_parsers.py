@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.devices import REGISTRY, create
+from rig.devices import REGISTRY, create_device
 from rig.devices.parser import Sample
 
 KINDS = list(REGISTRY)
@@ -17,7 +17,7 @@ COLUMNS += [f"specific_force_{axis} m/s^2" for axis in "xyz"]
 
 def device(kind):
     options = {"columns": COLUMNS, "separator": ",", "whole_lines": True} if kind == "line" else {}
-    return create(kind, **options)
+    return create_device(kind, **options)
 
 
 def frames(kind, count, seed=1):

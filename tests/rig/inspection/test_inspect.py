@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.inspect import inspect
 from tests.rig_samples import SHARED
@@ -86,7 +86,7 @@ DEFECTS = {
 @pytest.mark.parametrize("seed", range(5))
 def test_a_clean_run_is_not_suspicious(tmp_path, seed):
     wrench, imu = clean(seed)
-    bag.write(tmp_path / "run.mcap", wrench=wrench, imu=imu)
+    runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu)
     report = inspect(tmp_path / "run.mcap")
     assert report.findings == []
     assert [c.samples for c in report.channels] == [6000, 6000]
@@ -103,7 +103,7 @@ def test_each_planted_defect_is_found(tmp_path, name):
     kind, which, plant = DEFECTS[name]
     channels = dict(zip(("wrench", "imu"), clean(), strict=True))
     channels[which] = plant(channels[which])
-    bag.write(tmp_path / "run.mcap", **channels)
+    runs.write(tmp_path / "run.mcap", **channels)
     report = inspect(tmp_path / "run.mcap")
     assert kind in {finding.kind for finding in report.findings}
     # accelerometer axes that are not the gyro's do not fit the wrench either
@@ -115,7 +115,7 @@ def test_quantised_smooth_peaks_are_not_saturation(tmp_path):
     wrench, imu = clean()
     t = np.arange(len(wrench.stamp)) / RATE
     smooth = np.stack([10 * np.sin(2 * t), 8 * np.cos(1.5 * t), 50 + 3 * np.sin(t)], axis=1)
-    bag.write(tmp_path / "run.mcap", wrench=replace(wrench, force=np.round(smooth * 50) / 50), imu=imu)
+    runs.write(tmp_path / "run.mcap", wrench=replace(wrench, force=np.round(smooth * 50) / 50), imu=imu)
     assert "saturation" not in {finding.kind for finding in inspect(tmp_path / "run.mcap").findings}
 
 
@@ -127,8 +127,8 @@ def test_the_sample_throws_have_right_units_and_axes():
 
 def test_the_command(tmp_path, capsys):
     wrench, imu = clean()
-    bag.write(tmp_path / "good.mcap", wrench=wrench, imu=imu)
-    bag.write(tmp_path / "bad.mcap", wrench=gap(wrench), imu=imu)
+    runs.write(tmp_path / "good.mcap", wrench=wrench, imu=imu)
+    runs.write(tmp_path / "bad.mcap", wrench=gap(wrench), imu=imu)
     assert main(["inspect", str(tmp_path / "good.mcap")]) == 0
     assert "nothing suspicious" in capsys.readouterr().out
     assert main(["inspect", str(tmp_path / "bad.mcap"), "--json"]) == 1

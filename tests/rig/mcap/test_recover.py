@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
-from rig import runs as bag
+from rig import runs
 from rig.exceptions import RigError
 from rig.mcap.container import Scanner
 from rig.mcap.recover import recover
@@ -21,11 +21,11 @@ def written(path, compression="zstd", n=1000):
     with open(path, "wb") as stream:
         writer = new_writer(stream, compression=compression, chunk_size=8000)
         for name, facts in METADATA.items():
-            writer.add_metadata(name, bag.seal(name, facts))
+            writer.add_metadata(name, runs.seal(name, facts))
         streams = []
         for channel in (wrench, imu):
-            number = register(writer, bag.TYPES[type(channel)], channel.topic)
-            streams.append(bag._messages(channel, number))
+            number = register(writer, runs.TYPES[type(channel)], channel.topic)
+            streams.append(runs._messages(channel, number))
         for pair in zip(*streams, strict=True):
             for time, number, data, stamp, sequence in pair:
                 writer.add_message(number, time, data, stamp, sequence)
@@ -36,7 +36,7 @@ def written(path, compression="zstd", n=1000):
 def rows(path):
     """Every message of a file as {(topic, log_time): its numbers}."""
     found = {}
-    contents = bag.load(path)
+    contents = runs.load(path)
     for topic, pieces in contents.topics.items():
         columns = pieces.arrays()
         values = [v for name, v in columns.items() if v.ndim == 2]
@@ -79,7 +79,7 @@ def test_an_intact_file_comes_back_whole(tmp_path):
     got, result = saved(tmp_path / "run.mcap", tmp_path / "new.mcap")
     assert got == whole
     assert result.intact
-    assert bag.load(tmp_path / "new.mcap").metadata["rig.run"] == METADATA["rig.run"]
+    assert runs.load(tmp_path / "new.mcap").metadata["rig.run"] == METADATA["rig.run"]
     assert "nothing was lost" in str(result)
 
 
@@ -115,7 +115,7 @@ def test_no_flipped_bit_gives_a_wrong_number(tmp_path, compression, flips):
         assert got.items() <= whole.items()
         assert len(got) >= sum(count for start, end, count in spans if not start <= position < end)
         assert not result.intact
-        metadata = bag.load(output).metadata
+        metadata = runs.load(output).metadata
         assert metadata.get("rig.run", METADATA["rig.run"]) == METADATA["rig.run"]
 
 
@@ -144,7 +144,7 @@ def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
     data[at : at + 8] = length.to_bytes(8, "little")
     path.write_bytes(data)
     with pytest.raises(RigError, match="inertia recover"):
-        bag.read(path)
+        runs.read(path)
     got, result = saved(path, tmp_path / "new.mcap")
     assert got.items() <= whole.items()
     assert len(got) == len(whole) - rows_of_chunk(record)

@@ -10,16 +10,15 @@ from collections import deque
 import numpy as np
 import pytest
 
-from rig import runs as bag
+from rig import runs
 from rig.devices import bota
 from rig.devices.conversation import Identity
 from rig.exceptions import RigError
-from rig.record import command_delay as delay
-from rig.record import device_clock as clock
+from rig.record import command_delay, device_clock
 from rig.record.device_source import Source
 from rig.record.reader import LIMIT, Event, Reader
 from rig.record.recorder import Progress, Recorder
-from rig.record.rig_file import load
+from rig.record.rig_file import load_rig
 from rig.record.session import Session
 from rig.record.terminal import Keys, Terminal
 from tests.rig_lab import Bench
@@ -30,14 +29,14 @@ RIG = '[[device]]\nname = "cell"\nkind = "bota"\nport = "/dev/none"\nwrench = "o
 @pytest.fixture
 def entry(tmp_path):
     (tmp_path / "rig.toml").write_text(RIG)
-    return load(tmp_path / "rig.toml").entries[0]
+    return load_rig(tmp_path / "rig.toml").entries[0]
 
 
 @pytest.mark.parametrize("skew", [0.0, 50e-6, -200e-6])
 def test_the_clock_fit_is_exact_without_delays(skew):
     device = np.arange(0, 20_000_000_000, 1_000_000)
     arrival = device + 7_000_000 + np.round(skew * device).astype(np.int64)
-    fit = clock.fit(device, arrival)
+    fit = device_clock.fit(device, arrival)
     # rounding to 1 ns over at least half of 20 s: 1e-10
     assert fit.skew == pytest.approx(skew, abs=2e-10)
     assert fit.host(10_000_000_000) == pytest.approx(10_007_000_000 + skew * 1e10, abs=3)
@@ -48,16 +47,16 @@ def test_delays_do_not_bias_the_clock_fit():
     draw = np.random.default_rng(1)
     device = np.arange(0, 60_000_000_000, 1_000_000)
     late = draw.uniform(0, 1e6, len(device)).astype(np.int64)
-    fit = clock.fit(device, device + 3_000_000 + np.round(20e-6 * device).astype(np.int64) + late)
+    fit = device_clock.fit(device, device + 3_000_000 + np.round(20e-6 * device).astype(np.int64) + late)
     assert fit.skew == pytest.approx(20e-6, abs=1e-6)
     assert fit.offset == pytest.approx(3_000_000, abs=20_000)
 
 
 def test_over_a_short_time_the_skew_is_taken_as_zero():
     device = np.arange(0, 1_000_000_000, 1_000_000)
-    fit = clock.fit(device, device + 500 + (device % 7))
+    fit = device_clock.fit(device, device + 500 + (device % 7))
     assert (fit.skew, fit.offset) == (0.0, 500)
-    assert clock.fit(device[:0], device[:0]) == (0.0, 0.0, 0)
+    assert device_clock.fit(device[:0], device[:0]) == (0.0, 0.0, 0)
 
 
 @pytest.mark.parametrize("shift", [-0.2137, 0.0, 0.0213, 0.3])
@@ -67,7 +66,7 @@ def test_a_delay_is_found(shift):
     def wave(time_):
         return np.sin(2 * np.pi * 0.7 * time_) + 0.5 * np.sin(2 * np.pi * 1.9 * time_ + 1)
 
-    found = delay.estimate(t, wave(t), u, wave(u - shift))
+    found = command_delay.estimate(t, wave(t), u, wave(u - shift))
     # linear interpolation at 5 ms of a 1.9 Hz wave errs by at most (2 pi 1.9 0.005)^2 / 8 = 0.05 % of it
     assert found.seconds == pytest.approx(shift, abs=1e-4)
     assert found.correlation > 0.999
@@ -76,10 +75,10 @@ def test_a_delay_is_found(shift):
 def test_a_delay_that_cannot_be_told_is_none():
     t = np.arange(0, 8, 0.005)
     noise = np.random.default_rng(2).normal(size=(2, len(t)))
-    assert delay.estimate(t, noise[0], t, noise[1]) is None  # coefficient 0.7 by chance: below 1e-100
-    assert delay.estimate(t[:100], noise[0, :100], t[:100], noise[0, :100]) is None
-    assert delay.estimate(t, 0 * t, t, np.sin(t)) is None
-    assert delay.of_command(("stroke",), deque(), deque()) is None
+    assert command_delay.estimate(t, noise[0], t, noise[1]) is None  # coefficient 0.7 by chance: below 1e-100
+    assert command_delay.estimate(t[:100], noise[0, :100], t[:100], noise[0, :100]) is None
+    assert command_delay.estimate(t, 0 * t, t, np.sin(t)) is None
+    assert command_delay.of_command(("stroke",), deque(), deque()) is None
 
 
 def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
@@ -98,7 +97,7 @@ def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
 
 def test_a_source_turns_by_the_rotation_of_the_rig_file(tmp_path):
     (tmp_path / "rig.toml").write_text(RIG + "rotation_to_body = [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]\n")
-    entry = load(tmp_path / "rig.toml").entries[0]
+    entry = load_rig(tmp_path / "rig.toml").entries[0]
     source = Source(entry, Reader(entry, "/dev/none"), now=0)
     frame = bota.encode((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), microseconds=0)
     (got,) = source.take(Event(1, frame))
@@ -174,7 +173,7 @@ def test_a_queue_that_nobody_empties_is_bounded_and_the_loss_is_counted(entry, m
 def test_an_exception_in_a_reader_ends_the_session_loudly(entry, monkeypatch, tmp_path):
     reader = running(entry, BrokenPort(), monkeypatch)
     reader.join()
-    session = Session(load(tmp_path / "rig.toml"))
+    session = Session(load_rig(tmp_path / "rig.toml"))
     session._readers = [reader]
     with pytest.raises(RigError, match=r"reader of cell failed .*a bug"):
         session.raise_failures()
@@ -182,13 +181,13 @@ def test_an_exception_in_a_reader_ends_the_session_loudly(entry, monkeypatch, tm
 
 def test_a_recording_whose_reader_fails_is_ended_loudly_and_kept(tmp_path, monkeypatch):
     with Bench(tmp_path) as bench:
-        recorder = Recorder(load(bench.rig), tmp_path / "run.mcap")
+        recorder = Recorder(load_rig(bench.rig), tmp_path / "run.mcap")
         broken = threading.Timer(1.2, lambda: monkeypatch.setattr("rig.record.port.os.read", lambda *_: 1 / 0))
         broken.start()
         with pytest.raises(RigError, match=r"reader of .* failed .*what was recorded until then is in"):
             recorder.run()
         monkeypatch.undo()
-    assert len(bag.read(tmp_path / "run.mcap").wrench.stamp) > 100
+    assert len(runs.read(tmp_path / "run.mcap").wrench.stamp) > 100
 
 
 def test_the_terminal_shows_rates_losses_time_and_size(entry):

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from rig import runs as bag
+from rig import runs
 from rig.inspection.inspect import inspect
 from rig.mcap.recover import recover
 from tests.rig_lab import Bench, Recording, refused
@@ -37,10 +37,10 @@ def test_a_killed_recorder_loses_at_most_a_fifth_of_a_second(tmp_path, repeats):
     def check(folder, killed, status):
         assert status == -signal.SIGKILL
         with pytest.raises(ValueError, match="inertia recover"):
-            bag.read(folder / "run.mcap")
+            runs.read(folder / "run.mcap")
         result = recover(folder / "run.mcap", folder / "new.mcap")
         assert not result.intact
-        run = bag.read(folder / "new.mcap")
+        run = runs.read(folder / "new.mcap")
         assert run.metadata["rig.run"]["cell.model"] == "SensONE-emulated"
         for channel in (run.wrench, run.imu):
             lost = (killed - channel.log_time[-1]) * 1e-9
@@ -65,7 +65,7 @@ def one_sensor_lost(command, words, state):
         assert summary["devices"]["imu"]["state"] == state
         assert summary["devices"]["cell"]["complete"], summary
         assert not summary["devices"]["imu"]["complete"]
-        run = bag.read(folder / "run.mcap")
+        run = runs.read(folder / "run.mcap")
         for values, rate in ((run.wrench.force, 800), (run.imu.angular_velocity, 400)):
             played = values[:, 0] > 0
             np.testing.assert_allclose(np.diff(values[played, 0]), 1 / rate, atol=1e-5)
@@ -105,7 +105,7 @@ def test_a_sensor_that_comes_back_is_recorded_again(tmp_path, repeats):
         assert (imu["state"], imu["reconnects"]) == ("ok", 1)
         assert 0.5 < imu["down_s"] < 2.2
         assert summary["devices"]["cell"]["complete"]
-        run = bag.read(folder / "run.mcap")
+        run = runs.read(folder / "run.mcap")
         steps = np.diff(run.imu.angular_velocity[run.imu.angular_velocity[:, 0] > 0, 0])
         assert (np.abs(steps - 1 / 400) > 1e-5).sum() == 1  # the one gap
         np.testing.assert_allclose(run.wrench.stamp[-1] - run.imu.stamp[-1], 0, atol=0.1e9)
@@ -131,7 +131,7 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_was_there(tmp_path, repea
         assert (folder / "run.mcap").stat().st_size <= limit
         result = recover(folder / "run.mcap", folder / "new.mcap")
         assert result.lost_bytes == 0
-        run = bag.read(folder / "new.mcap")
+        run = runs.read(folder / "new.mcap")
         assert np.diff(run.imu.sequence.astype(int)).tolist() == [1] * (len(run.imu.sequence) - 1)
 
 

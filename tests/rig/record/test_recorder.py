@@ -14,7 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from rig import runs as bag
+from rig import runs
 from tests.rig_lab import Bench, Recording, ramp_run, refused
 from uq.cli.main import main
 
@@ -57,7 +57,7 @@ def test_one_command_records_an_emulated_run_whole(emulated, tmp_path):
     recording = Recording(emulated, "-o", tmp_path / "run.mcap", "--note", "a test")
     status, summary, _ = recording.end()
     assert (status, summary["complete"]) == (0, True)
-    run = bag.read(tmp_path / "run.mcap")
+    run = runs.read(tmp_path / "run.mcap")
     assert (len(run.wrench.stamp), len(run.imu.stamp)) == (2401, 1201)
     check_ramp(run)
     np.testing.assert_array_equal(run.imu.sequence - run.imu.sequence[0], np.arange(1201))
@@ -89,7 +89,7 @@ def check_foreign_readers(path):
             if connection.topic == "/wrench":
                 theirs.append(message.wrench.force.x)
     assert counts == others
-    assert forces == theirs == bag.read(path).wrench.force[:, 0].tolist()
+    assert forces == theirs == runs.read(path).wrench.force[:, 0].tolist()
     return counts
 
 
@@ -174,7 +174,7 @@ def test_the_platforms_command_is_recorded_and_its_delay_estimated(tmp_path):
     wave = np.stack([0.3 * np.sin(2 * np.pi * 0.8 * t), 0.1 * np.sin(2 * np.pi * 1.3 * t), 0 * t], axis=1)
     time_ = 10**9 + np.round(t * 1e9).astype(np.int64)
     zero = np.zeros_like(wave)
-    bag.write(
+    runs.write(
         tmp_path / "run.mcap",
         wrench=WrenchChannel("/wrench", "body", time_, time_, zero, zero),
         imu=ImuChannel("/imu", "body", time_, time_, wave, zero + np.array([0, 0, 9.81])),

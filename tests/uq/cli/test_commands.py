@@ -11,7 +11,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from uq.cli import main as cli
 from uq.cli.main import main
@@ -85,7 +85,7 @@ def broken_run(path, what):
     elif what == "empty":
         first = {f.name: getattr(wrench, f.name) for f in dataclasses.fields(wrench)}
         wrench = WrenchChannel(**{k: v[:0] if isinstance(v, np.ndarray) else v for k, v in first.items()})
-    bag.write(path, wrench=wrench, imu=imu, metadata={})
+    runs.write(path, wrench=wrench, imu=imu, metadata={})
     if what == "cut":
         path.write_bytes(path.read_bytes()[:-2000])
     elif what == "not mcap":
@@ -226,7 +226,7 @@ def test_clocks_are_not_mixed(tmp_path, experiment):
     wrench, imu = channels()
     wrench = dataclasses.replace(wrench, stamp=wrench.stamp + 10**9)
     imu = dataclasses.replace(imu, stamp=0 * imu.stamp)
-    bag.write(tmp_path / "run.mcap", wrench=wrench, imu=imu, metadata={})
+    runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu, metadata={})
     found = identify_files([tmp_path / "run.mcap"], Experiment.load(experiment))
     assert "no stamps in the headers of /imu" in " ".join(found.warnings)
 

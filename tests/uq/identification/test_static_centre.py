@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import calibrate
 from identify.static.centre import PARAMETERS, centre
-from rig import runs as bag
+from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
@@ -355,7 +355,7 @@ def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, ac
     seen = f + offset + shake(0.02) if accelerometer else 0 * f
     imu = ImuChannel("/imu", "body", stamp, stamp, omega + shake(1e-3), seen)
     wrench = WrenchChannel("/wrench", "body", stamp, stamp, force + shake(0.2), moment + shake(0.005))
-    bag.write(path, wrench=wrench, imu=imu, metadata={"rig.run": {"wrench": "on_body"}})
+    runs.write(path, wrench=wrench, imu=imu, metadata={"rig.run": {"wrench": "on_body"}})
     return path
 
 

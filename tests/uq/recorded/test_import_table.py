@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rig import runs as bag
+from rig import runs
 from uq.cli.main import main
 
 MAP = """
@@ -65,7 +65,7 @@ def test_units_signs_and_frames_are_undone(files, capsys):
     assert main(["import", str(table), "--map", str(mapping), "-o", str(out)]) == 0
     said = f"50 samples written to {out}\nassumed: the moment is taken about Q\n"
     assert capsys.readouterr().out == said
-    got = bag.read(out)
+    got = runs.read(out)
     for values, name in (
         (got.wrench.force, "force"),
         (got.wrench.moment, "moment"),
@@ -88,7 +88,7 @@ def test_a_table_without_times_or_accelerations(files):
     )
     mapping.write_text(text.replace('acceleration_unit = "g"', ""))
     assert main(["import", str(table), "--map", str(mapping), "-o", str(out)]) == 0
-    got = bag.read(out)
+    got = runs.read(out)
     np.testing.assert_array_equal(got.imu.stamp, 2_500_000 * np.arange(50))
     assert "no acceleration was imported" in json.loads(got.metadata["rig.run"]["frames"])["/imu"]
 
@@ -97,7 +97,7 @@ def test_times_below_zero_begin_at_zero(files):
     run, table, mapping, out = files
     write(table, columns(run, start=-10.0))
     assert main(["import", str(table), "--map", str(mapping), "-o", str(out)]) == 0
-    assert bag.read(out).imu.stamp[:3].tolist() == [0, 2_000_000, 4_000_000]
+    assert runs.read(out).imu.stamp[:3].tolist() == [0, 2_000_000, 4_000_000]
 
 
 def refused(capsys, table, mapping, out):

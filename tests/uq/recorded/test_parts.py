@@ -8,9 +8,9 @@ import pytest
 
 from identify.signals.held_samples import held, repeats, saturated
 from identify.signals.run import Run, RunError
-from rig.bags import marks as notes
+from rig.bags import marks
 from rig.channels import ImuChannel
-from rig.mcap import status_messages as messages
+from rig.mcap import status_messages
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT
 from rig.mcap.writer import new_writer, register
 from tests.recordings import Signals, declare, write
@@ -91,7 +91,7 @@ def marked(short, tmp_path_factory):
 
 def with_notes(path, signals, *, marks, flagged=(), apart=0):
     """Write the run with notes beside its samples; ``apart`` is the log's clock less the stamps' [ns]."""
-    from rig.mcap import cdr_encode as cdr
+    from rig.mcap import cdr_encode
     from rig.mcap.container import seal
     from rig.mcap.message_definitions import IMU, WRENCH
 
@@ -102,7 +102,7 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
         writer.add_metadata("rig.run", seal("rig.run", facts))
         ids = [register(writer, kind, topic) for kind, topic in
                ((WRENCH, "/wrench"), (IMU, "/imu"), (TEXT, "/mark"), (DIAGNOSTICS, "/diagnostics"))]  # fmt: skip
-        wrench, imu = cdr.WrenchEncoder("cell"), cdr.ImuEncoder("imu")
+        wrench, imu = cdr_encode.WrenchEncoder("cell"), cdr_encode.ImuEncoder("imu")
         rows = zip(stamp.tolist(), np.hstack([signals.force, signals.moment]).tolist(),
                    np.hstack([signals.omega, signals.specific_force]).tolist(), strict=True)  # fmt: skip
         for k, (time, of_wrench, of_imu) in enumerate(rows):
@@ -110,10 +110,10 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
             writer.add_message(ids[1], time + apart, imu(time, *of_imu), time, k)
         for seconds, name in marks:
             time = round(seconds * 1e9) + apart
-            writer.add_message(ids[2], time, messages.text(name), time, 0)
+            writer.add_message(ids[2], time, status_messages.text(name), time, 0)
         for seconds, count in flagged:
             time = round(seconds * 1e9) + apart
-            status = messages.diagnostics(time, [(0, "cell", "ok", {"samples": 1, "flagged": count})])
+            status = status_messages.diagnostics(time, [(0, "cell", "ok", {"samples": 1, "flagged": count})])
             writer.add_message(ids[3], time, status, time, 0)
         writer.finish()
     return path
@@ -160,10 +160,10 @@ def test_samples_of_a_second_out_of_range_are_left_out_and_counted(short, tmp_pa
 
 def test_marks_in_both_byte_orders_and_what_is_no_mark():
     big = b"\0\0\0\0" + struct.pack(">I", 3) + b"go\0"
-    assert notes._Reader(big).text() == "go"
-    assert notes._Reader(messages.text("gö")).text() == "gö"
+    assert marks._Reader(big).text() == "go"
+    assert marks._Reader(status_messages.text("gö")).text() == "gö"
     with pytest.raises(ValueError, match="not plain CDR"):
-        notes._Reader(b"\0\7\0\0")
+        marks._Reader(b"\0\7\0\0")
 
 
 # Samples that were not really taken.
