@@ -30,15 +30,14 @@ from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits, parse_geome
 from uq.experiment.pose_table import Poses, parse_poses
 from uq.experiment.recording_table import Recording, parse_recording
 from uq.experiment.report_table import parse_report
-from uq.experiment.stated_values import inertia as inertia_of
-from uq.experiment.stated_values import parse_datum, parse_fixture, parse_scale
+from uq.experiment.stated_values import DatumTable, FixtureTable, InertiaTable, ScaleTable
 from uq.files.document import ExperimentError, Table
 from uq.sources.source import Mixing, Source
 from uq.sources.source_table import parse_sources
 
 PRESETS = ("barreto2016",)
 MOST_SAMPLES = 100_000_000
-STATED = {"scale": parse_scale, "datum": parse_datum, "fixture": parse_fixture}
+STATED: Mapping[str, Any] = {"scale": ScaleTable, "datum": DatumTable, "fixture": FixtureTable}
 """Tables that state a quantity with its standard uncertainty."""
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
 STANDARD_GRAVITY = 9.80665
@@ -160,7 +159,7 @@ class Experiment:
         if recording.urdf is not None:
             recording = replace(recording, urdf=str(Path(folder) / recording.urdf))
         more: dict[str, Any] = {
-            name: top.table(name, parse) for name, parse in STATED.items() if top.raw(name, None) is not None
+            name: top.declared(name, table).value for name, table in STATED.items() if top.raw(name, None) is not None
         }
         top.finish()
         _same_mass(mass, more.get("scale"))
@@ -298,7 +297,7 @@ def _whole_body(top: Table, *, stated: bool) -> tuple[np.ndarray | None, float |
 def _body(table: Table) -> tuple[np.ndarray, float | None, np.ndarray | None]:
     r_cg = table.vector("r_cg_from_q", "m")
     mass = table.quantity("mass", "kg", None, positive=True)
-    inertia = table.table("inertia", inertia_of) if "inertia" in table.content else None
+    inertia = table.declared("inertia", InertiaTable).packed if "inertia" in table.content else None
     table.finish()
     return r_cg, mass, inertia
 

@@ -1,87 +1,116 @@
 """Tables of an experiment file that state a quantity with its standard uncertainty: [scale], [datum], [fixture]."""
 
+from typing import Annotated
+
 import numpy as np
 
-from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
-from uq.experiment.recording_table import rotation
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.experiment.rotation_key import ROTATION
+from uq.files.schema import Axes, in_unit
+
+Metre = Annotated[float, in_unit("m")]
+Moment = Annotated[float, in_unit("kg*m^2", above=0)]
+Product = Annotated[float, in_unit("kg*m^2")]
+SigmaOfInertia = Annotated[float, in_unit("kg*m^2", least=0)]
 
 
-def parse_scale(table: Table) -> tuple[float, float]:
-    """Return the table ``[scale]``: the mass that a scale tells and its standard uncertainty [kg].
+class InertiaTable(TomlTable, frozen=True, kw_only=True):
+    """A tensor about the centre of gravity, by its entries."""
 
-    Raises:
-        ExperimentError: a key is missing, unknown, or not above zero.
-    """
-    mass = table.quantity("mass", "kg", positive=True)
-    sigma = table.quantity("standard_uncertainty", "kg", positive=True)
-    table.finish()
-    return mass, sigma
+    I11: Moment
+    I22: Moment
+    I33: Moment
+    I12: Product = 0.0
+    """The tensor's entry, -∫xy dm."""
+    I13: Product = 0.0
+    """The tensor's entry, -∫xz dm."""
+    I23: Product = 0.0
+    """The tensor's entry, -∫yz dm."""
 
+    def __post_init__(self) -> None:
+        """Refuse a tensor that no body has."""
+        low, middle, high = np.linalg.eigvalsh(self.packed[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]])
+        if low <= 0 or low + middle < high * (1 - 1e-12):
+            raise WrongKeyError(
+                "",
+                f"is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
+                "its moments must be positive and obey the triangle inequality",
+            )
 
-def parse_datum(table: Table) -> Datum:
-    """Return the table ``[datum]``: a frame fixed to the body in which the result is also wanted.
-
-    Raises:
-        ExperimentError: a key is unknown, or a value that it cannot have.
-    """
-    to_body = rotation(table, "rotation_to_body")
-    position = table.vector("position", "m", ["0 m"] * 3)
-    turn = _sigma(table, "sigma_rotation", "rad")
-    place = _sigma(table, "sigma_position", "m")
-    table.finish()
-    return Datum(np.eye(3) if to_body is None else to_body.T, position, np.diag(np.concatenate([turn, place]) ** 2))
-
-
-def parse_fixture(table: Table) -> InertialParameters:
-    """Return the table ``[fixture]``: a body that is to be subtracted, from Q, in B; a tensor of NaN: not stated.
-
-    Raises:
-        ExperimentError: a key is missing or unknown, or a tensor that no body has.
-    """
-    mass = table.quantity("mass", "kg", positive=True)
-    r_cg = table.vector("r_cg_from_q", "m")
-    tensor = table.table("inertia", inertia) if "inertia" in table.content else np.full(6, np.nan)
-    sigma_mass = table.quantity("sigma_mass", "kg", 0.0)
-    if sigma_mass < 0:
-        raise ExperimentError(f"{table.path('sigma_mass')} is below zero: write a standard uncertainty")
-    sigma_r_cg = _sigma(table, "sigma_r_cg", "m")
-    sigma_inertia = table.table("sigma_inertia", _of_inertia, {})
-    table.finish()
-    spread = np.concatenate([[sigma_mass], sigma_r_cg, sigma_inertia])
-    return InertialParameters(mass, r_cg, tensor, np.diag(spread**2))
+    @property
+    def packed(self) -> np.ndarray:
+        """I11, I12, I13, I22, I23, I33 [kg·m²]."""
+        return np.array([self.I11, self.I12, self.I13, self.I22, self.I23, self.I33])
 
 
-def inertia(table: Table) -> np.ndarray:
-    """Return a packed tensor about the centre of gravity [kg·m²] from its components.
+class InertiaUncertaintyTable(TomlTable, frozen=True, kw_only=True):
+    """Standard uncertainties of a tensor's entries; zero where not stated."""
 
-    Raises:
-        ExperimentError: a moment is missing, or no body has this tensor.
-    """
-    i11, i22, i33 = (table.quantity(name, "kg*m^2", positive=True) for name in ("I11", "I22", "I33"))
-    i12, i13, i23 = (table.quantity(name, "kg*m^2", 0.0) for name in ("I12", "I13", "I23"))
-    table.finish()
-    low, middle, high = np.linalg.eigvalsh([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
-    if low <= 0 or low + middle < high * (1 - 1e-12):
-        raise ExperimentError(
-            f"{table.where} is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
-            "its moments must be positive and obey the triangle inequality"
-        )
-    return np.array([i11, i12, i13, i22, i23, i33])
+    I11: SigmaOfInertia = 0.0
+    I12: SigmaOfInertia = 0.0
+    I13: SigmaOfInertia = 0.0
+    I22: SigmaOfInertia = 0.0
+    I23: SigmaOfInertia = 0.0
+    I33: SigmaOfInertia = 0.0
+
+    @property
+    def packed(self) -> np.ndarray:
+        """Of I11, I12, I13, I22, I23, I33 [kg·m²]."""
+        return np.array([self.I11, self.I12, self.I13, self.I22, self.I23, self.I33])
 
 
-def _sigma(table: Table, key: str, unit: str) -> np.ndarray:
-    """Three standard uncertainties, one an axis; none stated: zero."""
-    values = table.vector(key, unit, [f"0 {unit}"] * 3)
-    if (values < 0).any():
-        raise ExperimentError(f"{table.path(key)} is below zero: write standard uncertainties")
-    return values
+class ScaleTable(TomlTable, frozen=True, kw_only=True):
+    """``[scale]``: the mass on the load cell as a scale tells it."""
+
+    mass: Annotated[float, in_unit("kg", above=0)]
+    """Reading of the scale."""
+    standard_uncertainty: Annotated[float, in_unit("kg", above=0)]
+    """Of this reading."""
+
+    @property
+    def value(self) -> tuple[float, float]:
+        """The mass and its standard uncertainty [kg]."""
+        return self.mass, self.standard_uncertainty
 
 
-def _of_inertia(table: Table) -> np.ndarray:
-    values = np.array([table.quantity(name, "kg*m^2", 0.0) for name in COMPONENTS])
-    table.finish()
-    if (values < 0).any():
-        raise ExperimentError(f"{table.where} is below zero: write standard uncertainties")
-    return values
+class DatumTable(TomlTable, frozen=True, kw_only=True):
+    """``[datum]``: a frame fixed to the body in which the result is also wanted."""
+
+    rotation_to_body: Annotated[np.ndarray, ROTATION] | None = None
+    """From the datum's axes to the body's."""
+    position: Axes[Metre] = (0.0, 0.0, 0.0)
+    """The datum's origin from Q, in B."""
+    sigma_rotation: Axes[Annotated[float, in_unit("rad", least=0)]] = (0.0, 0.0, 0.0)
+    """Standard uncertainty of the rotation about each axis."""
+    sigma_position: Axes[Annotated[float, in_unit("m", least=0)]] = (0.0, 0.0, 0.0)
+    """Standard uncertainty of the position on each axis."""
+
+    @property
+    def value(self) -> Datum:
+        """The frame with its covariance."""
+        turn = np.eye(3) if self.rotation_to_body is None else self.rotation_to_body.T
+        return Datum(turn, np.array(self.position), np.diag(np.square([*self.sigma_rotation, *self.sigma_position])))
+
+
+class FixtureTable(TomlTable, frozen=True, kw_only=True):
+    """``[fixture]``: a body that is to be subtracted from the identified one, from Q, in B."""
+
+    mass: Annotated[float, in_unit("kg", above=0)]
+    r_cg_from_q: Axes[Metre]
+    """Its centre of gravity."""
+    inertia: InertiaTable | None = None
+    """Its tensor about its centre of gravity; without it the result has no tensor."""
+    sigma_mass: Annotated[float, in_unit("kg", least=0)] = 0.0
+    """Standard uncertainty of its mass."""
+    sigma_r_cg: Axes[Annotated[float, in_unit("m", least=0)]] = (0.0, 0.0, 0.0)
+    """Standard uncertainty of its centre of gravity on each axis."""
+    sigma_inertia: InertiaUncertaintyTable = InertiaUncertaintyTable()
+    """Standard uncertainties of its tensor."""
+
+    @property
+    def value(self) -> InertialParameters:
+        """Its ten parameters with their covariance; a tensor of NaN: not stated."""
+        tensor = np.full(6, np.nan) if self.inertia is None else self.inertia.packed
+        spread = np.concatenate([[self.sigma_mass], self.sigma_r_cg, self.sigma_inertia.packed])
+        return InertialParameters(self.mass, np.array(self.r_cg_from_q), tensor, np.diag(spread**2))

@@ -6,9 +6,11 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from rig.toml_tables import TomlError, TomlTable, read_table
 from uq.files.units import UnitError, quantity
 
 T = TypeVar("T")
+Declared = TypeVar("Declared", bound=TomlTable)
 
 
 class ExperimentError(ValueError):
@@ -101,6 +103,13 @@ class Table:
     def table(self, key: str, build: "Callable[[Table], T]", default: Any = REQUIRED) -> T:
         """Build a value from a table."""
         return build(Table(self.path(key), self.raw(key, default)))
+
+    def declared(self, key: str, table: "type[Declared]", default: Any = REQUIRED) -> "Declared":
+        """Return the values of a table that is declared as a type."""
+        try:
+            return read_table(self.path(key), self.raw(key, default), table)
+        except TomlError as error:
+            raise ExperimentError(str(error)) from None
 
     def tables(self, key: str, build: "Callable[[Table], T]") -> tuple[T, ...]:
         """Build a value from each table of an array."""

@@ -264,11 +264,14 @@ def test_files_that_are_no_centre(written, change, words):
         ('[poses]\n[body]\nmass = "2 kg"\n[scale]\nmass = "1 kg"\nstandard_uncertainty = "1 g"', "keep the right one"),
         ('[poses]\n[datum]\nposition = ["1 mm"]', "datum.position"),
         ('[poses]\n[datum]\nrotation_to_body = "x, z, y"', "datum.rotation_to_body is left-handed"),
-        ('[poses]\n[datum]\nsigma_rotation = ["-1 deg", "0 deg", "0 deg"]', "datum.sigma_rotation is below zero"),
+        (
+            '[poses]\n[datum]\nsigma_rotation = ["-1 deg", "0 deg", "0 deg"]',
+            "datum.sigma_rotation[0] is '-1 deg': write zero or more",
+        ),
         ('[poses]\n[fixture]\nmass = "1 kg"', "missing key fixture.r_cg_from_q"),
         (
             '[poses]\n[fixture]\nmass = "1 kg"\nr_cg_from_q = ["0 m", "0 m", "0 m"]\nsigma_mass = "-1 g"',
-            "fixture.sigma_mass is below zero",
+            "fixture.sigma_mass is '-1 g': write zero or more",
         ),
         (
             '[poses]\n[fixture]\nmass = "1 kg"\nr_cg_from_q = ["0 m", "0 m", "0 m"]\n'

@@ -1,0 +1,211 @@
+"""Tables of a TOML file as declared types: their values, or one line that names the key and the cure.
+
+A table is a subclass of :class:`TomlTable`; its fields are the keys, their types what may be written. Plain values and
+the JSON Schema of the whole are msgspec's. The walk over the tables is ours: :func:`msgspec.convert` calls each entry
+of a mapping ``[...]`` and those of an array by number, where our messages name them, and it converts no units.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+T = TypeVar("T", bound="TomlTable")
+LARGEST = 1_000_000
+"""Largest whole number that a file may hold."""
+NAMES = {str: "a string", int: "a whole number", bool: "true or false", float: "a finite number"}
+COUNTS = {2: "two", 3: "three"}
+
+
+class TomlError(ValueError):
+    """A mistake in a TOML file, in one line: what, where, what to do."""
+
+
+class WrongKeyError(ValueError):
+    """What a table's own check finds wrong with one of its keys, or with the table itself.
+
+    Args:
+        key: the key; "" for the table.
+        advice: what to do about it; of the table, all that there is to say.
+        shown: its value in other words than the file's.
+    """
+
+    def __init__(self, key: str, advice: str, shown: str | None = None):
+        super().__init__(f"{key}: {advice}" if key else advice)
+        self.key, self.advice, self.shown = key, advice, shown
+
+    def line(self, where: str, raw: Mapping[str, Any]) -> str:
+        """Return the message for a table that stands at ``where`` and holds ``raw``."""
+        path = _path(where, self.key)
+        if not self.key:
+            return f"{where} {self.advice}"
+        if self.key not in raw and self.shown is None:
+            return f"missing key {path}: {self.advice}"
+        return f"{path} is {self.shown or repr(raw[self.key])}: {self.advice}"
+
+
+class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
+    """A table of a TOML file: a field a key, its docstring what the key means.
+
+    A check of several keys together stands in ``__post_init__`` and raises :class:`WrongKeyError`.
+    """
+
+
+def written(read: Callable[[str, Any], Any], schema: Mapping[str, Any]) -> msgspec.Meta:
+    """Return the annotation of a value that is written in a form of its own.
+
+    Args:
+        read: what makes the value of the key's path and what is written there; raises TomlError, or ValueError with
+            what is to follow the path.
+        schema: the JSON Schema of what is written.
+    """
+    return msgspec.Meta(extra={"read": read}, extra_json_schema=dict(schema))
+
+
+def read_table(where: str, raw: object, table: type[T]) -> T:
+    """Return a table's values.
+
+    Args:
+        where: path of the table in its file, "" for the file itself.
+        raw: what the file holds there.
+        table: its declaration.
+
+    Raises:
+        TomlError: a key is missing or unknown, or a value is none that it may have.
+    """
+    if not isinstance(raw, Mapping):
+        raise TomlError(f"{where} is {raw!r}: write a table")
+    types, values = _types(table), {}
+    for field in msgspec.structs.fields(table):
+        path = _path(where, field.encode_name)
+        if field.encode_name in raw:
+            values[field.name] = _value(path, raw[field.encode_name], types[field.name])
+        elif field.required:
+            raise TomlError(f"missing key {path}: add it")
+    _refuse_unknown(where, raw, table)
+    try:
+        return table(**values)
+    except WrongKeyError as mistake:
+        raise TomlError(mistake.line(where, raw)) from None
+
+
+@cache
+def _types(table: type[TomlTable]) -> dict[str, Any]:
+    return get_type_hints(table, include_extras=True)
+
+
+def _path(where: str, key: str) -> str:
+    return f"{where}.{key}" if where and key else where or key
+
+
+def _refuse_unknown(where: str, raw: Mapping[str, Any], table: type[TomlTable]) -> None:
+    config = table.__struct_config__
+    keys = {*table.__struct_encode_fields__, *((config.tag_field,) if config.tag_field else ())}
+    if unknown := sorted(set(raw) - keys):
+        raise TomlError(f"unknown key {_path(where, unknown[0])}: the keys here are {', '.join(sorted(keys))}")
+
+
+def _value(path: str, raw: object, hint: Any) -> Any:
+    """The value of a key, or of an item of it."""
+    for meta in getattr(hint, "__metadata__", ()):
+        if meta.extra:
+            return _written(path, raw, meta.extra["read"])
+    plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(plain) in (Union, UnionType):
+        return _value(path, raw, _alternative(path, raw, plain))
+    if isinstance(plain, type) and issubclass(plain, TomlTable):
+        return read_table(path, raw, plain)
+    if get_origin(plain) is tuple:
+        return _items(path, raw, plain)
+    if get_origin(plain) is Mapping:
+        if not isinstance(raw, Mapping):
+            raise TomlError(f"{path} is {raw!r}: write a table")
+        return {key: _value(f"{path}.{key}", item, get_args(plain)[1]) for key, item in raw.items()}
+    return _plain(path, raw, hint, plain)
+
+
+def _written(path: str, raw: object, read: Callable[[str, Any], Any]) -> Any:
+    try:
+        return read(path, raw)
+    except TomlError:
+        raise
+    except ValueError as error:
+        raise TomlError(f"{path} {error}") from None
+
+
+def _alternative(path: str, raw: object, union: Any) -> Any:
+    """The type among several that a value is to have: by its form; a table's by the key that tells them apart."""
+    options = [option for option in get_args(union) if option is not type(None)]
+    tables = _tables(union)
+    lists = [option for option in options if get_origin(option) is tuple]
+    others = [option for option in options if option not in (*tables, *lists)]
+    fitting = (tables if isinstance(raw, Mapping) else lists if isinstance(raw, list) else others) or others or options
+    return _tagged(path, raw, tables) if fitting is tables and len(tables) > 1 else fitting[0]
+
+
+def _tagged(path: str, raw: Any, tables: list[type[TomlTable]]) -> type[TomlTable]:
+    by_tag = {str(table.__struct_config__.tag): table for table in tables}
+    key = str(tables[0].__struct_config__.tag_field)
+    if key not in raw:
+        raise TomlError(f"missing key {path}.{key}: add it")
+    return by_tag[_value(f"{path}.{key}", raw[key], Literal[tuple(by_tag)])]
+
+
+def _items(path: str, raw: object, hint: Any) -> Any:
+    """Any number of items (``tuple[X, ...]``) or as many as the tuple has; a table among them is called by its name."""
+    types = get_args(hint)
+    if types[-1] is Ellipsis:
+        if not isinstance(raw, list):
+            several = (
+                f"is a table: write [[{path}]], one for each" if _tables(types[0]) else f"is {raw!r}: write a list"
+            )
+            raise TomlError(f"{path} {several}")
+        return tuple(_value(f"{path}[{_label(i, item)}]", item, types[0]) for i, item in enumerate(raw))
+    if not isinstance(raw, list) or len(raw) != len(types):
+        raise TomlError(f"{path} is {raw!r}: write {_count(types)}")
+    return tuple(
+        _value(f"{path}[{i}]", item, item_type) for i, (item, item_type) in enumerate(zip(raw, types, strict=True))
+    )
+
+
+def _count(types: tuple[Any, ...]) -> str:
+    if types[0] is str:
+        return f"the names of {len(types)} columns"
+    units = " with their units" if get_origin(types[0]) is Annotated else ""
+    return f"{COUNTS.get(len(types), len(types))} values{units}{', one an axis' if len(types) == 3 else ''}"
+
+
+def _tables(hint: Any) -> list[type[TomlTable]]:
+    """The tables among the alternatives of a type."""
+    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    return [option for option in options if isinstance(option, type) and issubclass(option, TomlTable)]
+
+
+def _label(index: int, item: object) -> str:
+    name = item.get("name") if isinstance(item, Mapping) else None
+    return name if isinstance(name, str) else str(index)
+
+
+def _plain(path: str, raw: object, hint: Any, plain: Any) -> Any:
+    """A string, a finite number, a truth value, one of several words."""
+    if plain is int and isinstance(raw, int) and abs(raw) > LARGEST:
+        raise TomlError(f"{path} is out of range: write a smaller number")
+    try:
+        value = msgspec.convert(raw, hint)
+    except (msgspec.ValidationError, OverflowError):
+        value = math.nan
+    if isinstance(value, float) and not math.isfinite(value):
+        raise TomlError(f"{path} is {raw!r}: {_advice(hint, plain)}")
+    return value
+
+
+def _advice(hint: Any, plain: Any) -> str:
+    if get_origin(plain) is Literal:
+        return f"choose one of {', '.join(get_args(plain))}"
+    for meta in getattr(hint, "__metadata__", ()):
+        if meta.ge is not None:
+            return f"write a number from {meta.ge:g} to {meta.le:g}"
+    return f"write {NAMES[plain]}"

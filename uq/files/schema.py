@@ -1,0 +1,99 @@
+"""Annotations for the keys of an experiment file: values with their units, matrices; and how declared tables are read.
+
+A key is a field of a :class:`rig.toml_tables.TomlTable`::
+
+    class Scale(TomlTable, frozen=True, kw_only=True):
+        mass: Annotated[float, in_unit("kg", above=0)]
+        "Mass on the load cell."
+"""
+
+import math
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from rig.toml_tables import TomlError, TomlTable, read_table, written
+from uq.files.document import ExperimentError
+from uq.files.units import quantity
+
+T = TypeVar("T")
+Table = TypeVar("Table", bound=TomlTable)
+Axes = tuple[T, T, T]
+"""Three values, one an axis."""
+QUANTITY = r"^\s*[+-]?(\d|\.\d)[\d.eE+-]* +\S.*$"
+"""A number, a space and the name of a unit, as a JSON Schema's pattern."""
+
+
+def in_unit(unit: str, *, above: float | int = -math.inf, least: float | int = -math.inf) -> msgspec.Meta:
+    """Return the annotation of a float that is written with a unit of the dimension of ``unit``, and converted to it.
+
+    Args:
+        unit: the unit of the value.
+        above: what the value must exceed.
+        least: what it must not fall below.
+    """
+
+    def read(_: str, raw: Any) -> float:
+        value = quantity(raw, unit)
+        if value <= above:
+            raise ValueError(f"is {raw!r}: write a value above {'zero' if above == 0 else above}")
+        if value < least:
+            raise ValueError(f"is {raw!r}: write {'zero' if least == 0 else least} or more")
+        return value
+
+    return written(read, quantity_schema(unit))
+
+
+def quantity_schema(unit: str) -> dict[str, Any]:
+    """Return the JSON Schema of a value with its unit."""
+    return {"type": "string", "pattern": QUANTITY, "format": f"quantity {unit}", "examples": [f"1 {unit}"]}
+
+
+def matrix(rows: int, columns: int) -> msgspec.Meta:
+    """Return the annotation of an array of finite numbers of this shape, written as a list of its rows."""
+
+    def read(_: str, raw: Any) -> np.ndarray:
+        return finite(raw, (rows, columns))
+
+    return written(read, matrix_schema(rows, columns))
+
+
+def matrix_schema(rows: int, columns: int) -> dict[str, Any]:
+    """Return the JSON Schema of a list of rows of numbers."""
+    row = {"type": "array", "items": {"type": "number"}, "minItems": columns, "maxItems": columns}
+    return {"type": "array", "items": row, "minItems": rows, "maxItems": rows}
+
+
+def finite(raw: Any, shape: tuple[int, int]) -> np.ndarray:
+    """Return rows of finite numbers as an array of this shape.
+
+    Raises:
+        ValueError: what is written is anything else.
+    """
+    try:
+        values = np.array(raw, float) if _only_numbers(raw) else np.array(np.nan)
+    except ValueError:  # rows of unequal length
+        values = np.array(np.nan)
+    if values.shape != shape or not np.isfinite(values).all():
+        raise ValueError(f"is {raw!r}: write {shape[0]} rows of {shape[1]} finite numbers")
+    return values
+
+
+def _only_numbers(raw: object) -> bool:
+    """Whether a number, or lists of numbers: no strings, no truth values."""
+    if isinstance(raw, list):
+        return all(map(_only_numbers, raw))
+    return isinstance(raw, (int, float)) and not isinstance(raw, bool) and bool(abs(raw) < 1e300)
+
+
+def declared(where: str, raw: object, table: type[Table]) -> Table:
+    """Return the values of a table of an experiment file; see :func:`rig.toml_tables.read_table`.
+
+    Raises:
+        ExperimentError: a key is missing or unknown, or a value is none that it may have.
+    """
+    try:
+        return read_table(where, raw, table)
+    except TomlError as error:
+        raise ExperimentError(str(error)) from None
