@@ -7,8 +7,8 @@ import numpy as np
 from benchmarks.studies.design_bounds import bound_by_squares, repeating_bound
 from identify.signals.estimator_spec import EstimatorSpec
 from uq import montecarlo
-from uq.excitation.baseline import highest_frequency
 from uq.excitation.design_bound import design_bound
+from uq.excitation.reference_trajectory import highest_frequency
 from uq.excitation.rig_limits import efforts
 from uq.experiment.experiment import Experiment
 

@@ -16,11 +16,30 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.rigid_body.regressor import omega_r
+
 SHARPNESS = 60
 """Power of the mean that stands for the largest eigenvalue in the search."""
 TRIANGLE = np.tril_indices(3)
 
 Uncertainty = Callable[[Float[Array, "3 3"]], Float[Array, ""]]
+
+
+def tensor_covariance(
+    samples: float, noise: Float[np.ndarray, "3 3"]
+) -> Callable[[Float[Array, "3 3"]], Float[Array, "6 6"]]:
+    """Return the tensor's least covariance [(kg·m²)²] as a function of the second moment of alpha [rad²/s⁴].
+
+    ``(n mean(Ωᵀ S⁻¹ Ω))⁻¹`` with omega left out: what no unbiased linear estimate falls below when the moment has white
+    noise alone (Gauss and Markov).
+
+    Args:
+        samples: n of the run.
+        noise: covariance S of the moment about the centre of gravity at one sample [N²·m²].
+    """
+    rows = np.stack([np.asarray(omega_r(jnp.zeros(3), jnp.eye(3)[axis])) for axis in range(3)])
+    each = jnp.asarray(samples * np.einsum("aij,ik,bkl->abjl", rows, np.linalg.inv(noise), rows))
+    return lambda moment: jnp.linalg.inv(jnp.einsum("ab,abjl->jl", moment, each))
 
 
 @dataclass(frozen=True, eq=False)

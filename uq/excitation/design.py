@@ -1,42 +1,26 @@
 """The best experiment a platform can run: the motion of least predicted uncertainty within its limits."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from identify.motion.leg_limits import Limits, Peak, effort, signed_shares
-from identify.motion.optimiser import Lagrangian, Optimum, minimise
-from identify.motion.periodic_motion import Periodic
-from identify.motion.stages import Stages
-from identify.motion.starting_motions import start
+from identify.motion.leg_limits import Limits, Peak
 from identify.signals.estimator_spec import EstimatorSpec
-from uq.excitation.baseline import WEIGHT, Promise, best_reference, largest, promise, scaled, worst_use
 from uq.excitation.design_bound import DesignBound, design_bound
-from uq.excitation.design_goal import GOALS, Measure, expanded, goal_of
+from uq.excitation.design_goal import GOALS, expanded, goal_of
+from uq.excitation.design_search import GRID, Progress, searches
+from uq.excitation.reference_trajectory import PredictedTrajectory, best_reference, scaled
 from uq.excitation.rig_limits import resolved_limits, uses
-from uq.excitation.starting_stages import patterns_for, staged
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
-from uq.propagation.prediction import Prediction
 
 NAME = "designed"
 """Of the designed trajectory in :meth:`Design.montecarlo_experiment`."""
-GRID = 16
-"""Instants of the optimiser in a period of the highest frequency."""
 FINER = 10
 """Times as many at which the limits are checked in the end."""
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
-RAMP = 6.0
-"""Time in which a stage starts or stops, in periods of the highest frequency."""
-FINAL = 8
-"""Looks at the finer grid before a design is given up."""
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, the steps done and the steps in all."""
 
 
 @dataclass(frozen=True)
@@ -142,60 +126,30 @@ def design(
     _, given = experiment.select(reference)
     limits = resolved_limits(experiment, FINER * GRID)
     fine = FINER * GRID * limits.bandwidth
-    given = _lasting(given, duration)
+    given = given if duration is None else scaled(given, 1.0, 1.0, duration)
     if period * limits.bandwidth < 2 or 4 * period > given.duration:
         raise ExperimentError(f"a period of {period:g} s: give 2 / bandwidth to a quarter of the duration")
+    inertia = np.asarray(experiment.body.inertia)
     tell("reference", 0, 1)
-    base = promise(experiment, given, 10 * limits.bandwidth)
-    beaten = best_reference(experiment, given, limits, goal_of(goal, _inertia(experiment), base.covariance), fine)
+    unscaled = PredictedTrajectory.of(experiment, given, limits.bandwidth)
+    to_beat = best_reference(experiment, given, limits, goal_of(goal, inertia, unscaled.covariance), fine)
     tell("reference", 1, 1)
-    measure = goal_of(goal, _inertia(experiment), beaten.covariance)
-    searches = kinds(experiment, beaten.spec, limits, measure, period, starts)
-    listed, promised = [], [beaten]
-    for search, firsts in searches:
-        found = []
-        for number, first in firsts:
+    measure = goal_of(goal, inertia, to_beat.covariance)
+    ends, candidates = [], [to_beat]
+    for search, numbered in searches(experiment, to_beat.spec, limits, measure, period, starts):
+        optima = []
+        for number, first in numbered.items():
             of_all = lambda done, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
-            generator = np.random.default_rng([seed, number])
-            found.append(search.from_start(first(generator), rounds, steps, of_all))
-        listed += [Start(one.goal, one.excess, one.evaluations, search.stages.count) for one in found]
-        ended = search.finish(min(found, key=lambda one: one.goal + 10 * max(one.excess - 0.01, 0.0)), fine, tell)
-        promised += [] if ended is None else [ended]
-    best = min(promised, key=lambda one: float(measure(jnp.asarray(one.covariance))))
+            optima.append(search.from_start(first(np.random.default_rng([seed, number])), rounds, steps, of_all))
+        ends += [Start(end.goal, end.excess, end.evaluations, search.stages.count) for end in optima]
+        designed = search.finish(min(optima, key=lambda end: end.goal + 10 * max(end.excess - 0.01, 0.0)), fine, tell)
+        candidates += [] if designed is None else [designed]
+    best = min(candidates, key=lambda candidate: float(measure(jnp.asarray(candidate.covariance))))
     return Design(
-        experiment, best.spec, beaten.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
-        np.asarray(expanded(jnp.asarray(beaten.covariance))), design_bound(experiment, beaten.spec, limits),
-        uses(experiment, best.spec, limits, fine), listed, limits.bandwidth,
+        experiment, best.spec, to_beat.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
+        np.asarray(expanded(jnp.asarray(to_beat.covariance))), design_bound(experiment, to_beat.spec, limits),
+        uses(experiment, best.spec, limits, fine), ends, limits.bandwidth,
     )  # fmt: skip
-
-
-Beginning = tuple[int, Callable[[np.random.Generator], np.ndarray]]
-"""Number of a start, and what gives its unknowns."""
-
-
-def kinds(
-    experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, period: float, starts: int
-) -> Iterator[tuple["Search", list[Beginning]]]:
-    """Yield the searches and where each starts: first in stages, then with one period for the whole run.
-
-    A run that does not hold four periods of each stage has no stages.
-    """
-    band, duration = limits.bandwidth, reference.duration
-    mixed = patterns_for(experiment, reference, limits, measure)
-    stages, first = staged(experiment, limits, mixed, GRID, duration, RAMP / band)
-    room = np.diff(stages.border).min() >= 4 * stages.periodic.period
-    if room:
-        yield Search(experiment, reference, limits, measure, stages), [(0, first)]
-    if starts > 1 or not room:
-        periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
-        one = Stages.of(periodic, np.ones(1), duration, RAMP / band)
-        r_cg = experiment.r_cg_from_omb
-
-        def single(number: int) -> Beginning:
-            return number, lambda random: start(one.periodic, r_cg, random, number)
-
-        numbers = range(1 if room else 0, starts)
-        yield Search(experiment, reference, limits, measure, one), [single(number) for number in numbers]
 
 
 def _check(goal: str, starts: int, period: float, duration: float | None) -> None:
@@ -206,64 +160,3 @@ def _check(goal: str, starts: int, period: float, duration: float | None) -> Non
     for name, value in (("period", period), ("duration", duration)):
         if value is not None and not 0 < value < np.inf:
             raise ExperimentError(f"a {name} of {value:g} s: give seconds above zero")
-
-
-def _inertia(experiment: Experiment) -> np.ndarray:
-    return np.asarray(experiment.body.inertia)
-
-
-def _lasting(spec: TrajectorySpec, duration: float | None) -> TrajectorySpec:
-    return spec if duration is None else scaled(spec, 1.0, 1.0, duration)
-
-
-class Search:
-    """The minimisation for one experiment and one kind of motion, compiled once for all starts."""
-
-    def __init__(
-        self, experiment: Experiment, reference: TrajectorySpec, limits: Limits, measure: Measure, stages: Stages
-    ):
-        self.experiment, self.limits, self.stages = experiment, limits, stages
-        self.spec = replace(reference, still="omb")
-        prediction = Prediction.of(experiment, self.spec)
-        samples = jnp.asarray(reference.rate * stages.seconds)
-        names = limited(limits)
-        r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
-        platform, body = experiment.platform, experiment.body
-
-        def goal(unknowns):
-            one = stages.moved(platform, unknowns, r_cg, gravity)
-            used = signed_shares(effort(platform, body, r_cg, one.platform, gravity), limits)
-            covariance = prediction.covariance(one.body, one.jerk, samples)
-            most = jnp.concatenate([jnp.abs(stages.finer(used[name])).ravel() for name in names])
-            return jnp.log(measure(covariance)), most - 1
-
-        self.lagrangian = Lagrangian(goal)
-
-    def from_start(self, first: np.ndarray, rounds: int, steps: int, tell: Callable[[int], None]) -> Optimum:
-        """Minimise from a start; ``tell`` is called with the rounds done."""
-        found = minimise(self.lagrangian, first, rounds=rounds, steps=steps, progress=lambda done, *_: tell(done))
-        return replace(found, goal=float(np.exp(found.goal)))
-
-    def finish(self, found: Optimum, fine: float, tell: Progress) -> Promise | None:
-        """Return the whole run, of the largest size that meets the limits on a finer grid; None: no size."""
-        short = lambda size: self._spec(size * found.unknowns, short=True)  # noqa: E731
-        size = largest(self.experiment, short, self.limits, fine)
-        for number in range(FINAL):
-            tell("limits", number, FINAL)
-            spec = self._spec(size * found.unknowns)
-            share = worst_use(self.experiment, spec, self.limits, fine)
-            if share <= 1:
-                tell("limits", FINAL, FINAL)
-                return promise(self.experiment, spec, 10 * self.limits.bandwidth)
-            size = size / (1 + WEIGHT * (share - 1))
-        return None
-
-    def _spec(self, unknowns: np.ndarray, short: bool = False) -> TrajectorySpec:
-        trajectory = self.stages.multisine(unknowns, short=short)
-        return replace(self.spec, trajectory=trajectory, duration=float(trajectory.duration))
-
-
-def limited(limits: Limits) -> list[str]:
-    """Return the quantities that are limited, as :func:`identify.motion.leg_limits.shares` names them."""
-    values: Any = limits._replace(length=limits.length[:, 1])._asdict()
-    return [name for name, value in values.items() if name != "bandwidth" and np.isfinite(value).any()]

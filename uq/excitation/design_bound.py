@@ -5,19 +5,18 @@ linear estimate at least the covariance ``(n mean(Ωᵀ S⁻¹ Ω))⁻¹`` (Gaus
 alpha inside. :mod:`identify.motion.information_bound` bounds it over all second moments that the legs can have.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from identify.motion.information_bound import Uncertainty, least
+from identify.motion.information_bound import Uncertainty, least, tensor_covariance
 from identify.motion.leg_limits import Limits
 from identify.motion.mean_square import largest_amplitude, largest_mean_square
 from identify.motion.stewart_platform import jacobian, lengths
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
-from identify.rigid_body.regressor import cross_matrix, omega_r
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.propagation.prediction import Prediction
 
@@ -60,14 +59,14 @@ def design_bound(
     if squares is None:
         each = zip(largest_accelerations(experiment, limits), limits.speed, strict=True)
         squares = np.array([largest_mean_square(*leg, limits.bandwidth) for leg in each])
-    noise = moment_noise(experiment, spec)
+    noise = np.asarray(Prediction.of(experiment, spec).moment_noise)
     if np.linalg.eigvalsh(noise)[0] <= 0 or not np.isfinite(squares).all():
         return None
     platform = experiment.platform
     to_alpha = np.linalg.inv(np.asarray(jacobian(platform, platform.home_pose)))[3:]
     samples = spec.rate * spec.duration
     moments, products = (
-        least(average(samples, noise, components), np.eye(6), squares, to_alpha).value / 1e3
+        least(average_uncertainty(samples, noise, components), np.eye(6), squares, to_alpha).value / 1e3
         for components in (MOMENTS, PRODUCTS)
     )
     return DesignBound(moments, products)
@@ -85,31 +84,7 @@ def largest_strokes(experiment: Experiment, limits: Limits) -> Float[np.ndarray,
     return np.abs(limits.length - home[:, None]).max(axis=1)
 
 
-def moment_noise(experiment: Experiment, spec: TrajectorySpec) -> Float[np.ndarray, "3 3"]:
-    """Return the covariance of the white noise of ``M - r × F`` at one sample [N²·m²]."""
-    about = jnp.hstack([-cross_matrix(jnp.asarray(experiment.stated_r_cg)), jnp.eye(3)])
-    return np.asarray(about @ Prediction.of(experiment, spec).wrench @ about.T)
-
-
-def average(samples: float, noise: Float[np.ndarray, "3 3"], components: Sequence[int]) -> Uncertainty:
-    """Return the average 3σ [g·m²] of components as a function of the second moment of alpha [rad²/s⁴].
-
-    Args:
-        samples: of the run.
-        noise: covariance of the moment about the centre of gravity at one sample [N²·m²].
-        components: which of the packed tensor's.
-    """
-    of_moment = covariance_of(samples, noise)
-    return lambda moment: 3e3 * jnp.sqrt(jnp.diagonal(of_moment(moment))[jnp.array(components)]).mean()
-
-
-def covariance_of(samples: float, noise: Float[np.ndarray, "3 3"]) -> Callable[[Array], Array]:
-    """Return the tensor's covariance [(kg·m²)²] as a function of the second moment of alpha [rad²/s⁴].
-
-    Args:
-        samples: of the run.
-        noise: covariance of the moment about the centre of gravity at one sample [N²·m²].
-    """
-    rows = np.stack([np.asarray(omega_r(jnp.zeros(3), jnp.eye(3)[axis])) for axis in range(3)])
-    each = jnp.asarray(samples * np.einsum("aij,ik,bkl->abjl", rows, np.linalg.inv(noise), rows))
-    return lambda moment: jnp.linalg.inv(jnp.einsum("ab,abjl->jl", moment, each))
+def average_uncertainty(samples: float, noise: Float[np.ndarray, "3 3"], components: Sequence[int]) -> Uncertainty:
+    """Return the average 3σ [g·m²] of components as a function of the second moment of alpha [rad²/s⁴]."""
+    covariance = tensor_covariance(samples, noise)
+    return lambda moment: 3e3 * jnp.sqrt(jnp.diagonal(covariance(moment))[jnp.array(components)]).mean()

@@ -14,10 +14,10 @@ from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import fixed, html_table, text_table
 from uq.campaign.statistics import GRAM_METRE
-from uq.excitation.baseline import highest_frequency
 from uq.excitation.design import Design
-from uq.excitation.designed_files import NAME, designed_files
+from uq.excitation.designed_experiment import NAME, designed_files
 from uq.excitation.platform_scene import FRAMES, Scene, scene
+from uq.excitation.reference_trajectory import highest_frequency
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
 from uq.planning.required_duration import Duration, average, growth_of, required_duration

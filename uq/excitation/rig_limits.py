@@ -1,5 +1,6 @@
 """A rig's limits as figures, and how a trajectory stands to them over its whole run."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -10,6 +11,12 @@ from identify.motion.leg_limits import Effort, Limits, Peak, PlatformMotion, eff
 from identify.motion.stewart_platform import Pose, Twist
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
+
+HALVINGS = 11
+"""Of the interval in which the largest amplitude is sought."""
+FROM_LIMIT = 1e-9
+"""Relative distance from a limit that counts as met: the rounding of an integrated attitude."""
+OfSize = Callable[[float], TrajectorySpec]
 
 PIECE = 16_384
 """Instants that are looked at together: runs of all lengths are filled up to it, so that little is compiled."""
@@ -81,3 +88,33 @@ def instants(spec: TrajectorySpec, rate: float) -> np.ndarray:
 def uses(experiment: Experiment, spec: TrajectorySpec, limits: Limits, rate: float) -> list[Peak]:
     """Return each limit's largest use over a trajectory's whole run, at instants of a rate [Hz], largest first."""
     return peaks(efforts(experiment, spec, rate), limits, jnp.asarray(instants(spec, rate)))
+
+
+def largest_size(experiment: Experiment, of_size: OfSize, limits: Limits, rate: float) -> float:
+    """Return the largest size, from 0 to 2, at which a trajectory meets the limits.
+
+    Args:
+        experiment: with platform and body.
+        of_size: the trajectory at a size.
+        limits: to be met.
+        rate: of the instants that are looked at [Hz].
+    """
+
+    def met(size: float) -> bool:
+        return largest_use(experiment, of_size(size), limits, rate) <= 1 + FROM_LIMIT
+
+    low, high = (1.0, 1.2) if met(1.0) else (0.8, 1.0)
+    if not met(low):
+        low, high = 0.0, low
+    elif met(high):
+        low, high = high, 2.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if met(middle) else (low, middle)
+    return low
+
+
+def largest_use(experiment: Experiment, spec: TrajectorySpec, limits: Limits, rate: float) -> float:
+    """Return the largest share of any limit over a trajectory's whole run."""
+    listed = uses(experiment, spec, limits, rate)
+    return listed[0].share if listed else 0.0

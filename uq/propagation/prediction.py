@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Motion, Trajectory
+from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import cross_matrix, omega_r
 from uq.campaign.campaign import platform_of
@@ -88,10 +88,15 @@ class Prediction(eqx.Module):
         by_constants = self._by_constants(motion, jerk, each)
         return noise + by_constants @ self.correlation @ by_constants.T
 
+    @property
+    def moment_noise(self) -> Float[Array, "3 3"]:
+        """Covariance of the white noise of ``M - r × F`` at one sample [N²·m²]."""
+        about_cg = jnp.hstack([-cross_matrix(jnp.asarray(self.body.r_cg_from_q)), jnp.eye(3)])
+        return about_cg @ self.wrench @ about_cg.T
+
     def _of_cell(self, rows: Float[Array, "n 3 6"], each: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """Sum over instants of ``Ωᵀ S Ω``, S the covariance of the noise of ``M - r × F``."""
-        about = jnp.hstack([-cross_matrix(self.body.r_cg_from_q), jnp.eye(3)])
-        return jnp.einsum("n,nij,ik,nkl->jl", each, rows, about @ self.wrench @ about.T, rows)
+        return jnp.einsum("n,nij,ik,nkl->jl", each, rows, self.moment_noise, rows)
 
     def _of_gyro(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """The same of omega's noise: what it does to ``Ω i``, the part through alpha by a summation by parts."""
@@ -120,6 +125,23 @@ class Prediction(eqx.Module):
             return tensor_of(equations_of(run, 0, self.directions @ numbers, jnp.zeros(3), jnp.zeros(())))
 
         return jax.jacfwd(estimate)(jnp.zeros(self.directions.shape[1]))
+
+
+def predicted_covariance(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Float[np.ndarray, "6 6"]:
+    """Return the covariance of the tensor [(kg·m²)²] that a trajectory promises over its whole run.
+
+    Args:
+        experiment: with platform, body and sources.
+        spec: the trajectory.
+        rate: of the instants at which the motion is looked at [Hz].
+
+    Raises:
+        ExperimentError: a source that the law cannot take, or that moves nothing in its first order.
+    """
+    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
+    t = jnp.arange(0.0, spec.duration, 1 / rate)
+    motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
+    return np.asarray(Prediction.of(experiment, spec).covariance(motion, jerk_of(spec, motion)))
 
 
 def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from uq.excitation.design_report import GOALS, DesignReport
-from uq.excitation.designed_files import NAME
+from uq.excitation.designed_experiment import NAME
 from uq.figures import design_figures as design_plots
 from uq.figures import sphere_axes as sphere
 from uq.figures import sphere_figures as sphere_plot

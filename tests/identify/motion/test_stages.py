@@ -15,8 +15,8 @@ from identify.motion.stages import Stages
 from identify.motion.trajectory import Multisine, attitude, sample, swell
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from identify.rigid_body.rotation import exponential
-from uq.excitation.baseline import scaled
-from uq.excitation.design_bound import average
+from uq.excitation.design_bound import average_uncertainty
+from uq.excitation.reference_trajectory import scaled
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.experiment.multisine_table import COLUMNS, START, multisine_csv
 from uq.planning.motion_export import export_motion
@@ -260,7 +260,10 @@ def test_patterns_are_those_of_one_wave(generator):
 @pytest.mark.parametrize("part", [MOMENTS, PRODUCTS])
 def test_the_mixture_is_optimal(part, generator):
     """Against another minimiser; and no pattern leads down from it (Kiefer and Wolfowitz)."""
-    function, points = average(1e4, NOISE, part), generator.choice(patterns(), 40) @ generator.normal(size=(6, 3))
+    function, points = (
+        average_uncertainty(1e4, NOISE, part),
+        generator.choice(patterns(), 40) @ generator.normal(size=(6, 3)),
+    )
     share = optimal_shares(function, points)
     np.testing.assert_allclose(share.sum(), 1)
     steep = np.asarray(steepness(function, points, jnp.asarray(share)))
@@ -277,7 +280,7 @@ def test_the_mixture_is_optimal(part, generator):
 
 
 def test_a_mixture_leaves_out_what_is_small_and_runs_both_ways(generator):
-    found = mixture(average(1e4, NOISE, MOMENTS), generator.normal(size=(3, 6)))
+    found = mixture(average_uncertainty(1e4, NOISE, MOMENTS), generator.normal(size=(3, 6)))
     assert 1 <= len(found.share) < 10
     np.testing.assert_allclose(found.share.sum(), 1)
     both = found.both_ways()

@@ -24,7 +24,7 @@ from uq.cli.main import main
 from uq.excitation.design import Design, Start
 from uq.excitation.design_bound import DesignBound
 from uq.excitation.design_report import design_report
-from uq.excitation.designed_files import designed_files, trajectory_table
+from uq.excitation.designed_experiment import designed_files, trajectory_table
 from uq.excitation.platform_scene import cuboid
 from uq.excitation.rig_limits import efforts, uses
 from uq.experiment.experiment import Experiment, ExperimentError

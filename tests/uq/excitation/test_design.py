@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 
 from identify.motion.leg_limits import effort, peaks, platform_motion
-from uq.excitation.baseline import highest_frequency, largest, promise, scaled
-from uq.excitation.design import Design, Search, design
+from uq.excitation.design import Design, design
 from uq.excitation.design_bound import RELAXED, design_bound
 from uq.excitation.design_goal import GOALS, goal_of, principal_slope
-from uq.excitation.rig_limits import efforts, resolved_limits, uses
+from uq.excitation.design_search import Search
+from uq.excitation.reference_trajectory import highest_frequency, scaled
+from uq.excitation.rig_limits import efforts, largest_size, resolved_limits, uses
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
+from uq.propagation.prediction import predicted_covariance
 
 PLATFORM = {"gravity": "9.81 m/s^2", "r_cg_from_omb": ["0 m", "0 m", "0.11 m"], "geometry": "assumed-source-size"}
 
@@ -44,7 +46,7 @@ def searched(given):
         return made[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uq.excitation.design.Search", spy)
+        patch.setattr("uq.excitation.design_search.Search", spy)
         one = design(given, starts=1, period=1.0, rounds=5, steps=40, progress=lambda *at: told.append(at))
     assert {at[0] for at in told} == {"reference", "starts", "limits"}
     return one, made[0]
@@ -114,7 +116,7 @@ def test_the_design_in_the_docs_is_what_they_say():
     for name, expected in figures.items():
         spec = experiment.trajectories[name]
         assert uses(experiment, spec, limits, 800.0)[0].share <= 1 + 1e-8
-        three = 3e3 * np.sqrt(np.diag(promise(experiment, spec, 50.0).covariance))
+        three = 3e3 * np.sqrt(np.diag(predicted_covariance(experiment, spec, 50.0)))
         np.testing.assert_allclose([three[[0, 3, 5]].mean(), three[[1, 2, 4]].mean()], expected, atol=6e-4)
     least = design_bound(experiment, experiment.trajectories["T1"], limits)
     np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.460, 1.008], atol=6e-4)
@@ -145,7 +147,7 @@ def test_pieces_are_put_together(given, monkeypatch):
 def test_the_largest_size_just_meets_the_limits(given):
     spec, limits = given.trajectories["T1"], resolved_limits(given, 20)
     half = limits._replace(speed=limits.speed / 2)
-    size = largest(given, lambda size: scaled(spec, size, 1.0), half, 60.0)
+    size = largest_size(given, lambda size: scaled(spec, size, 1.0), half, 60.0)
     worst = uses(given, scaled(spec, size, 1.0), half, 60.0)[0]
     assert worst.quantity == "speed"
     assert 0.998 < worst.share <= 1 + 1e-9

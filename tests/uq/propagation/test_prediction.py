@@ -11,16 +11,11 @@ import pytest
 from identify.motion.trajectory import sample
 from uq import law
 from uq.experiment.experiment import Experiment
-from uq.propagation.prediction import Prediction, jerk_of
+from uq.propagation.prediction import Prediction, jerk_of, predicted_covariance
 
 
 def promised(experiment, name, rate):
-    spec = experiment.trajectories[name]
-    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    t = jnp.arange(0.0, spec.duration, 1 / rate)
-    motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
-    covariance = Prediction.of(experiment, spec).covariance(motion, jerk_of(spec, motion))
-    return 3 * np.sqrt(np.diag(covariance))
+    return 3 * np.sqrt(np.diag(predicted_covariance(experiment, experiment.trajectories[name], rate)))
 
 
 @pytest.mark.parametrize("name", ["T1", "T2"])

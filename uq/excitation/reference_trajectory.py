@@ -1,54 +1,50 @@
-"""What a design is to beat: a known trajectory, as fast and as large as the same limits allow."""
+"""The reference trajectory that a design is to beat: a known one, as fast and as large as the same limits allow."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from identify.motion.leg_limits import Limits
-from identify.motion.trajectory import Multisine, Sphere, sample
+from identify.motion.trajectory import Multisine, Sphere
 from uq.excitation.design_goal import Measure
-from uq.excitation.rig_limits import uses
+from uq.excitation.rig_limits import FROM_LIMIT, largest_size, largest_use
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
-from uq.propagation.prediction import Prediction, jerk_of
+from uq.propagation.prediction import predicted_covariance
 
 SPEEDS = 8
 """Factors of speed that are tried beside the given one, up to the bandwidth."""
-HALVINGS = 11
-"""Of the interval in which the largest amplitude is sought."""
 COARSE = 12
 """Instants in a period of the highest frequency at which amplitudes are sought."""
+PREDICTED = 10
+"""The same for the predicted covariance."""
 WEIGHT = 3.0
 """How much slower than the motion a share of a limit may shrink: a leg's force, of which the weight is part."""
-FROM_LIMIT = 1e-9
-"""Relative distance from a limit that counts as met: the rounding of an integrated attitude."""
-
-
-OfSize = Callable[[float], TrajectorySpec]
 
 
 @dataclass(frozen=True, eq=False)
-class Promise:
-    """A trajectory and what it promises."""
+class PredictedTrajectory:
+    """A trajectory and the uncertainty that it promises."""
 
     spec: TrajectorySpec
-    covariance: np.ndarray
-    """Of the tensor, packed [(kg·m²)²]."""
+    covariance: Float[np.ndarray, "6 6"]
+    """Of the tensor [(kg·m²)²]."""
 
+    @classmethod
+    def of(cls, experiment: Experiment, spec: TrajectorySpec, bandwidth: float) -> "PredictedTrajectory":
+        """Predict the covariance from ``PREDICTED`` instants in a period of the bandwidth [Hz].
 
-def promise(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Promise:
-    """Return the covariance that a trajectory promises over its whole run, from instants of a rate [Hz]."""
-    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    t = jnp.arange(0.0, spec.duration, 1 / rate)
-    motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
-    covariance = Prediction.of(experiment, spec).covariance(motion, jerk_of(spec, motion))
-    if not np.isfinite(covariance).all():
-        raise ExperimentError("the reference trajectory does not tell all six components: choose another")
-    return Promise(spec, np.asarray(covariance))
+        Raises:
+            ExperimentError: the motion leaves a component of the tensor undetermined.
+        """
+        covariance = predicted_covariance(experiment, spec, PREDICTED * bandwidth)
+        if not np.isfinite(covariance).all():
+            raise ExperimentError("the reference trajectory does not tell all six components: choose another")
+        return cls(spec, covariance)
 
 
 def scaled(spec: TrajectorySpec, size: float, speed: float, duration: float | None = None) -> TrajectorySpec:
@@ -80,39 +76,9 @@ def highest_frequency(spec: TrajectorySpec) -> float:
     return fast + (float(trajectory.precessions / trajectory.duration) if isinstance(trajectory, Sphere) else 0.0)
 
 
-def largest(experiment: Experiment, of_size: OfSize, limits: Limits, rate: float) -> float:
-    """Return the largest size, from 0 to 2, at which a trajectory meets the limits.
-
-    Args:
-        experiment: with platform and body.
-        of_size: the trajectory at a size.
-        limits: to be met.
-        rate: of the instants that are looked at [Hz].
-    """
-
-    def met(size: float) -> bool:
-        return worst_use(experiment, of_size(size), limits, rate) <= 1 + FROM_LIMIT
-
-    low, high = (1.0, 1.2) if met(1.0) else (0.8, 1.0)
-    if not met(low):
-        low, high = 0.0, low
-    elif met(high):
-        low, high = high, 2.0
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if met(middle) else (low, middle)
-    return low
-
-
-def worst_use(experiment: Experiment, spec: TrajectorySpec, limits: Limits, rate: float) -> float:
-    """Return the largest share of any limit over a trajectory's whole run."""
-    listed = uses(experiment, spec, limits, rate)
-    return listed[0].share if listed else 0.0
-
-
 def best_reference(
     experiment: Experiment, spec: TrajectorySpec, limits: Limits, measure: Measure, rate: float
-) -> Promise:
+) -> PredictedTrajectory:
     """Return a trajectory at the size and speed that promise most under the limits.
 
     Args:
@@ -126,26 +92,28 @@ def best_reference(
         ExperimentError: no size of it meets the limits.
     """
     band = limits.bandwidth
-    found = []
+    candidates = []
     top = band / highest_frequency(spec) * (1 - 1e-9)
     for speed in [1.0, *np.geomspace(min(1.0, top) * 0.8, max(1.0, top), SPEEDS)]:
         faster = scaled(spec, 1 / speed**2, speed)
         if highest_frequency(faster) <= band:
             of_size = partial(scaled, faster, speed=1.0)
-            size = largest(experiment, of_size, limits, COARSE * band)
-            found.append(promise(experiment, of_size(size), 10 * band))
-    if not found:
+            size = largest_size(experiment, of_size, limits, COARSE * band)
+            candidates.append(PredictedTrajectory.of(experiment, of_size(size), band))
+    if not candidates:
         raise ExperimentError("the reference trajectory is faster than platform.limits.bandwidth: choose another")
-    best = min(found, key=lambda one: float(measure(jnp.asarray(one.covariance))))
-    return _within(experiment, best, limits, rate)
+    best = min(candidates, key=lambda candidate: float(measure(jnp.asarray(candidate.covariance))))
+    return _within_limits(experiment, best, limits, rate)
 
 
-def _within(experiment: Experiment, best: Promise, limits: Limits, rate: float) -> Promise:
+def _within_limits(
+    experiment: Experiment, best: PredictedTrajectory, limits: Limits, rate: float
+) -> PredictedTrajectory:
     """Make a trajectory smaller until a finer look finds it within the limits."""
-    spec, band = best.spec, limits.bandwidth
+    spec = best.spec
     for _ in range(5):
-        share = worst_use(experiment, spec, limits, rate)
+        share = largest_use(experiment, spec, limits, rate)
         if share <= 1 + FROM_LIMIT:
-            return best if spec is best.spec else promise(experiment, spec, 10 * band)
+            return best if spec is best.spec else PredictedTrajectory.of(experiment, spec, limits.bandwidth)
         spec = scaled(spec, 1 / (1 + WEIGHT * (share - 1)), 1.0)
     raise ExperimentError("the reference trajectory does not meet platform.limits at any size: choose another")

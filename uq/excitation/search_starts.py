@@ -5,14 +5,15 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
+from identify.motion.information_bound import tensor_covariance
 from identify.motion.leg_limits import Limits
 from identify.motion.periodic_motion import Periodic, accelerations
 from identify.motion.phase_patterns import Mixture, mixture
 from identify.motion.stages import Stages
 from identify.motion.stewart_platform import jacobian, lengths
-from uq.excitation.design_bound import covariance_of, moment_noise
 from uq.excitation.design_goal import Measure
 from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.propagation.prediction import Prediction
 
 UNKNOWN = 3
 """Harmonics of a stage where speed, stroke or acceleration of a leg are free."""
@@ -29,8 +30,8 @@ def patterns_for(experiment: Experiment, spec: TrajectorySpec, limits: Limits, m
         limits: in figures.
         measure: what is to be small, of the covariance.
     """
-    noise = moment_noise(experiment, spec)
-    covariance = covariance_of(spec.rate * spec.duration, noise if np.linalg.eigvalsh(noise)[0] > 0 else np.eye(3))
+    noise = np.asarray(Prediction.of(experiment, spec).moment_noise)
+    covariance = tensor_covariance(spec.rate * spec.duration, noise if np.linalg.eigvalsh(noise)[0] > 0 else np.eye(3))
     at_home = np.asarray(jacobian(experiment.platform, experiment.platform.home_pose))
     to_alpha = np.linalg.inv(at_home)[3:] * accelerations(limits)
     return mixture(lambda moment: measure(covariance(moment)), to_alpha).both_ways()
