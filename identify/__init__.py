@@ -1,124 +1,69 @@
 """The experiment's mathematics: from motion to wrench, and from measured wrench and motion back to the inertia tensor.
 
-Pure JAX on arrays in SI units; no files, no randomness, no global settings. Switch on float64 yourself:
-``jax.config.update("jax_enable_x64", True)``.
+Arrays in SI units; no files, no randomness, no global settings. Switch on float64 yourself:
+``jax.config.update("jax_enable_x64", True)``. The public names are imported on first use; docs/api.md shows each of
+them, everything else is imported from its room, such as ``identify.rigid_body.rotation``.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from identify.diagnostics.consistency import Verdict, consistency
-    from identify.estimators.admissible import Admissible, log_cholesky, pseudo_inertia
-    from identify.estimators.repeatability import Pooling
-    from identify.estimators.residual_trace import Trace
-    from identify.identification import identify
-    from identify.joint.cramer_rao_bound import Bound, bound
-    from identify.joint.priors import Alignment
-    from identify.precision import PrecisionWarning
-    from identify.results.alignment import Aligned
-    from identify.results.identification_result import Identification
-    from identify.results.run_estimate import RunEstimate
-    from identify.results.weak_components import within_bodies
-    from identify.rigid_body.fixture import Tare, subtract
-    from identify.rigid_body.inertia import (
-        COMPONENTS,
-        Body,
-        is_admissible,
-        pack,
-        parallel_axis,
-        principal,
-        rotate,
-        unpack,
-    )
-    from identify.rigid_body.inertial_parameters import Datum, InertialParameters, Principal, Tensor, principal_axes
-    from identify.rigid_body.regressor import omega_r, pi, wrench_regressor
-    from identify.signals.estimator_spec import EstimatorSpec
-    from identify.signals.run import Rest, Run, RunError
-    from identify.static.centre import Attitudes, Centre
+if TYPE_CHECKING:  # what editors and type checkers see
+    from identify.diagnostics.consistency import consistency as consistency
+    from identify.estimators.admissible import log_cholesky as log_cholesky
+    from identify.estimators.admissible import pseudo_inertia as pseudo_inertia
+    from identify.exceptions import RunError as RunError
+    from identify.identification import identify as identify
+    from identify.joint.cramer_rao_bound import bound as bound
+    from identify.joint.priors import Alignment as Alignment
+    from identify.results.weak_components import within_bodies as within_bodies
+    from identify.rigid_body.inertia import Body as Body
+    from identify.rigid_body.inertia import is_admissible as is_admissible
+    from identify.rigid_body.inertia import pack as pack
+    from identify.rigid_body.inertia import parallel_axis as parallel_axis
+    from identify.rigid_body.inertia import principal as principal
+    from identify.rigid_body.inertia import rotate as rotate
+    from identify.rigid_body.inertia import unpack as unpack
+    from identify.rigid_body.inertial_parameters import InertialParameters as InertialParameters
+    from identify.rigid_body.regressor import omega_r as omega_r
+    from identify.rigid_body.regressor import pi as pi
+    from identify.rigid_body.regressor import wrench_regressor as wrench_regressor
+    from identify.signals.estimator_spec import EstimatorSpec as EstimatorSpec
+    from identify.signals.run import Run as Run
+    from identify.static.centre_result import Centre as Centre
 
-__all__ = [
-    "COMPONENTS",
-    "Admissible",
-    "Aligned",
-    "Alignment",
-    "Attitudes",
-    "Body",
-    "Bound",
-    "Centre",
-    "Datum",
-    "EstimatorSpec",
-    "Identification",
-    "InertialParameters",
-    "Pooling",
-    "PrecisionWarning",
-    "Principal",
-    "Rest",
-    "Run",
-    "RunError",
-    "RunEstimate",
-    "Tare",
-    "Tensor",
-    "Trace",
-    "Verdict",
-    "bound",
-    "consistency",
-    "identify",
-    "is_admissible",
-    "log_cholesky",
-    "omega_r",
-    "pack",
-    "parallel_axis",
-    "pi",
-    "principal",
-    "principal_axes",
-    "pseudo_inertia",
-    "rotate",
-    "subtract",
-    "unpack",
-    "within_bodies",
-    "wrench_regressor",
-]
-
-_NAMES = {
-    "identify.diagnostics.consistency": ("Verdict", "consistency"),
-    "identify.estimators.admissible": ("Admissible", "log_cholesky", "pseudo_inertia"),
-    "identify.estimators.repeatability": ("Pooling",),
-    "identify.estimators.residual_trace": ("Trace",),
-    "identify.identification": ("identify",),
-    "identify.joint.cramer_rao_bound": ("Bound", "bound"),
-    "identify.joint.priors": ("Alignment",),
-    "identify.precision": ("PrecisionWarning",),
-    "identify.results.alignment": ("Aligned",),
-    "identify.results.identification_result": ("Identification",),
-    "identify.results.run_estimate": ("RunEstimate",),
-    "identify.results.weak_components": ("within_bodies",),
-    "identify.rigid_body.fixture": ("Tare", "subtract"),
-    "identify.rigid_body.inertia": (
-        "COMPONENTS",
-        "Body",
-        "is_admissible",
-        "pack",
-        "parallel_axis",
-        "principal",
-        "rotate",
-        "unpack",
-    ),
-    "identify.rigid_body.inertial_parameters": ("Datum", "InertialParameters", "Principal", "Tensor", "principal_axes"),
-    "identify.rigid_body.regressor": ("omega_r", "pi", "wrench_regressor"),
-    "identify.signals.estimator_spec": ("EstimatorSpec",),
-    "identify.signals.run": ("Rest", "Run", "RunError"),
-    "identify.static.centre": ("Attitudes", "Centre"),
+_ROOMS = {
+    "Alignment": "identify.joint.priors",
+    "Body": "identify.rigid_body.inertia",
+    "Centre": "identify.static.centre_result",
+    "EstimatorSpec": "identify.signals.estimator_spec",
+    "InertialParameters": "identify.rigid_body.inertial_parameters",
+    "Run": "identify.signals.run",
+    "RunError": "identify.exceptions",
+    "bound": "identify.joint.cramer_rao_bound",
+    "consistency": "identify.diagnostics.consistency",
+    "identify": "identify.identification",
+    "is_admissible": "identify.rigid_body.inertia",
+    "log_cholesky": "identify.estimators.admissible",
+    "omega_r": "identify.rigid_body.regressor",
+    "pack": "identify.rigid_body.inertia",
+    "parallel_axis": "identify.rigid_body.inertia",
+    "pi": "identify.rigid_body.regressor",
+    "principal": "identify.rigid_body.inertia",
+    "pseudo_inertia": "identify.estimators.admissible",
+    "rotate": "identify.rigid_body.inertia",
+    "unpack": "identify.rigid_body.inertia",
+    "within_bodies": "identify.results.weak_components",
+    "wrench_regressor": "identify.rigid_body.regressor",
 }
-_MODULES = {name: module for module, names in _NAMES.items() for name in names}
+__all__ = list(_ROOMS)
 
+if not TYPE_CHECKING:  # hidden from them: a name that is not public is an error, not Any
 
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use: who needs one module must not wait for all, nor for JAX."""
-    if name not in _MODULES:
-        raise AttributeError(f"module 'identify' has no attribute '{name}'")
-    return getattr(import_module(_MODULES[name]), name)
+    def __getattr__(name: str) -> object:
+        if name not in _ROOMS:
+            raise AttributeError(f"module 'identify' has no attribute '{name}'")
+        return getattr(import_module(_ROOMS[name]), name)
 
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    def __dir__() -> list[str]:
+        return sorted([*globals(), *_ROOMS])

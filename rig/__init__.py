@@ -10,69 +10,42 @@ clocks, the growing file), ``rig.mcap`` (the file format), ``rig.bags`` (foreign
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rig.bags.marks import read_marks
-    from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
-    from rig.devices import create_device
-    from rig.devices.base import Device
-    from rig.exceptions import RigError
-    from rig.inspection.inspect import Inspection, inspect
-    from rig.inspection.suspicions import Finding
-    from rig.mcap.recover import Recovery, recover
-    from rig.record.discover import discover
-    from rig.record.recorder import Recorder, Summary
-    from rig.record.rig_file import Rig, load_rig
-    from rig.runs import read, read_any, write
+if TYPE_CHECKING:  # what editors and type checkers see
+    from rig.channels import ImuChannel as ImuChannel
+    from rig.channels import WrenchChannel as WrenchChannel
+    from rig.devices import create_device as create_device
+    from rig.exceptions import RigError as RigError
+    from rig.inspection.inspect import inspect as inspect
+    from rig.mcap.recover import recover as recover
+    from rig.record.recorder import Recorder as Recorder
+    from rig.record.rig_file import load_rig as load_rig
+    from rig.runs import read as read
+    from rig.runs import read_any as read_any
+    from rig.runs import write as write
 
-__all__ = [
-    "Device",
-    "Finding",
-    "ImuChannel",
-    "Inspection",
-    "MotionChannel",
-    "Recorder",
-    "Recording",
-    "Recovery",
-    "Rig",
-    "RigError",
-    "Summary",
-    "WrenchChannel",
-    "create_device",
-    "discover",
-    "inspect",
-    "load_rig",
-    "read",
-    "read_any",
-    "read_marks",
-    "recover",
-    "write",
-]
-
-_NAMES = {
-    "rig.bags.marks": ("read_marks",),
-    "rig.channels": ("ImuChannel", "MotionChannel", "Recording", "WrenchChannel"),
-    "rig.devices": ("create_device",),
-    "rig.devices.base": ("Device",),
-    "rig.exceptions": ("RigError",),
-    "rig.inspection.suspicions": ("Finding",),
-    "rig.inspection.inspect": ("Inspection", "inspect"),
-    "rig.mcap.recover": ("Recovery", "recover"),
-    "rig.record.discover": ("discover",),
-    "rig.record.recorder": ("Recorder", "Summary"),
-    "rig.record.rig_file": ("Rig", "load_rig"),
-    "rig.runs": ("read", "read_any", "write"),
+_ROOMS = {
+    "ImuChannel": "rig.channels",
+    "Recorder": "rig.record.recorder",
+    "RigError": "rig.exceptions",
+    "WrenchChannel": "rig.channels",
+    "create_device": "rig.devices",
+    "inspect": "rig.inspection.inspect",
+    "load_rig": "rig.record.rig_file",
+    "read": "rig.runs",
+    "read_any": "rig.runs",
+    "recover": "rig.mcap.recover",
+    "write": "rig.runs",
 }
-_MODULES = {name: module for module, names in _NAMES.items() for name in names}
+__all__ = list(_ROOMS)
 
+if not TYPE_CHECKING:  # hidden from them: a name that is not public is an error, not Any
 
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _MODULES:
-        raise AttributeError(f"module 'rig' has no attribute '{name}'")
-    return getattr(import_module(_MODULES[name]), name)
+    def __getattr__(name: str) -> object:
+        if name not in _ROOMS:
+            raise AttributeError(f"module 'rig' has no attribute '{name}'")
+        return getattr(import_module(_ROOMS[name]), name)
 
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    def __dir__() -> list[str]:
+        return sorted([*globals(), *_ROOMS])

@@ -1,27 +1,53 @@
 """Measurement uncertainty of an identified inertia tensor: error sources, Monte Carlo, breakdown, reports, commands.
 
-Public names are imported on first use, so that ``inertia record`` starts without waiting for JAX.
+The public names are imported on first use, so that ``inertia record`` starts without waiting for JAX. docs/api.md shows
+each of them; everything else is imported from its room, such as ``uq.sources.distributions``.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
-_WHERE = {
+if TYPE_CHECKING:  # what editors and type checkers see
+    from uq.barreto2016 import paper as paper
+    from uq.bodies.export import export as export
+    from uq.bodies.normalised_error import compare as compare
+    from uq.bodies.reference import load_reference as load_reference
+    from uq.campaign.campaign import montecarlo as montecarlo
+    from uq.campaign.simulation import simulate as simulate
+    from uq.excitation.design import design as design
+    from uq.excitation.design_report import design_report as design_report
+    from uq.experiment.experiment import Experiment as Experiment
+    from uq.files.document import ExperimentError as ExperimentError
+    from uq.identification.identify_files import identify_files as identify_files
+    from uq.identification.static_centre import centre_file as centre_file
+    from uq.identification.tare import tare_files as tare_files
+    from uq.planning.achieved_motion import achieved as achieved
+    from uq.planning.motion_export import export_motion as export_motion
+    from uq.planning.pose_plan import plan_poses as plan_poses
+    from uq.planning.required_duration import required_duration as required_duration
+    from uq.planning.sensor_worth import sensor_worth as sensor_worth
+    from uq.propagation.experiment_law import law as law
+    from uq.propagation.law_of_propagation import propagate as propagate
+    from uq.recorded.load_run import load_run as load_run
+    from uq.sensitivity.sobol_shapley import shapley as shapley
+    from uq.sensitivity.sobol_shapley import sobol as sobol
+    from uq.sensitivity.source_budget import budget as budget
+    from uq.sources.source import Source as Source
+
+_ROOMS = {
+    "Experiment": "uq.experiment.experiment",
+    "ExperimentError": "uq.files.document",
+    "Source": "uq.sources.source",
     "achieved": "uq.planning.achieved_motion",
-    "bound": "uq.planning.cramer_rao_bound",
     "budget": "uq.sensitivity.source_budget",
     "centre_file": "uq.identification.static_centre",
     "compare": "uq.bodies.normalised_error",
-    "datasheet": "uq.sources.datasheet",
     "design": "uq.excitation.design",
     "design_report": "uq.excitation.design_report",
-    "emulated_tables": "uq.campaign.emulated_tables",
     "export": "uq.bodies.export",
     "export_motion": "uq.planning.motion_export",
     "identify_files": "uq.identification.identify_files",
-    "import_table": "uq.recorded.import_table",
     "law": "uq.propagation.experiment_law",
-    "load_centre": "uq.identification.centre_prior",
     "load_reference": "uq.bodies.reference",
     "load_run": "uq.recorded.load_run",
     "montecarlo": "uq.campaign.campaign",
@@ -29,57 +55,20 @@ _WHERE = {
     "plan_poses": "uq.planning.pose_plan",
     "propagate": "uq.propagation.law_of_propagation",
     "required_duration": "uq.planning.required_duration",
-    "scatter_verdict": "uq.identification.run_scatter",
     "sensor_worth": "uq.planning.sensor_worth",
     "shapley": "uq.sensitivity.sobol_shapley",
     "simulate": "uq.campaign.simulation",
     "sobol": "uq.sensitivity.sobol_shapley",
     "tare_files": "uq.identification.tare",
-    "tared": "uq.identification.tare",
-    "with_declared_sources": "uq.identification.systematic",
-    "Achieved": "uq.planning.achieved_motion",
-    "Alignment": "uq.experiment.alignment_prior",
-    "Bound": "uq.planning.cramer_rao_bound",
-    "BudgetResult": "uq.sensitivity.budget_result",
-    "Centre": "uq.identification.static_centre",
-    "Comparison": "uq.bodies.normalised_error",
-    "CurvilinearTrapezoid": "uq.sources.distributions",
-    "Design": "uq.excitation.design",
-    "DesignBound": "uq.excitation.design_bound",
-    "DesignReport": "uq.excitation.design_report",
-    "Duration": "uq.planning.required_duration",
-    "Empirical": "uq.sources.distributions",
-    "EmulatedTables": "uq.campaign.emulated_tables",
-    "Experiment": "uq.experiment.experiment",
-    "ExperimentError": "uq.experiment.experiment",
-    "Exported": "uq.bodies.export",
-    "LawResult": "uq.propagation.law_result",
-    "LinearLaw": "uq.propagation.law_of_propagation",
-    "MonteCarloResult": "uq.campaign.campaign",
-    "MotionExport": "uq.planning.motion_export",
-    "MultivariateNormal": "uq.sources.distributions",
-    "Normal": "uq.sources.distributions",
-    "PaperResult": "uq.barreto2016",
-    "PosePlan": "uq.planning.pose_plan",
-    "Rectangular": "uq.sources.distributions",
-    "Reference": "uq.bodies.reference",
-    "Report": "uq.experiment.report_table",
-    "ScatterVerdict": "uq.identification.run_scatter",
-    "SensorWorth": "uq.planning.sensor_worth",
-    "SimulatedRun": "uq.campaign.simulation",
-    "Source": "uq.sources.source",
-    "StudentT": "uq.sources.distributions",
-    "Triangular": "uq.sources.distributions",
-    "UShaped": "uq.sources.distributions",
 }
-__all__ = list(_WHERE)
+__all__ = list(_ROOMS)
 
+if not TYPE_CHECKING:  # hidden from them: a name that is not public is an error, not Any
 
-def __getattr__(name: str) -> Any:
-    if name not in _WHERE:
-        raise AttributeError(f"module 'uq' has no attribute '{name}'")
-    return getattr(import_module(_WHERE[name]), name)
+    def __getattr__(name: str) -> object:
+        if name not in _ROOMS:
+            raise AttributeError(f"module 'uq' has no attribute '{name}'")
+        return getattr(import_module(_ROOMS[name]), name)
 
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *_WHERE])
+    def __dir__() -> list[str]:
+        return sorted([*globals(), *_ROOMS])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from identify.identification import identify
+from identify.results.weak_components import within_bodies
 from identify.rigid_body.inertia import is_admissible
 from identify.signals.run import RunError
 from tests import weak_lab as lab
@@ -94,7 +95,9 @@ def test_a_thin_rods_tensor_is_a_bodys_and_the_plain_one_stands_beside():
 
 
 def test_strong_data_are_left_alone():
-    result = found(lab.swing(60.0), inertia=np.array([0.30, 0.01, -0.02, 0.25, 0.01, 0.28]))
+    run = lab.run(np.array([0.30, 0.01, -0.02, 0.25, 0.01, 0.28]), lab.swing(60.0), np.random.default_rng(0))
+    result = identify(run, r_cg=lab.R_CG, estimator=lab.SMOOTH)
+    np.testing.assert_array_equal(within_bodies(result, run).interval95, result.interval95)
     assert result.admissible is None
     assert result.to_dict()["admissible"] is None
 

@@ -14,9 +14,10 @@ from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertial_parameters import InertialParameters, Tensor
 from identify.rigid_body.rotation import from_axes
 from identify.signals.estimator_spec import EstimatorSpec
-from uq import compare, load_reference, tared
+from uq import compare, load_reference
 from uq.bodies.other_conventions import joint, normalised_error, suspicions
 from uq.bodies.reference import reference
+from uq.identification.tare import tared
 
 PACKED = np.triu_indices(3)
 

@@ -10,9 +10,9 @@ import pytest
 
 from identify.estimators.least_squares import ordinary
 from identify.rigid_body.regressor import omega_r
-from uq import ExperimentError, emulated_tables
+from uq import ExperimentError
 from uq.campaign.campaign import true_motion
-from uq.campaign.emulated_tables import Imperfections, _shared_error
+from uq.campaign.emulated_tables import Imperfections, _shared_error, emulated_tables
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import Columns
 

@@ -15,8 +15,9 @@ from tests.uq.cli.test_commands import SHORT
 from tests.uq.identification.test_static_centre import refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
+from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
-from uq.identification.tare import lasting_errors
+from uq.identification.tare import lasting_errors, tare_files
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 
@@ -140,9 +141,11 @@ def test_the_fixture_comes_off_by_its_runs_or_as_stated(short, files, capsys):
     (files / "half.toml").write_text(
         f'{POSES}\n[fixture]\nmass = "4.2 kg"\nr_cg_from_q = [{vector(FIXTURE.r_cg)}]\nsigma_mass = "2 g"\n'
     )
-    half = [*command[:3], files / "half.toml", *command[4:], *tare[:2], "--estimator", "smoothed", "--out", out]
-    assert main([str(word) for word in half]) == 0
-    measured = json.loads((out / "result.json").read_text())
+    half = Experiment.load(files / "half.toml")
+    whole = identify_files([files / "whole.mcap"], half, estimator="smoothed", centre=files / "whole.json")
+    measured = tare_files(
+        whole, [files / "empty.mcap"], half, estimator="smoothed", centre=files / "whole.json"
+    ).to_dict()
     np.testing.assert_allclose(list(measured["inertia"].values()), list(content["inertia"].values()), rtol=1e-12)
     assert measured["tare"]["fixture"]["mass"]["standard_uncertainty"] == pytest.approx(2e-3)
 

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from uq import law, scatter_verdict
+from uq import law
+from uq.identification.run_scatter import scatter_verdict
 
 MEASURED = [0.22, 1.79, 0.15, 0.01, 0.21, 0.48]
 """The source's Table 3: standard deviation of five runs of T1, in the order I11 I12 I13 I22 I23 I33 [g·m²]."""

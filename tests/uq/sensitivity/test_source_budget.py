@@ -17,10 +17,10 @@ from tests.small_campaign import document
 from uq.campaign.campaign import montecarlo, prepare_setup, run_trials, true_motion
 from uq.campaign.simulation import simulate
 from uq.cli import main as cli
-from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.experiment import ExperimentError
 from uq.figures import budget_figures as budget_plot
 from uq.report.report_files import files, report
-from uq.sensitivity.budget_result import COLUMNS, BudgetResult
+from uq.sensitivity.budget_result import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.source import Mixing, Source
 
@@ -363,11 +363,3 @@ def test_mistakes_are_named(short):
         budget(short, trials=1)
     with pytest.raises(ExperimentError, match="from which anything is drawn"):
         budget(only(short), trials=4)
-
-
-def test_public_names():
-    import uq
-
-    assert uq.budget is budget
-    assert uq.BudgetResult is BudgetResult
-    assert Experiment is uq.Experiment

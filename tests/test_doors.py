@@ -1,0 +1,94 @@
+"""What ``import identify`` and ``import uq`` offer: few names, typed, documented, with an example and a test each."""
+
+import ast
+import importlib
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("identify", "uq", "rig")
+NAMES = [(package, name) for package in PACKAGES for name in importlib.import_module(package).__all__]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def blocks(text):
+    """The Python of a page."""
+    return re.findall(r"```python\n(.*?)```", text, flags=re.S)
+
+
+def imported(code):
+    """What a piece of Python imports, as (module, name)."""
+    nodes = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.ImportFrom)]
+    return {(node.module, alias.name) for node in nodes if node.module for alias in node.names}
+
+
+def test_a_door_offers_few_names():
+    for package in PACKAGES:
+        door = importlib.import_module(package)
+        assert 10 <= len(door.__all__) <= 25
+        assert set(door.__all__) <= set(dir(door))
+        with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nonsense'"):
+            _ = door.nonsense
+
+
+@pytest.mark.parametrize(("package", "name"), NAMES)
+def test_a_public_name_has_a_docstring(package, name):
+    assert (getattr(importlib.import_module(package), name).__doc__ or "").strip()
+
+
+def test_every_public_name_has_an_example():
+    shown = set().union(*(imported(code) for page in PAGES for code in blocks(page.read_text("utf-8"))))
+    assert not set(NAMES) - shown
+
+
+def test_every_public_name_has_a_test():
+    files = [path for path in (ROOT / "tests").rglob("*.py") if path != Path(__file__)]
+    code = [path.read_text("utf-8") for path in files]
+    imports = {(module.split(".")[0], name) for text in code for module, name in imported(text)}
+    attributes = {node.attr for text in code for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Attribute)}
+    assert not {(package, name) for package, name in set(NAMES) - imports if name not in attributes}
+
+
+def test_the_examples_of_identify_run(capsys):
+    text = (ROOT / "docs/api.md").read_text("utf-8")
+    section = text.split("## identify: ")[1].split("\n## ")[0]
+    exec("\n".join(blocks(section)), {})
+    assert "Cramér–Rao bound" in capsys.readouterr().out
+
+
+def test_type_checkers_see_the_names(tmp_path):
+    """No name is Any, the examples of docs/api.md are well typed, and a name that is not offered is an error."""
+    code = "\n".join(blocks((ROOT / "docs/api.md").read_text("utf-8")))
+    lines = [code, *(f"import {package} as {package}_door" for package in PACKAGES)]
+    lines += [f"reveal_type({package}_door.{name})" for package, name in NAMES]
+    lines += [f"{package}_door.nonsense" for package in PACKAGES]
+    snippet = tmp_path / "snippet.py"
+    snippet.write_text("\n".join(lines), "utf-8")
+    ran = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file", ROOT / "pyproject.toml", snippet],
+        cwd=ROOT, env={**os.environ, "MYPYPATH": str(ROOT)}, capture_output=True, text=True,
+    )  # fmt: skip
+    revealed = re.findall(r'note: Revealed type is "(.*)"', ran.stdout)
+    assert len(revealed) == len(NAMES), ran.stdout + ran.stderr
+    assert not [kind for kind in revealed if kind in ("Any", "builtins.object")]
+    errors = re.findall(r"error: (.*)", ran.stdout)
+    assert errors == ['Module has no attribute "nonsense"  [attr-defined]' for _ in PACKAGES], ran.stdout
+
+
+def test_the_wheel_holds_every_file(tmp_path):
+    """Modules of all rooms, presets, templates, and py.typed, without which no type checker reads the annotations."""
+    for name in ("pyproject.toml", "README.md", "LICENSE", "identify", "uq", "rig"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    build = f"from setuptools import build_meta; build_meta.build_wheel({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", build], cwd=tmp_path, capture_output=True, text=True, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    files = {path for package in ("identify", "uq", "rig") for path in (ROOT / package).rglob("*") if path.is_file()}
+    assert packed == {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
+    assert {f"{package}/py.typed" for package in ("identify", "uq", "rig")} <= packed
