@@ -1,0 +1,139 @@
+"""The house in figures: ``python -m benchmarks.house`` prints the drawing of docs/architecture.md and the rooms' sizes.
+
+The drawing comes from the import linter's floors in pyproject.toml and the rooms' docstrings. ``--write`` puts it into
+docs/architecture.md; ``--closure`` counts the modules of ours that two entrances import.
+"""
+
+import argparse
+import ast
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from identify.text_tables import text_table
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "architecture.md"
+BEGIN, END = "<!-- drawn by python -m benchmarks.house --write -->\n", "<!-- end of the drawing -->\n"
+PACKAGES = ("uq", "identify", "rig")
+ENTRANCES = {
+    "from uq import montecarlo": "from uq import montecarlo",
+    "inertia paper --trials 2": "import tempfile; from uq.cli.main import main; "
+    "main(['paper', '--trials', '2', '--out', tempfile.mkdtemp()])",
+}
+COUNT = """
+import sys
+names = [m for n, m in sys.modules.items() if n.split('.')[0] in ('uq', 'identify', 'rig')]
+print(sum(not (m.__file__ or '').endswith('__init__.py') for m in names))
+"""
+
+
+def modules(folder: Path) -> list[Path]:
+    """Return the modules that lie in a folder itself, in order, without ``__init__``."""
+    return sorted(path for path in folder.glob("*.py") if path.name != "__init__.py")
+
+
+def rooms() -> Iterator[Path]:
+    """Return the packages' folders of modules, in order."""
+    for package in PACKAGES:
+        yield from sorted({path.parent for path in (ROOT / package).rglob("*.py")})
+
+
+def lines(path: Path) -> int:
+    """Return how many lines a file has."""
+    return len(path.read_text("utf-8").splitlines())
+
+
+def table() -> str:
+    """Return files, lines and largest module of every room, and of each package."""
+    rows = []
+    for package in PACKAGES:
+        inside = [room for room in rooms() if room.relative_to(ROOT).parts[0] == package]
+        whole = [path for room in inside for path in room.glob("*.py")]
+        rows.append([package, str(len(whole)), str(sum(map(lines, whole))), ""])
+        for room in inside:
+            largest = max(modules(room), key=lines, default=room / "__init__.py")
+            total = sum(map(lines, room.glob("*.py")))
+            rows.append(
+                [f"  {room.relative_to(ROOT)}", str(len(modules(room))), str(total), f"{largest.stem} {lines(largest)}"]
+            )
+    return text_table(["", "modules", "lines", "largest"], rows)
+
+
+def floors(package: str) -> list[list[str]]:
+    """Return a package's floors from above, each the names that stand side by side, as the import linter holds them."""
+    with open(ROOT / "pyproject.toml", "rb") as file:
+        contracts = tomllib.load(file)["tool"]["importlinter"]["contracts"]
+    (contract,) = (each for each in contracts if each.get("containers") == [package])
+    return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
+
+
+def place(package: str, name: str) -> Path:
+    """Return a room's folder, or the module of that name beside the rooms."""
+    folder = ROOT / package / name
+    return folder if folder.is_dir() else folder.with_suffix(".py")
+
+
+def purpose(package: str, name: str) -> str:
+    """Return the first line of a room's or module's docstring."""
+    path = place(package, name)
+    path = path / "__init__.py" if path.is_dir() else path
+    return (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split("\n")[0].replace("``", "`")
+
+
+def box(title: str, rows: list[str], width: int) -> list[str]:
+    """Return a frame of a given width around floors."""
+    inside = [f"│ {row:<{width - 4}} │" for row in rows]
+    return [f"┌─ {title} " + "─" * (width - 5 - len(title)) + "┐", *inside, "└" + "─" * (width - 2) + "┘"]
+
+
+def drawing() -> str:
+    """Return the three packages as boxes of floors: whatever imports stands above what it imports."""
+    rows = {package: ["  ".join(floor) for floor in floors(package)] for package in PACKAGES}
+    left, right = (box(package, rows[package], 38) for package in ("identify", "rig"))
+    height = max(len(left), len(right))
+    pairs = zip(left + [" " * 38] * (height - len(left)), right + [""] * (height - len(right)), strict=True)
+    whole = [*box("uq", rows["uq"], 80), *(f"{a}    {b}".rstrip() for a, b in pairs)]
+    return "```\n" + "\n".join(whole) + "\n```\n"
+
+
+def sentences() -> str:
+    """Return a table of what every room and every module beside the rooms is for, from their docstrings."""
+    text = ["| room | what it is for |", "|---|---|"]
+    for package in PACKAGES:
+        names = [name for floor in floors(package) for name in floor]
+        text += [f"| `{place(package, name).relative_to(ROOT)}` | {purpose(package, name)} |" for name in names]
+    return "\n".join(text) + "\n"
+
+
+def page_with_drawing() -> str:
+    """Return docs/architecture.md with drawing and sentences at their place."""
+    before, rest = PAGE.read_text("utf-8").split(BEGIN)
+    return f"{before}{BEGIN}{drawing()}\n{sentences()}{END}{rest.split(END)[1]}"
+
+
+def closure() -> str:
+    """Return how many modules of ours each entrance imports, counted in a process of its own."""
+    counts = []
+    for name, code in ENTRANCES.items():
+        ran = subprocess.run([sys.executable, "-c", code + COUNT], cwd=ROOT, capture_output=True, text=True, check=True)
+        counts.append(f"{name}: {ran.stdout.split()[-1]} modules")
+    return "\n".join(counts)
+
+
+def main() -> int:
+    """Print what is asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.house", description=__doc__)
+    parser.add_argument("--write", action="store_true", help="draw docs/architecture.md anew")
+    parser.add_argument("--closure", action="store_true", help="count the modules that two entrances import")
+    options = parser.parse_args()
+    if options.write:
+        PAGE.write_text(page_with_drawing(), "utf-8")
+    print(closure() if options.closure else drawing() + "\n" + table())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
