@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what editors and type checkers see
     from rig.channels import ImuChannel as ImuChannel
+    from rig.channels import Recording as Recording
     from rig.channels import WrenchChannel as WrenchChannel
     from rig.devices import create_device as create_device
+    from rig.devices.base import Device as Device
     from rig.exceptions import RigError as RigError
     from rig.inspection.inspect import inspect as inspect
     from rig.mcap.recover import recover as recover
+    from rig.record.discover import discover as discover
     from rig.record.recorder import Recorder as Recorder
     from rig.record.rig_file import load_rig as load_rig
     from rig.runs import read as read
@@ -26,11 +29,14 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from rig.runs import write as write
 
 _ROOMS = {
+    "Device": "rig.devices.base",
     "ImuChannel": "rig.channels",
     "Recorder": "rig.record.recorder",
+    "Recording": "rig.channels",
     "RigError": "rig.exceptions",
     "WrenchChannel": "rig.channels",
     "create_device": "rig.devices",
+    "discover": "rig.record.discover",
     "inspect": "rig.inspection.inspect",
     "load_rig": "rig.record.rig_file",
     "read": "rig.runs",

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from identify.rigid_body.rotation import exponential
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.axes import rotation
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 
@@ -129,7 +129,7 @@ def other_body(seed):
     draw = np.random.default_rng(seed)
     mass = float(np.exp(draw.uniform(np.log(0.5), np.log(120.0))))
     size = float((mass / np.exp(draw.uniform(np.log(300.0), np.log(8000.0)))) ** (1 / 3))
-    axes = rotation(draw.normal(size=3))
+    axes = exponential(draw.normal(size=3))
     second = mass * size**2 / 4 * axes @ np.diag(draw.uniform(0.2, 1.0, 3)) @ axes.T
     tensor = np.trace(second) * np.eye(3) - second
     r_cg = 0.5 * size * draw.normal(size=3)

@@ -1,1 +1,1 @@
-"""What is wrong with a recorded run: rates, gaps, clocks, units, signs, axes."""
+"""The health of a recorded run's channels: rates, gaps, clocks, held and saturated samples."""

@@ -1,20 +1,21 @@
-"""What is wrong with a recorded run: rates, gaps, held samples, clocks, saturation, units and axes.
+"""What is in a run, and the health of its channels: rates, gaps, held samples, clocks, saturation.
 
-The report of a whole file; the checks are in ``rig.inspection.suspicions``. A clean run gives no finding.
+The report of a whole file; the checks are in ``rig.inspection.channel_health``. A clean run gives no finding.
 """
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from rig import runs
+from rig.bags.contents import load
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.detective import detect
-from rig.inspection.suspicions import Finding, findings, skew
+from rig.inspection.channel_health import Channel, Finding, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH
+
+TYPES = {WrenchChannel: WRENCH, ImuChannel: IMU}
 
 
 @dataclass
@@ -54,54 +55,35 @@ class Inspection:
         return "\n".join(lines)
 
 
-Judge = Callable[[str], list[Finding]]
+Judge = Callable[[Sequence[Channel], list[Finding]], list[Finding]]
+"""Who knows what the channels mean: from all channels and the findings on their health to all findings."""
 
 
-def inspect(path: str | os.PathLike[str], *, judge: Judge | None = None) -> Inspection:
-    """Look at every wrench and IMU topic of a run, each by itself, and at what one pair of them says together.
+def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, findings: findings) -> Inspection:
+    """Look at the health of every wrench and IMU topic of a run, each by itself.
 
     Args:
         path: the run.
-        judge: who looks at units, signs and frames instead, knowing what was declared.
+        judge: who looks further, at units, signs and axes; ``inertia inspect`` passes one.
 
     Raises:
-        RigError: the file is no MCAP, cut or damaged.
+        RigError: the file is no recording, cut or damaged.
         OSError: it cannot be opened.
     """
-    contents = runs.load(path)
-    report = Inspection(os.fspath(path))
-    channels: list[WrenchChannel | ImuChannel] = []
+    contents = load(path)
+    report, channels, findings = Inspection(os.fspath(path)), list[Channel](), list[Finding]()
     for topic, pieces in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if pieces.type_name == WRENCH else contents.imu(topic)
+        skew = clock_skew(channel)
         channels.append(channel)
-        report.channels.append(_describe(channel, pieces.type_name))
-        if len(channel.stamp) >= 10:
-            report.findings += findings(channel)
-        else:
-            report.findings.append(Finding("short", topic, f"only {len(channel.stamp)} samples: record longer"))
-    sound = all(finding.kind == "unit" for finding in report.findings)
-    if judge is None and sound:
-        report.findings += _together(channels)
-    elif judge is not None:
-        report.findings = [f for f in report.findings if f.kind not in ("unit", "axes")] + judge(os.fspath(path))
-    report.findings += _end(contents.metadata)
-    _add_missing(contents, report)
+        report.channels.append(_describe(channel, skew))
+        findings += channel_findings(channel, skew)
+    report.findings = [*judge(channels, findings), *_end(contents.metadata)]
+    missing = {WRENCH, IMU} - {channel.type for channel in report.channels}
+    report.findings += [
+        Finding("missing", report.file, f"no messages of type {name}: a run needs one topic of it") for name in missing
+    ]
     return report
-
-
-def _together(channels: list[WrenchChannel | ImuChannel]) -> list[Finding]:
-    """What wrench and motion say of each other, where there is one of each and neither is faulty by itself."""
-    wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
-    imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
-    return detect(wrenches[0], imus[0]) if len(wrenches) == len(imus) == 1 else []
-
-
-def _add_missing(contents: runs.Contents, report: Inspection) -> None:
-    types = {c.type for c in report.channels}
-    for name in {WRENCH, IMU} - types:
-        report.findings.append(
-            Finding("missing", report.file, f"no messages of type {name}: a run needs one topic of it")
-        )
 
 
 def _end(metadata: dict[str, dict[str, str]]) -> Iterator[Finding]:
@@ -112,17 +94,16 @@ def _end(metadata: dict[str, dict[str, str]]) -> Iterator[Finding]:
         yield Finding("incomplete", "rig.end", "the recorder missed data: see the metadata rig.end for what and where")
 
 
-def _describe(channel: WrenchChannel | ImuChannel, type_name: str) -> ChannelReport:
+def _describe(channel: Channel, skew: float) -> ChannelReport:
     stamp = channel.stamp
     steps = np.diff(stamp)
-    seconds = float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0
     period = float(np.median(steps)) * 1e-9 if len(steps) else 0.0
     return ChannelReport(
         topic=channel.topic,
-        type=type_name,
+        type=TYPES[type(channel)],
         samples=len(stamp),
-        seconds=seconds,
+        seconds=float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0,
         rate_hz=1 / period if period > 0 else 0.0,
         arrival_jitter_s=float(np.std(channel.log_time - stamp)) * 1e-9 if len(stamp) else 0.0,
-        clock_skew_ppm=skew(channel) * 1e6,
+        clock_skew_ppm=skew * 1e6,
     )

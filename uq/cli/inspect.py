@@ -2,10 +2,13 @@
 
 import argparse
 import json
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from rig.exceptions import RigError
-from rig.inspection.suspicions import Finding
+
+if TYPE_CHECKING:
+    from rig.inspection.inspect import Inspection
+    from uq.experiment.experiment import Experiment
 
 
 class MistakeError(Exception):
@@ -24,38 +27,37 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Inspect every run; 1 when something is suspicious."""
-    from rig.inspection.inspect import inspect
+    from uq.inspection.inspect_run import inspect_run
 
     suspicious = False
-    judge = None if arguments.experiment is None else _judge(arguments.experiment)
+    experiment = None if arguments.experiment is None else _load(arguments.experiment)
     for path in arguments.run:
-        report = inspect(path, judge=judge)
+        report = inspect_run(path) if experiment is None else _inspect_as_declared(path, experiment)
         print(json.dumps(report.to_dict()) if arguments.json else report)
         suspicious = suspicious or bool(report.findings)
     return 1 if suspicious else 0
 
 
-def _judge(name: str) -> Callable[[str], list[Finding]]:
-    """Look at a run as its experiment declares it. Loads JAX, which plain ``inspect`` does without."""
-    from uq.cli import common as _common
+def _load(name: str) -> "Experiment":
+    """Read the experiment. Loads JAX, which plain ``inspect`` does without."""
+    from uq.cli import common
 
-    _common.start_jax()
-    from identify.signals.run import RunError
+    common.start_jax()
     from uq.experiment.experiment import Experiment
     from uq.files.document import ExperimentError
-    from uq.recorded.load_run import load
-    from uq.recorded.parts import cut
-    from uq.recorded.suspected import suspected
 
     try:
-        experiment = Experiment.load(name)
+        return Experiment.load(name)
     except ExperimentError as error:
         raise MistakeError(str(error)) from error
 
-    def judge(path: str) -> list[Finding]:
-        try:
-            return suspected(cut(load(path, experiment.recording, marks=False).run, None, ()), experiment)
-        except RunError as error:
-            raise MistakeError(str(error)) from error
 
-    return judge
+def _inspect_as_declared(path: str, experiment: "Experiment") -> "Inspection":
+    from identify.signals.run import RunError
+    from uq.files.document import ExperimentError
+    from uq.inspection.inspect_run import inspect_run
+
+    try:
+        return inspect_run(path, experiment)
+    except (RunError, ExperimentError) as error:
+        raise MistakeError(str(error)) from error

@@ -20,12 +20,12 @@ from uq.files.provenance import provenance
 from uq.identification.centre_prior import known_by, load_centre, told
 from uq.identification.run_scatter import ScatterVerdict, of_runs
 from uq.identification.systematic import with_declared_sources
+from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.compensation import undo
 from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
 from uq.recorded.mountings import check_count, labelled
 from uq.recorded.parts import Part, cut
-from uq.recorded.suspected import warned
 
 
 def identify_files(
@@ -90,7 +90,7 @@ def identify_files(
     result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
     followed = [one for run in runs for one in _followed(run, result)]
     repeats = of_runs(result.pooling) if result.pooling else None
-    suspicious = [text for run in runs for text in warned(run, experiment)]
+    suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]

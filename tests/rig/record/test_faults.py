@@ -7,8 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from rig import runs
-from rig.inspection.inspect import inspect
+from rig import inspect, runs
 from rig.mcap.recover import recover
 from tests.rig_lab import Bench, Recording, refused
 

@@ -4,37 +4,37 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
 from identify.signals.run import Run
-from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.detective import Declared, detect
-from rig.inspection.suspicions import Finding, axes, units
+from rig.inspection.channel_health import Finding
 from uq.experiment.experiment import Experiment
+from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
 
-NANOSECONDS = 1e9
 
-
-def suspected(run: Run, experiment: Experiment, *, undone: bool = False) -> list[Finding]:
-    """Judge the longest whole stretch of a run that was read as the experiment declares.
+def experiment_findings(run: Run, experiment: Experiment, *, undone: bool = False) -> list[Finding]:
+    """Judge the longest whole segment of a run that was read as the experiment declares.
 
     Args:
-        run: wrench on the body about Q and motion, in B; without an accelerometer nothing is found.
+        run: wrench on the body about Q and motion, in B; without an accelerometer there is no finding.
         experiment: mass and centre of gravity, where stated, and what was declared already.
-        undone: whether weight that a driver took off was put back.
+        undone: whether weight that a driver removed was put back.
     """
     if run.specific_force is None:
         return []
-    part = _longest(run)
-    stamp = np.round(run.t[part] * NANOSECONDS).astype(np.int64)
-    if len(stamp) < 10:
+    usable = _longest(run)
+    time = run.t[usable]
+    if len(time) < 10:
         return []
-    wrench = WrenchChannel(run.name, "body", stamp, stamp, run.force[part], run.moment[part])
-    imu = ImuChannel(run.name, "body", stamp, stamp, run.omega[part], run.specific_force[part])
-    if swapped := list(axes(imu)):
-        return [*units(imu), *swapped]
-    return [*units(imu), *detect(wrench, imu, declaration(run, experiment, undone=undone))]
+    imu = ImuSignal(time, run.omega[usable], run.specific_force[usable])
+    alone = list(imu_findings(imu, run.name))
+    if any(finding.kind == "axes" for finding in alone):
+        return alone
+    wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
+    declared = _declared(run, experiment, undone=undone)
+    return [*alone, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
 
 
-def declaration(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
+def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
     """What the experiment says of the body and of how the run was recorded."""
     recording = experiment.recording
     removed = recording.compensated in ("gravity", "gravity_from_force") and not undone
@@ -50,15 +50,14 @@ def declaration(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
     )
 
 
-def warned(run: Run, experiment: Experiment) -> tuple[str, ...]:
+def convention_warnings(run: Run, experiment: Experiment) -> tuple[str, ...]:
     """The findings as warnings of a result."""
-    return tuple(
-        f"suspicious {replace(finding, topic=run.name)}" for finding in suspected(run, experiment, undone=True)
-    )
+    findings = experiment_findings(run, experiment, undone=True)
+    return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in findings)
 
 
 def _longest(run: Run) -> slice:
-    """The longest stretch of samples that may all be used."""
+    """The longest segment of samples that may all be used."""
     if run.missing is None:
         return slice(None)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], run.missing, [True]]).astype(np.int8)))

@@ -7,14 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rig.inspection import axes, features, mechanics
-from rig.inspection.inspect import inspect
 from tests.spoiled_runs import SPOILED, T1, declared, other_body, sensors
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
+from uq.inspection.experiment_findings import experiment_findings
+from uq.inspection.inspect_run import inspect_run
 from uq.recorded.load_run import load_run
-from uq.recorded.suspected import suspected
 
 
 @cache
@@ -30,7 +29,7 @@ def clean(seed):
 
 def judged(path, document):
     experiment = Experiment.from_dict(document)
-    return suspected(load_run(path, experiment.recording), experiment)
+    return experiment_findings(load_run(path, experiment.recording), experiment)
 
 
 @pytest.mark.parametrize("name", SPOILED)
@@ -76,8 +75,8 @@ def test_neither_says_a_word_of_a_clean_run(tmp_path, seed):
     """Twenty bodies of 0.5 to 120 kg under T1 to T4, with IMUs off the point Q. By chance: below 1e-6 a run."""
     run = clean(seed)
     path = run.write(tmp_path / "run.mcap")
-    assert inspect(path).findings == []
-    assert suspected(load_run(path, run.experiment.recording), run.experiment) == []
+    assert inspect_run(path).findings == []
+    assert experiment_findings(load_run(path, run.experiment.recording), run.experiment) == []
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -87,70 +86,12 @@ def test_identify_is_silent_on_clean_runs(tmp_path, seed):
     assert not [text for text in result.warnings if "suspicious" in text]
 
 
-def sums(run):
-    return features.features(run.wrench, run.imu)
-
-
-def test_every_order_and_sign_of_the_axes_is_recognised():
-    """All 48 of the load cell's, and the 24 left-handed ones of the IMU's.
-
-    All axes of one sensor reversed differ from all of the other reversed by the terms quadratic in omega alone: in this
-    noise the two may stay undecided, and then both are named.
-    """
-    whole = sums(good())
-    for one in axes.hypotheses():
-        spoiled = one.applied(whole)
-        found = axes.best_axes(spoiled, axes.scales(spoiled, weight=True))
-        held = [best.sensor == one.sensor and np.array_equal(best.matrix, one.matrix.T) for best in found]
-        assert held[0] or (np.array_equal(one.matrix, -np.eye(3)) and held == [False, True])
-
-
-@pytest.mark.parametrize("turn", [[0.0, 5.0, 0.0], [0.0, 0.0, 5.0], [3.0, -3.0, 3.0]])
-def test_a_small_turn_between_the_sensors_is_measured(turn):
-    """Chi-square on three degrees of freedom stays below 22 with a chance of 7e-5; the turn is that planted."""
-    whole = sums(good())
-    given = axes.scales(whole, weight=True, terms=mechanics.MOMENT_TERMS)
-    before, chance = axes.misalignment(whole, given)
-    assert chance < 22
-    turned = whole.turned(imu=axes.rotation(np.radians(turn)))
-    found, chi_square = axes.misalignment(turned, axes.scales(turned, weight=True, terms=mechanics.MOMENT_TERMS))
-    assert chi_square > 22
-    # the turn that undoes: chance's own turn after the planted one's inverse, to second order
-    np.testing.assert_allclose(np.degrees(found - before), np.negative(turn), atol=0.4)
-
-
-def test_the_equations_are_exact(generator):
-    """A rigid body's wrench, from the textbook formulae, leaves nothing: 1e-9 of the sums."""
-    n, mass, r, lever = 4000, 3.0, np.array([0.1, -0.2, 0.05]), np.array([0.03, 0.02, -0.06])
-    draw = generator.normal(size=(n, 12)) * 2
-    omega, alpha, specific = draw[:, :3], draw[:, 3:6], draw[:, 6:9] + [0, 0, 9.81]
-    tensor = mechanics.tensor(np.array([0.4, 0.5, 0.6, 0.02, -0.03, 0.05]))
-    at_cg = specific + np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
-    force = mass * at_cg
-    moment = np.cross(r, force) + alpha @ tensor + np.cross(omega, omega @ tensor)
-    products = np.stack([omega[:, i] * omega[:, j] for i, j in features.PRODUCTS], axis=1)
-    rows = np.hstack([force, moment, specific, alpha, products, draw[:, 9:12], np.ones((n, 1))])
-    whole = features.Features(rows.T @ rows / n, float(n))
-    of_force = mechanics.solve(whole, mechanics.FORCE_TERMS, features.FORCE, variance=1.0)
-    np.testing.assert_allclose(of_force.values, [mass, *(mass * lever), 0, 0, 0], atol=1e-7)
-    of_moment = mechanics.solve(whole, mechanics.MOMENT_TERMS, features.MOMENT, variance=1.0)
-    np.testing.assert_allclose(of_moment.values, [*r, 0.4, 0.5, 0.6, 0.02, -0.03, 0.05, 0, 0, 0], atol=1e-7)
-    assert abs(of_force.misfit) + abs(of_moment.misfit) < 1e-4
-
-
-def test_turned_features_are_those_of_turned_signals():
-    run, matrix = good(), axes.rotation(np.array([0.3, -1.0, 2.0]))
-    np.testing.assert_allclose(
-        sums(run).turned(imu=matrix, wrench=matrix.T).gram, sums(run.of_imu(matrix).of_wrench(matrix.T)).gram, atol=1e-6
-    )
-
-
 def test_hands_on_the_body_are_not_judged(tmp_path, generator):
     """A force that no rigid body explains: nothing is said of signs and frames."""
     run = good()
     push = 200 * np.cumsum(generator.normal(size=run.wrench.force.shape), axis=0) / 60
     spoiled = run.without(-push, -0.3 * push[:, ::-1])
-    assert suspected(load_run(spoiled.write(tmp_path / "run.mcap")), run.experiment) == []
+    assert experiment_findings(load_run(spoiled.write(tmp_path / "run.mcap")), run.experiment) == []
 
 
 def test_without_an_accelerometer_nothing_is_found(tmp_path):

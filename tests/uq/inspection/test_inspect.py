@@ -8,9 +8,9 @@ import pytest
 
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.inspect import inspect
 from tests.rig_samples import SHARED
 from uq.cli.main import main
+from uq.inspection.inspect_run import inspect_run
 
 RATE, SECONDS = 500.0, 12.0
 
@@ -87,7 +87,7 @@ DEFECTS = {
 def test_a_clean_run_is_not_suspicious(tmp_path, seed):
     wrench, imu = clean(seed)
     runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu)
-    report = inspect(tmp_path / "run.mcap")
+    report = inspect_run(tmp_path / "run.mcap")
     assert report.findings == []
     assert [c.samples for c in report.channels] == [6000, 6000]
     for channel in report.channels:
@@ -104,7 +104,7 @@ def test_each_planted_defect_is_found(tmp_path, name):
     channels = dict(zip(("wrench", "imu"), clean(), strict=True))
     channels[which] = plant(channels[which])
     runs.write(tmp_path / "run.mcap", **channels)
-    report = inspect(tmp_path / "run.mcap")
+    report = inspect_run(tmp_path / "run.mcap")
     assert kind in {finding.kind for finding in report.findings}
     # accelerometer axes that are not the gyro's do not fit the wrench either
     also = {"/wrench", "/imu"} if kind == "axes" else set()
@@ -116,13 +116,13 @@ def test_quantised_smooth_peaks_are_not_saturation(tmp_path):
     t = np.arange(len(wrench.stamp)) / RATE
     smooth = np.stack([10 * np.sin(2 * t), 8 * np.cos(1.5 * t), 50 + 3 * np.sin(t)], axis=1)
     runs.write(tmp_path / "run.mcap", wrench=replace(wrench, force=np.round(smooth * 50) / 50), imu=imu)
-    assert "saturation" not in {finding.kind for finding in inspect(tmp_path / "run.mcap").findings}
+    assert "saturation" not in {finding.kind for finding in inspect_run(tmp_path / "run.mcap").findings}
 
 
 @pytest.mark.skipif(not (SHARED / "throws").is_dir(), reason="the sample data is not here")
 def test_the_sample_throws_have_right_units_and_axes():
     for path in sorted((SHARED / "throws").glob("*.mcap")):
-        assert not {"unit", "axes", "skew"} & {f.kind for f in inspect(path).findings}
+        assert not {"unit", "axes", "skew"} & {f.kind for f in inspect_run(path).findings}
 
 
 def test_the_command(tmp_path, capsys):

@@ -1,0 +1,171 @@
+"""What a run says of its mechanics, in a few sums: smoothed signals of both sensors on common instants.
+
+Newton's and Euler's equations are linear in force, moment, specific force and the thirteen features of the motion
+(:mod:`identify.rigid_body.regressor`). One smoothing filter over all of them, products taken before, keeps them exact
+and takes the noise off; every hypothesis about signs, axes, units and zeros is then a small least-squares problem on
+the same sums. NumPy only: ``inertia inspect`` starts without JAX.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.rigid_body import regressor
+from identify.rigid_body.regressor import FEATURES, PAIRS
+
+SMOOTHING = 0.05  # standard deviation of the Gaussian filter [s]: half the power at 2.6 Hz
+STEP = 0.05  # between the instants that are kept [s]
+LEAST_SECONDS = 3.0  # with less there is too little to judge
+FORCE, MOMENT, SPECIFIC, GRAVITY = (slice(3 * i, 3 * i + 3) for i in range(4))
+MOTION = slice(12, 12 + len(FEATURES))
+WIDTH = MOTION.stop
+CONSTANT = MOTION.start + FEATURES.index("1")
+ALPHA = slice(MOTION.start + regressor.ALPHA.start, MOTION.start + regressor.ALPHA.stop)
+
+
+class WrenchSignal(NamedTuple):
+    """The load cell's signals, n samples."""
+
+    time: Float[np.ndarray, " n"]
+    """[s], on the same clock as the IMU's."""
+    force: Float[np.ndarray, "n 3"]
+    """On the body [N]."""
+    moment: Float[np.ndarray, "n 3"]
+    """On the body [N·m]."""
+
+
+class ImuSignal(NamedTuple):
+    """The IMU's signals, n samples."""
+
+    time: Float[np.ndarray, " n"]
+    """[s], on the same clock as the load cell's."""
+    angular_velocity: Float[np.ndarray, "n 3"]
+    """[rad/s]."""
+    specific_force: Float[np.ndarray, "n 3"]
+    """[m/s²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConventionSums:
+    """Means of the products of all columns, (25, 25), and how many independent instants they stand for.
+
+    The columns: force [N], moment [N·m], specific force [m/s²], gravity as the gyro carries it along [m/s²], the
+    thirteen features of the motion.
+    """
+
+    gram: Float[np.ndarray, "25 25"]
+    instants: float
+    noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of what the filter took off the force [N] and the moment [N·m]."""
+    white: float = 0.0
+    """What the filter leaves of white noise's variance."""
+
+    def mean(self, columns: slice) -> Float[np.ndarray, " k"]:
+        """The mean of some columns."""
+        return self.gram[columns, CONSTANT]
+
+    def covariance(self, columns: slice) -> Float[np.ndarray, "k k"]:
+        """The covariance of some columns over the run."""
+        return self.gram[columns, columns] - np.outer(self.mean(columns), self.mean(columns))
+
+    def turned(
+        self, *, wrench: Float[np.ndarray, "3 3"] | None = None, imu: Float[np.ndarray, "3 3"] | None = None
+    ) -> "ConventionSums":
+        """The sums with the axes of the wrench or of the IMU turned (or mirrored) by a matrix."""
+        change = np.eye(WIDTH)
+        if wrench is not None:
+            change[FORCE, FORCE] = change[MOMENT, MOMENT] = wrench
+        if imu is not None:
+            change[SPECIFIC, SPECIFIC] = change[GRAVITY, GRAVITY] = imu
+            change[MOTION, MOTION] = _turned_features(imu)
+        return replace(self, gram=change @ self.gram @ change.T)
+
+    def scaled(self, columns: slice, factor: float) -> "ConventionSums":
+        """The sums with some of the columns multiplied."""
+        change = np.ones(WIDTH)
+        change[columns] = factor
+        noise = self.noise[0] * change[FORCE.start], self.noise[1] * change[MOMENT.start]
+        return replace(self, gram=self.gram * np.outer(change, change), noise=noise)
+
+
+def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "13 13"]:
+    """``T`` with ``features(matrix @ omega, matrix @ alpha) == T @ features(omega, alpha)``."""
+    change = np.eye(len(FEATURES))
+    change[regressor.OMEGA, regressor.OMEGA] = change[regressor.ALPHA, regressor.ALPHA] = matrix
+    i, j = np.array(PAIRS).T
+    products = matrix[np.ix_(i, i)] * matrix[np.ix_(j, j)] + matrix[np.ix_(i, j)] * matrix[np.ix_(j, i)]
+    change[regressor.PRODUCTS, regressor.PRODUCTS] = products / np.where(i == j, 2.0, 1.0)
+    return change
+
+
+def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | None:
+    """The sums of a run in SI; None where the sensors have too little time in common, or a sample is not finite."""
+    period = max(float(np.median(np.diff(signal.time))) for signal in (wrench, imu))
+    start, stop = max(wrench.time[0], imu.time[0]), min(wrench.time[-1], imu.time[-1])
+    step = max(period, 0.002)
+    if not 0 < step <= SMOOTHING or stop - start < LEAST_SECONDS:
+        return None
+    grid = np.arange(0.0, stop - start, step)
+    wrenches = _on_grid(wrench.time - start, np.concatenate([wrench.force, wrench.moment], axis=1), grid)
+    motion = _on_grid(imu.time - start, np.concatenate([imu.specific_force, imu.angular_velocity], axis=1), grid)
+    if not (np.isfinite(wrenches).all() and np.isfinite(motion).all()):
+        return None
+    return _smoothed_sums(step, wrenches, motion[:, :3], motion[:, 3:])
+
+
+def _smoothed_sums(step: float, wrenches: np.ndarray, specific: np.ndarray, omega: np.ndarray) -> ConventionSums:
+    """The sums of signals on one grid; where the features have alpha stands omega, filtered by the filter's slope."""
+    half = round(4 * SMOOTHING / step)
+    time = np.arange(-half, half + 1) * step
+    bell = np.exp(-0.5 * (time / SMOOTHING) ** 2)
+    bell /= bell.sum()
+    slope = -time * bell / (bell @ time**2)
+    motion = regressor.features(omega.T, omega.T)
+    columns = [*wrenches.T, *specific.T, *carried_gravity(step, omega, specific).T, *motion]
+    filters = [slope if ALPHA.start <= k < ALPHA.stop else bell for k in range(WIDTH)]
+    smooth = [np.convolve(column, taps, mode="valid") for column, taps in zip(columns, filters, strict=True)]
+    rows = np.stack(smooth, axis=1)[:: max(1, round(STEP / step))]
+    rough = wrenches[half : len(wrenches) - half] - np.stack(smooth[:6], axis=1)
+    noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
+    width = 2 * np.sqrt(np.pi) * SMOOTHING
+    return ConventionSums(rows.T @ rows / len(rows), len(rows) * STEP / width, noise, step / width)
+
+
+def _on_grid(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> Float[np.ndarray, "m k"]:
+    """Values at the instants of the grid [s]; a faster sensor's are averaged over its step first."""
+    width = max(1, round(float(grid[1] - grid[0]) / max(float(np.median(np.diff(time))), 1e-9)) | 1)
+    box = np.ones(width) / width
+    smooth = [np.convolve(column, box, mode="same") if width > 1 else column for column in values.T]
+    return np.stack([np.interp(grid, time, column) for column in smooth], axis=1)
+
+
+RECALL = 20.0  # seconds after which the accelerometer has the say on where gravity is
+LARGEST_BIAS = 0.02  # rad/s of mean angular velocity that is taken for the gyro's bias
+
+
+def carried_gravity(
+    step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Gravity's direction in the body frame, times its size: turned by the gyro, drawn slowly to the specific force.
+
+    dg/dt = -ω × g + (f - g) / RECALL, begun at the mean of the first half second.
+    """
+    size = float(np.median(np.linalg.norm(specific, axis=1)))
+    x, y, z = specific[: max(1, round(0.5 / step))].mean(axis=0).tolist()
+    gravity = np.empty_like(specific)
+    drift = omega.mean(axis=0)
+    omega = omega - drift if float(np.linalg.norm(drift)) < LARGEST_BIAS else omega
+    share = step / RECALL
+    # plain numbers: one step follows the other, and NumPy on three numbers is far slower
+    for i, ((p, q, r), (fx, fy, fz)) in enumerate(zip(omega.tolist(), specific.tolist(), strict=True)):
+        x, y, z = (
+            x + step * (r * y - q * z) + share * (fx - x),
+            y + step * (p * z - r * x) + share * (fy - y),
+            z + step * (q * x - p * y) + share * (fz - z),
+        )
+        scale = size / max((x * x + y * y + z * z) ** 0.5, 1e-12)
+        x, y, z = x * scale, y * scale, z * scale
+        gravity[i] = x, y, z
+    return gravity

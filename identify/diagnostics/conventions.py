@@ -1,0 +1,150 @@
+"""Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
+
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.diagnostics import convention_fit
+from identify.diagnostics.convention_fit import FORCE_TERMS, MASS_AT, MOMENT_TERMS_WITH_WEIGHT, Terms
+from identify.diagnostics.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
+from identify.rigid_body.rotation import exponential
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A signed permutation of the axes of the ``sensor`` ('wrench' or 'imu') that undoes what was done to them."""
+
+    sensor: str
+    matrix: Float[np.ndarray, "3 3"]
+    cost: float
+    """In chi-square, so that of equals the simplest wins."""
+
+    def applied(self, sums: ConventionSums) -> ConventionSums:
+        """The sums as they would be."""
+        return sums.turned(**{self.sensor: self.matrix})
+
+
+def signed_axes() -> list[Float[np.ndarray, "3 3"]]:
+    """The 48 signed permutation matrices."""
+    rows = [np.eye(3)[list(order)] for order in permutations(range(3))]
+    return [np.array(signs)[:, None] * matrix for matrix in rows for signs in product((1.0, -1.0), repeat=3)]
+
+
+def hypotheses() -> list[Hypothesis]:
+    """As it is; the wrench's sign reversed; turned; the wrench mirrored (or reversed and turned); the IMU mirrored."""
+    candidates = []
+    for matrix in signed_axes():
+        proper = np.linalg.det(matrix) > 0
+        cost = 8.0 if proper else 12.0
+        if abs(np.trace(matrix)) == 3:
+            cost = 0.0 if proper else 4.0
+        candidates.append(Hypothesis("wrench", matrix, cost))
+        if not proper:
+            candidates.append(Hypothesis("imu", matrix, 14.0))
+    return sorted(candidates, key=lambda hypothesis: hypothesis.cost)
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """The units of chi-square: variances left in force and moment, priors of offset and lever; terms of the moment."""
+
+    force: float
+    moment: float
+    offset: float
+    lever: float
+    terms: Terms
+
+    @property
+    def priors(self) -> Float[np.ndarray, "7"]:
+        """Of the unknowns of the force equation."""
+        return np.array([np.inf, *[self.lever] * 3, *[self.offset] * 3])
+
+
+LARGEST_LEVER = 0.5  # metres between IMU and centre of gravity, as a standard deviation
+OFFSET = 0.1  # of the mean force that may be the load cell's zero, as a standard deviation
+
+
+def scales(sums: ConventionSums, *, weight: bool, terms: Terms = MOMENT_TERMS_WITH_WEIGHT) -> Scales:
+    """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
+    candidates = [hypothesis.applied(sums) for hypothesis in hypotheses()]
+    force = min(convention_fit.variance_left(turned, FORCE_TERMS, FORCE) for turned in candidates)
+    mean = float(np.linalg.norm(sums.mean(FORCE)))
+    mass = mean / max(float(np.linalg.norm(sums.mean(SPECIFIC))), 1e-9)
+    priors = (max(OFFSET * mean, sums.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
+    given = Scales(force, np.inf, *priors, terms)
+    quiet = [_fitted_force(turned, given)[1] for turned in candidates]
+    return replace(given, moment=min(convention_fit.variance_left(turned, terms, MOMENT) for turned in quiet))
+
+
+def _fitted_force(sums: ConventionSums, given: Scales) -> tuple[convention_fit.Fit, ConventionSums]:
+    """The force's fit, and the sums with the fitted force for the measured one, whose noise would mislead."""
+    fit = convention_fit.solve(sums, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
+    change = np.eye(len(sums.gram))
+    change[FORCE] = np.einsum("p,pij->ij", fit.values, FORCE_TERMS)
+    return fit, replace(sums, gram=change @ sums.gram @ change.T)
+
+
+def chi_square(sums: ConventionSums, given: Scales, *, admissible: bool = True) -> float:
+    """How badly both equations fit; ``admissible``: with what mass and moments of inertia below zero cost."""
+    force, quiet = _fitted_force(sums, given)
+    moment = convention_fit.solve(quiet, given.terms, MOMENT, variance=given.moment)
+    total = force.misfit + moment.misfit
+    if not admissible:
+        return total
+    below = force.significance(MASS_AT) ** 2 if force.values[0] < 0 else 0.0
+    return total + below + convention_fit.negativity(moment)
+
+
+DECISIVE = 60.0  # of chi-square, a likelihood of exp(30): no clean run comes near by chance
+EQUAL = 12.0  # of chi-square: not told apart
+
+
+def best_axes(sums: ConventionSums, given: Scales) -> list[Hypothesis]:
+    """The hypotheses that fit best and cannot be told apart, simplest first; the first is 'as it is' unless refuted."""
+    scored = [
+        (chi_square(hypothesis.applied(sums), given) + hypothesis.cost, hypothesis) for hypothesis in hypotheses()
+    ]
+    best = min(score for score, _ in scored)
+    if scored[0][0] - best < DECISIVE:
+        return [scored[0][1]]
+    return [hypothesis for score, hypothesis in sorted(scored, key=lambda item: item[0]) if score < best + EQUAL]
+
+
+def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, "3"], float]:
+    """The small rotation vector [rad] that turns the IMU's axes into the load cell's, and its chi-square (3 degrees).
+
+    By Newton's method; zero where the sums do not determine it.
+    """
+    turn, hessian = np.zeros(3), np.eye(3)
+    for _ in range(4):
+        gradient, hessian = _derivatives(sums, given, turn)
+        if np.linalg.eigvalsh(hessian)[0] <= 0:
+            return np.zeros(3), 0.0
+        change = np.linalg.solve(hessian, gradient)
+        turn = turn - change * min(1.0, 0.1 / float(np.linalg.norm(change)))
+    if np.linalg.norm(turn) >= 0.35:
+        return np.zeros(3), 0.0
+    turned = sums.turned(imu=exponential(turn))
+    gain = chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False)
+    return turn, min(gain, float(turn @ hessian @ turn) / 2)
+
+
+def _derivatives(
+    sums: ConventionSums, given: Scales, at: np.ndarray, step: float = 2e-3
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    """Gradient and Hessian of chi-square by the rotation vector, by central differences."""
+
+    def cost(delta: np.ndarray) -> float:
+        return chi_square(sums.turned(imu=exponential(at + delta)), given, admissible=False)
+
+    unit = step * np.eye(3)
+    crossed = {(i, j): cost(unit[i] + unit[j]) + cost(-unit[i] - unit[j]) for i in range(3) for j in range(i)}
+    plus, minus = (np.array([cost(sign * delta) for delta in unit]) for sign in (1, -1))
+    middle = cost(np.zeros(3))
+    single = plus + minus - 2 * middle
+    hessian = np.diag(single)
+    for (i, j), both in crossed.items():
+        hessian[i, j] = hessian[j, i] = (both - 2 * middle - single[i] - single[j]) / 2
+    return (plus - minus) / (2 * step), hessian / step**2

@@ -1,0 +1,87 @@
+"""Units and axes of an IMU by itself: gravity must turn in the body frame as the gyro says, dg/dt = -ω × g.
+
+Judged only where the accelerometer shows gravity and little else.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.diagnostics.convention_sums import ImuSignal
+from identify.diagnostics.conventions import signed_axes
+
+LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
+UNLIKE = 15.0  # times less turned than that; a lever arm or a filter makes two or three
+STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
+LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
+WITHIN = 5.0  # seconds: slower turns may be a gyro's bias
+
+
+def wrong_units(imu: ImuSignal) -> dict[str, float]:
+    """The units that seem to be used instead, with the figure that tells: median acceleration, ratio of the turns."""
+    wrong = {}
+    specific_force = float(np.nanmedian(np.linalg.norm(imu.specific_force, axis=1)))
+    if 0.8 < specific_force < 1.25:
+        wrong["g"] = specific_force
+    if _gravity_shows(imu):
+        by_gyro, by_accelerometer = _turns(imu)
+        if by_gyro > LEAST_TURN and by_gyro > UNLIKE * by_accelerometer:
+            wrong["deg/s"] = by_gyro / by_accelerometer if by_accelerometer > 0 else np.inf
+    return wrong
+
+
+def accelerometer_axes(imu: ImuSignal) -> Float[np.ndarray, "3 3"] | None:
+    """The accelerometer's axes in which gravity turns as the gyro says; None: as recorded, or the motion is too small.
+
+    A signed permutation, mirrored ones included.
+    """
+    if not _gravity_shows(imu) or _turns(imu)[0] < LEAST_TILT:
+        return None
+    candidates = signed_axes()
+    fits = [_correlation(imu, matrix) for matrix in candidates]
+    best = int(np.argmax(fits))
+    return candidates[best] if fits[best] > 0.8 and fits[0] < 0.5 * fits[best] else None
+
+
+def _turned_gravity(time: np.ndarray, omega: np.ndarray, gravity: np.ndarray) -> Float[np.ndarray, "n 3"]:
+    """The change of gravity in the body frame since the first sample, as the gyro says."""
+    rate = -np.cross(omega, gravity)
+    steps = np.diff(time)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps, axis=0)])
+
+
+def _turns(imu: ImuSignal) -> tuple[float, float]:
+    """By how much gravity turns in the body frame within five seconds [rad, rms]: by the gyro; by the accelerometer."""
+    time, omega, g = imu
+    if len(time) < 100 or time[-1] <= time[0]:
+        return 0.0, 0.0
+    size = max(float(np.median(np.linalg.norm(g, axis=1))), 1e-9)
+    width = min(len(time), max(1, round(WITHIN * len(time) / (time[-1] - time[0]))))
+    by_gyro, by_accelerometer = (
+        float(np.sqrt(((x - _average(x, width)) ** 2).sum(axis=1).mean())) / size
+        for x in (_turned_gravity(time, omega, g), g)
+    )
+    return by_gyro, by_accelerometer
+
+
+def _average(x: np.ndarray, width: int) -> Float[np.ndarray, "n 3"]:
+    """The mean over ``width`` samples about each, over fewer at the ends."""
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(x, axis=0)])
+    low = np.maximum(np.arange(len(x)) - width // 2, 0)
+    high = np.minimum(np.arange(len(x)) + (width + 1) // 2, len(x))
+    return (total[high] - total[low]) / (high - low)[:, None]
+
+
+def _gravity_shows(imu: ImuSignal) -> bool:
+    """Whether the accelerometer shows gravity and little else, so that its turning can be compared with the gyro."""
+    magnitude = np.linalg.norm(imu.specific_force, axis=1)
+    middle = float(np.median(magnitude))
+    return float(np.median(np.abs(magnitude - middle))) < STEADY * middle
+
+
+def _correlation(imu: ImuSignal, axes: np.ndarray) -> float:
+    """Correlation of the turning of gravity with what the gyro says, the accelerometer's axes so rearranged."""
+    gravity = imu.specific_force @ axes.T
+    turned = _turned_gravity(imu.time, imu.angular_velocity, gravity)
+    x, y = turned - turned.mean(axis=0), gravity - gravity.mean(axis=0)
+    size = float(np.sqrt((x * x).sum() * (y * y).sum()))
+    return float((x * y).sum()) / size if size > 1e-9 else 0.0

@@ -1,0 +1,156 @@
+"""The health of one channel: gaps, order, clock, samples that are not finite, held or saturated.
+
+Thresholds stand beside their reasons. What the values mean (units, signs, axes) is judged elsewhere.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.channels import ImuChannel, WrenchChannel
+from rig.record import device_clock
+
+Channel = WrenchChannel | ImuChannel
+LEAST_SAMPLES = 10
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One suspicion: what, on which topic, and what to do."""
+
+    kind: str
+    topic: str
+    text: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"{self.topic}: {self.text}"
+
+
+def clock_skew(channel: Channel) -> float:
+    """How much faster the arrival clock runs than the stamps, as a pure number, by the lower convex hull."""
+    return device_clock.fit(channel.stamp, channel.log_time).skew
+
+
+def channel_findings(channel: Channel, skew: float) -> Iterator[Finding]:
+    """Everything that is suspicious about a channel; ``skew``: of its clock (:func:`clock_skew`)."""
+    if len(channel.stamp) < LEAST_SAMPLES:
+        yield Finding("short", channel.topic, f"only {len(channel.stamp)} samples: record longer")
+        return
+    yield from _gaps(channel)
+    yield from _order(channel)
+    yield from _clock(channel, skew)
+    for name, values in _columns(channel).items():
+        yield from _finite(channel.topic, name, values)
+        yield from _held(channel.topic, name, values)
+        yield from _saturated(channel.topic, name, values)
+
+
+def _columns(channel: Channel) -> dict[str, NDArray[np.float64]]:
+    if isinstance(channel, WrenchChannel):
+        return {"force": channel.force, "moment": channel.moment}
+    return {"angular velocity": channel.angular_velocity, "acceleration": channel.linear_acceleration}
+
+
+def _gaps(channel: Channel) -> Iterator[Finding]:
+    """Steps of the stamps beyond five periods: jitter stays within one or two, a lost sample makes two."""
+    steps = np.diff(channel.stamp) * 1e-9
+    period = float(np.median(steps))
+    wide = np.flatnonzero(steps > max(5 * period, 0.005))
+    if len(wide):
+        worst = wide[np.argmax(steps[wide])]
+        after = (channel.stamp[worst] - channel.stamp[0]) * 1e-9
+        yield Finding(
+            "gap",
+            channel.topic,
+            f"{len(wide)} gaps, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out",
+        )
+    sequence = channel.sequence
+    if sequence is not None and len(sequence) > 1 and sequence[-1] > sequence[0] and not len(wide):
+        counted = np.diff(sequence.astype(np.int64))
+        missing = int((counted[(counted > 1) & (counted < 2**16)] - 1).sum())
+        if missing and counted.min() > 0:
+            yield Finding("gap", channel.topic, f"{missing} samples missing by the device's counter: check the cable")
+
+
+def _order(channel: Channel) -> Iterator[Finding]:
+    back = int((np.diff(channel.stamp) <= 0).sum())
+    if back:
+        yield Finding("order", channel.topic, f"{back} stamps do not increase: check the device's clock")
+
+
+SKEW_LIMIT = 500e-6  # crystals keep within 100 ppm; five times that is a clock of another kind
+LEAST_SECONDS = 5.0  # over less, delays look like skew
+
+
+def _clock(channel: Channel, skew: float) -> Iterator[Finding]:
+    seconds = (channel.stamp[-1] - channel.stamp[0]) * 1e-9
+    if seconds >= LEAST_SECONDS and abs(skew) > SKEW_LIMIT:
+        yield Finding(
+            "skew",
+            channel.topic,
+            f"stamps drift by {skew * 1e3:+.3f} ms/s against the host's clock: fit the clock before use",
+        )
+
+
+def _finite(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Finding]:
+    bad = int((~np.isfinite(values)).any(axis=1).sum())
+    if bad:
+        yield Finding("not finite", topic, f"{name} is not a number in {bad} samples: leave them out")
+
+
+HELD_LIMIT = 0.2  # repeats of all three axes at once are rare with any noise; one in five is a slower source
+
+
+def _held(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Finding]:
+    """Samples equal to the one before in all three axes, unless the signal is constant throughout."""
+    same = (np.diff(values, axis=0) == 0).all(axis=1)
+    share = float(same.mean())
+    if HELD_LIMIT < share < 1:
+        yield Finding(
+            "held",
+            topic,
+            f"{share:.0%} of the {name} samples repeat the one before: the true rate is lower than stated",
+        )
+
+
+SATURATED_LIMIT = 5  # samples in a row, exactly at the extreme
+
+
+def _saturated(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Finding]:
+    """An axis that stays exactly at its largest or smallest value for several samples while others move."""
+    for axis in range(3):
+        column = values[:, axis]
+        if np.ptp(column) <= 1e-9 * np.abs(column).max():
+            continue
+        for extreme in (column.min(), column.max()):
+            run = longest_run(column == extreme)
+            if run >= SATURATED_LIMIT and _moves(values, column == extreme) and _abrupt(column, extreme):
+                yield Finding(
+                    "saturation", topic, f"{name} {'xyz'[axis]} stays at {extreme:.6g} for {run} samples: out of range"
+                )
+
+
+def _moves(values: NDArray[np.float64], where: NDArray[np.bool_]) -> bool:
+    """Whether the other axes change between consecutive samples of ``where``: otherwise they are held samples."""
+    both = where[1:] & where[:-1]
+    return bool((np.diff(values, axis=0)[both] != 0).any(axis=1).mean() > 0.5) if both.any() else False
+
+
+def _abrupt(column: NDArray[np.float64], extreme: float) -> bool:
+    """Whether the signal runs into its extreme at full speed.
+
+    The top of a smooth curve is left by one step of the converter.
+    """
+    steps = np.abs(np.diff(column))
+    at_edge = steps[(column[1:] == extreme) != (column[:-1] == extreme)]
+    moving = steps[steps > 0]
+    return bool(np.median(at_edge) > max(0.3 * np.median(moving), 1.5 * moving.min())) if len(at_edge) else False
+
+
+def longest_run(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

@@ -1,0 +1,338 @@
+"""What contradicts mechanics in a run, and the line of the experiment file that cures it.
+
+Reversed signs, turned or mirrored axes, weight that is missing, units, a moment taken elsewhere: each is a hypothesis
+that must explain the run better than 'as declared' by a factor of exp(30) in likelihood before it is named. What no
+sensor tells is compared with what the experiment declares: mass, centre of gravity.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.diagnostics import convention_fit
+from identify.diagnostics.convention_fit import FORCE_TERMS, MOMENT_TERMS, OFFSET_AT, CentreFit
+from identify.diagnostics.convention_sums import (
+    ALPHA,
+    FORCE,
+    MOMENT,
+    SPECIFIC,
+    ConventionSums,
+    ImuSignal,
+    WrenchSignal,
+    convention_sums,
+)
+from identify.diagnostics.conventions import DECISIVE, Hypothesis, Scales, best_axes, misalignment, scales
+from identify.diagnostics.imu_conventions import accelerometer_axes, wrong_units
+from identify.diagnostics.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
+from identify.rigid_body.rotation import exponential
+from rig.inspection.channel_health import Finding
+
+STANDARD_GRAVITY = 9.80665  # m/s²
+FORCE_UNITS = {"lbf": 4.4482216, "kgf": 9.80665, "kN": 1000.0}  # N in the unit
+MOMENT_UNITS = {"N*mm": 1e-3, "N*cm": 1e-2, "lbf*inch": 0.11298483, "lbf*ft": 1.3558179, "kgf*cm": 0.0980665}
+MASS_TOLERANCE = 0.15  # departure of the rest force from the weight: a gain error or a zero is smaller
+UNIT_TOLERANCE = 0.1  # departure of a ratio from that of a unit
+LEAST_TURN = np.radians(0.5)
+LEAST_GRAVITY = 2.0  # m/s² of mean specific force: in flight, or without accelerometer, nothing is judged
+TURNED = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
+LEAST_SHIFT = 3e-3  # metres
+SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
+UNEXPLAINED = 0.15  # of the changes, or three times white noise: more left over is no rigid body
+ZERO_LEVER = 5e-3  # metres: times the weight, the moment that may be the load cell's zero
+
+Vector = Float[np.ndarray, "3"]
+Matrix = Float[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """What the experiment says of the body and the rig; None: nothing. SI units, body frame, from Q.
+
+    ``weighed``: whether the body's weight should be in the force, which it is not where the zero was taken with it.
+    """
+
+    mass: float | None = None
+    r_cg: Vector | None = None
+    sigma_r_cg: Vector | None = None
+    imu_position: Vector | None = None
+    wrench_point: Vector | None = None
+    wrench_rotation: Matrix | None = None
+    imu_rotation: Matrix | None = None
+    weighed: bool = True
+
+
+def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Finding]:
+    """What an IMU says by itself of its units and axes."""
+    wrong = wrong_units(imu)
+    if "g" in wrong:
+        yield Finding(
+            "unit",
+            topic,
+            f"acceleration is {wrong['g']:.3f} in the median: in g? it must be in m/s^2 (times {STANDARD_GRAVITY}): "
+            'set acceleration_unit = "g" in [recording]',
+        )
+    if "deg/s" in wrong:
+        yield Finding(
+            "unit",
+            topic,
+            f"gravity turns {wrong['deg/s']:.0f} times less than the gyro says: in deg/s? it must be in rad/s: "
+            'set angular_velocity_unit = "deg/s" in [recording]',
+        )
+    axes = accelerometer_axes(imu)
+    if axes is not None:
+        yield Finding(
+            "axes",
+            topic,
+            "gravity turns as the gyro says only if the accelerometer's axes are the gyro's "
+            f"({_axes_text(axes)[1:-1]}): swapped axes",
+        )
+
+
+def wrench_findings(
+    wrench: WrenchSignal, imu: ImuSignal, declared: Declared, *, wrench_topic: str, imu_topic: str
+) -> list[Finding]:
+    """Judge a run's wrench on the body and motion together, both in the body frame and SI as far as declared."""
+    if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
+        return []
+    sums = convention_sums(wrench, _in_si(imu))
+    if sums is None or float(np.linalg.norm(sums.mean(SPECIFIC))) < LEAST_GRAVITY:
+        return []
+    if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
+        return []
+    return list(_Judgement(sums, declared, wrench_topic, imu_topic).findings())
+
+
+def _in_si(imu: ImuSignal) -> ImuSignal:
+    wrong = wrong_units(imu)
+    return imu._replace(
+        angular_velocity=imu.angular_velocity * (np.pi / 180 if "deg/s" in wrong else 1.0),
+        specific_force=imu.specific_force * (STANDARD_GRAVITY if "g" in wrong else 1.0),
+    )
+
+
+class _Judgement:
+    """One run under judgement: each step puts right what it found before the next looks."""
+
+    def __init__(self, sums: ConventionSums, declared: Declared, wrench: str, imu: str) -> None:
+        self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
+
+    def findings(self) -> Iterator[Finding]:
+        """All findings, the gravest first."""
+        weight = apparent_mass(self.sums, self.declared.mass)
+        given = scales(self.sums, weight=self.declared.weighed and not weight.missing)
+        force, moment = self._explained(FORCE, given.force), self._explained(MOMENT, given.moment)
+        if force or moment:
+            yield from self._axes(best_axes(self.sums, given))
+        if not self.declared.weighed or not (force and moment):
+            return
+        if weight.missing:
+            mass = self.declared.mass
+            body = "a body with such moments" if mass is None else f"the declared {mass:.3g} kg"
+            reason = f"the mean force is the weight of {weight.mass:.2g} kg, far less than that of {body}"
+            yield Finding("weight", self.wrench, f"{reason}: {self._weight_cure(given)}")
+            return
+        yield from self._units(weight)
+        yield from self._partly_missing(given)
+        yield from self._turned(scales(self.sums, weight=True, terms=MOMENT_TERMS))
+        yield from self._point()
+
+    def _explained(self, columns: slice, left: float) -> bool:
+        """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
+        white = self.sums.noise[columns.start // 3] ** 2 * self.sums.white
+        changes = float(np.trace(self.sums.covariance(columns))) / 3
+        return bool(left < max(9 * white, UNEXPLAINED**2 * changes))
+
+    # Axes and signs
+
+    def _axes(self, fits: list[Hypothesis]) -> Iterator[Finding]:
+        best = fits[0]
+        if np.array_equal(best.matrix, np.eye(3)):
+            return
+        before, self.sums = self.sums, best.applied(self.sums)
+        if best.sensor == "imu":
+            yield Finding(
+                "mirror",
+                self.imu,
+                f"the IMU's axes are left-handed: only ({_axes_text(best.matrix)[1:-1]}) of them fit the wrench: "
+                "correct order and signs of its channels where they are recorded; no rotation in [recording] can",
+            )
+        elif np.array_equal(best.matrix, -np.eye(3)):
+            yield Finding(
+                "sign",
+                self.wrench,
+                "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor: "
+                'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
+            )
+        elif np.linalg.det(best.matrix) < 0:
+            turn = _axes_text(_compound(-best.matrix, self.declared.wrench_rotation))
+            yield Finding(
+                "mirror",
+                self.wrench,
+                "the load cell's axes are left-handed, or its sign is reversed and its axes turned: both are undone by "
+                f'wrench = "on_sensor" (the other one where it is declared) and wrench_rotation_to_body = {turn} in '
+                "[recording]",
+            )
+        else:
+            yield self._turned_axes(before, fits)
+
+    def _turned_axes(self, before: ConventionSums, fits: list[Hypothesis]) -> Finding:
+        matrix = fits[0].matrix
+        cell = f"wrench_rotation_to_body = {_axes_text(_compound(matrix, self.declared.wrench_rotation))}"
+        imu = f"imu_rotation_to_body = {_axes_text(_compound(matrix.T, self.declared.imu_rotation))}"
+        guilty = self._guilty(before, matrix)
+        cure = {"wrench": cell, "imu": imu}.get(guilty, f"{imu} where the IMU is the one turned, or else {cell},")
+        others = [_axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
+        doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
+        return Finding(
+            "axes",
+            self.wrench if guilty == "wrench" else self.imu,
+            "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
+            f"are the IMU's ({_axes_text(matrix.T)[1:-1]}){doubt}: set {cure} in [recording]",
+        )
+
+    def _guilty(self, before: ConventionSums, matrix: Matrix) -> str:
+        """Which of the two is turned against the body, by the declared centre of gravity; '' where it does not tell."""
+        if self.declared.r_cg is None:
+            return ""
+        as_wrench, as_imu = self._misplaced(before.turned(wrench=matrix)), self._misplaced(before.turned(imu=matrix.T))
+        if abs(as_wrench - as_imu) < DECISIVE / 2:
+            return ""
+        return "wrench" if as_wrench < as_imu else "imu"
+
+    # Weight
+
+    def _weight_cure(self, given: Scales) -> str:
+        """What was done to the force, as far as the run tells, and the line that undoes it.
+
+        An IMU whose place is not declared is taken to be at Q.
+        """
+        r_cg, imu = (np.zeros(3) if r is None else r for r in (self.declared.r_cg, self.declared.imu_position))
+        missing = missing_weight(self.sums, given, DeclaredBody(self.declared.mass, self.declared.r_cg, r_cg - imu))
+        cures = ['zeroed with the body on it? set zero = "loaded" in [recording]'] if missing.zeroed else []
+        if missing.removed is not None:
+            key = "gravity_from_force" if missing.removed == "force" else "gravity"
+            doubt = ', or "gravity_from_force" where the moment still has it: this motion does not tell'
+            cure = f'removed by the driver? set compensated = "{key}" in [recording]'
+            cures.append(cure + doubt * (missing.removed == "undetermined"))
+        return "; or ".join(cures)
+
+    def _partly_missing(self, given: Scales) -> Iterator[Finding]:
+        """Where the force's changes tell the mass by themselves: is its offset that of a weight taken off?"""
+        priors = replace(given, offset=np.inf).priors
+        fit = convention_fit.solve(self.sums, FORCE_TERMS, FORCE, variance=given.force, priors=priors)
+        mass, sigma = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
+        mean = self.sums.mean(SPECIFIC)
+        share = float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass if mass > 0 else 0.0
+        if mass > 8 * sigma and share > 0.5 + 3 * sigma / mass:
+            yield Finding(
+                "weight",
+                self.wrench,
+                f"the force changes as that of some {mass:.2g} kg, but {share:.0%} of its weight is missing "
+                f"throughout: {self._weight_cure(given)}",
+            )
+
+    # Units
+
+    def _units(self, weight: ApparentMass) -> Iterator[Finding]:
+        yield from self._force_unit(weight)
+        before = self.sums
+        if weight.too_light(before):
+            self.sums = self.sums.scaled(MOMENT, MOMENT_UNITS["N*mm"])
+            yield Finding(
+                "unit",
+                self.wrench,
+                f"the moments are those of a body of {weight.density(before):.2g} kg/m^3, "
+                'lighter than air: in N·mm? set moment_unit = "N*mm" in [recording]',
+            )
+
+    def _force_unit(self, weight: ApparentMass) -> Iterator[Finding]:
+        mass = self.declared.mass
+        if mass is None or abs(weight.mass - mass) < MASS_TOLERANCE * mass + weight.uncertainty:
+            return
+        ratio = mass / weight.mass
+        margin = UNIT_TOLERANCE + weight.uncertainty / weight.mass
+        unit = next((name for name, size in FORCE_UNITS.items() if abs(ratio / size - 1) < margin), None)
+        text = f"the mean force is the weight of {weight.mass:.3g} kg, the declared mass is {mass:.3g} kg"
+        if unit is None:
+            yield Finding("mass", self.wrench, f"{text}: correct body.mass, force_unit or the load cell's calibration")
+        else:
+            self.sums = self.sums.scaled(FORCE, FORCE_UNITS[unit])
+            yield Finding("unit", self.wrench, f'{text}: force in {unit}? set force_unit = "{unit}" in [recording]')
+
+    # Small turns, and the moment's point
+
+    def _turned(self, given: Scales) -> Iterator[Finding]:
+        turn, chi_square = misalignment(self.sums, given)
+        if chi_square > TURNED and float(np.linalg.norm(turn)) > LEAST_TURN:
+            matrix = _compound(exponential(turn), self.declared.imu_rotation)
+            self.sums = self.sums.turned(imu=exponential(turn))
+            x, y, z = np.degrees(turn)
+            yield Finding(
+                "turned",
+                self.imu,
+                f"the IMU is turned against the load cell by ({x:.1f}, {y:.1f}, {z:.1f}) deg about x, y, z, or its "
+                f"stamps are late: set imu_rotation_to_body = {_axes_text(matrix)} in [recording], or correct the "
+                "clock",
+            )
+
+    def _centre(self, sums: ConventionSums) -> CentreFit:
+        offset = ZERO_LEVER * float(np.linalg.norm(sums.mean(FORCE))) + sums.noise[1] / 2
+        left = convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)
+        noise = convention_fit.force_noise(sums)
+        return convention_fit.fit_centre(sums, force=noise, moment=left, offset=max(offset, 1e-9))
+
+    def _misplaced(self, sums: ConventionSums) -> float:
+        """Chi-square of the declared centre of gravity against that which force and moment show."""
+        shift, covariance = self._shift(self._centre(sums))
+        return float(shift @ np.linalg.solve(covariance, shift))
+
+    def _shift(self, centre: CentreFit) -> tuple[Vector, Matrix]:
+        """From the centre of gravity that the run shows to the declared one [m], with its covariance [m²]."""
+        sigma = np.zeros(3) if self.declared.sigma_r_cg is None else self.declared.sigma_r_cg
+        assert self.declared.r_cg is not None  # noqa: S101
+        shift = self.declared.r_cg - centre.r
+        return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
+
+    def _point(self) -> Iterator[Finding]:
+        if self.declared.r_cg is None:
+            return
+        centre = self._centre(self.sums)
+        shift, covariance = self._shift(centre)
+        certain = np.diag(centre.undetermined) < 0.25
+        chi_square = float(shift @ np.linalg.solve(covariance, shift))
+        if chi_square < SHIFTED or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
+            return
+        far = float(np.linalg.norm(self.declared.r_cg[certain])) > LEAST_SHIFT
+        for name, size in MOMENT_UNITS.items() if far else ():
+            if self._misplaced(self.sums.scaled(MOMENT, size)) < chi_square / 10:
+                yield Finding(
+                    "unit",
+                    self.wrench,
+                    f"force and moment put the centre of gravity {1 / size:.4g} times as far from Q as declared: "
+                    f'set moment_unit = "{name}" in [recording]',
+                )
+                return
+        point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
+        where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
+        unknown = "" if certain.all() else "; what is ? the motion does not tell"
+        yield Finding(
+            "point",
+            self.wrench,
+            f"force and moment put the centre of gravity {1e3 * np.linalg.norm(shift[certain]):.1f} mm from the "
+            f"declared one: moment taken at another point than Q? set wrench_point = [{where}] in [recording]"
+            f"{unknown}, or correct body.r_cg_from_q",
+        )
+
+
+def _compound(matrix: Matrix, before: Matrix | None) -> Matrix:
+    return matrix if before is None else matrix @ before
+
+
+def _axes_text(matrix: Matrix) -> str:
+    """A signed permutation as ``"-y, z, x"``, any other matrix as rows of numbers with five decimals."""
+    if np.allclose(np.abs(matrix).max(axis=1), 1, atol=1e-9):
+        columns = np.abs(matrix).argmax(axis=1)
+        return '"' + ", ".join(("-" if matrix[i, j] < 0 else "") + "xyz"[j] for i, j in enumerate(columns)) + '"'
+    return "[" + ", ".join("[" + ", ".join(f"{x:.5f}" for x in row) + "]" for row in matrix) + "]"

@@ -1,0 +1,75 @@
+"""What is in a run and what is suspicious about it: the channels' health, and whether they obey mechanics.
+
+Without an experiment nothing here imports JAX: ``inertia inspect`` starts at once.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
+from rig.channels import ImuChannel, WrenchChannel
+from rig.inspection.channel_health import LEAST_SAMPLES, Channel, Finding
+from rig.inspection.inspect import Inspection, inspect
+from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
+
+if TYPE_CHECKING:
+    from uq.experiment.experiment import Experiment
+
+
+def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = None) -> Inspection:
+    """Look at the channels of a run, and at whether wrench and motion obey mechanics together.
+
+    Args:
+        path: the run.
+        experiment: what the channels mean, mass and centre of gravity; None: what the run tells by itself.
+
+    Returns:
+        A report of rates, jitter and clocks, and the findings with their cures; see docs/rig.md.
+
+    Raises:
+        RigError: the file is no recording, cut or damaged.
+        RunError: the run cannot be read as the experiment declares.
+        OSError: it cannot be opened.
+    """
+    if experiment is None:
+        return inspect(path, judge=_alone)
+    from uq.inspection.experiment_findings import experiment_findings
+    from uq.recorded.load_run import load
+    from uq.recorded.parts import cut
+
+    def judge(_: Sequence[Channel], findings: list[Finding]) -> list[Finding]:
+        run = cut(load(Path(path), experiment.recording, marks=False).run, None, ())
+        return [*findings, *experiment_findings(run, experiment)]
+
+    return inspect(path, judge=judge)
+
+
+def _alone(channels: Sequence[Channel], findings: list[Finding]) -> list[Finding]:
+    """What the run tells by itself: each IMU, and wrench and motion where neither is faulty otherwise."""
+    imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
+    wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
+    origin = min((int(channel.stamp[0]) for channel in channels if len(channel.stamp)), default=0)
+    findings = list(findings)
+    for imu in imus:
+        if len(imu.stamp) >= LEAST_SAMPLES:
+            findings += imu_findings(_imu_signal(imu, origin), imu.topic)
+    topics = [channel.topic for channel in channels]
+    findings.sort(key=lambda finding: topics.index(finding.topic))
+    if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
+        (wrench,), (imu,) = wrenches, imus
+        signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
+        findings += wrench_findings(*signals, Declared(), wrench_topic=wrench.topic, imu_topic=imu.topic)
+    return findings
+
+
+def _imu_signal(imu: ImuChannel, origin: int) -> ImuSignal:
+    return ImuSignal(_seconds(imu, origin), imu.angular_velocity, imu.linear_acceleration)
+
+
+def _seconds(channel: Channel, origin: int) -> np.ndarray:
+    """Times of measurement from a common origin [s]: doubles hold those of a calendar to 0.2 µs only."""
+    return (channel.stamp - origin) * 1e-9
