@@ -30,21 +30,21 @@ class WrongKeyError(ValueError):
     Args:
         key: the key; "" for the table.
         advice: what to do about it; of the table, all that there is to say.
-        shown: its value in other words than the file's.
+        problem: what is wrong, to follow the key's path, such as "is singular"; else it is missing, or its value is.
     """
 
-    def __init__(self, key: str, advice: str, shown: str | None = None):
-        super().__init__(f"{key}: {advice}" if key else advice)
-        self.key, self.advice, self.shown = key, advice, shown
+    def __init__(self, key: str, advice: str, problem: str | None = None):
+        super().__init__(f"{key} {problem or 'is wrong'}: {advice}" if key else advice)
+        self.key, self.advice, self.problem = key, advice, problem
 
     def line(self, where: str, raw: Mapping[str, Any]) -> str:
         """Return the message for a table that stands at ``where`` and holds ``raw``."""
         path = _path(where, self.key)
         if not self.key:
             return f"{where} {self.advice}"
-        if self.key not in raw and self.shown is None:
+        if self.problem is None and self.key not in raw:
             return f"missing key {path}: {self.advice}"
-        return f"{path} is {self.shown or repr(raw[self.key])}: {self.advice}"
+        return f"{path} {self.problem or f'is {raw[self.key]!r}'}: {self.advice}"
 
 
 class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
@@ -52,6 +52,10 @@ class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     A check of several keys together stands in ``__post_init__`` and raises :class:`WrongKeyError`.
     """
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values by their keys."""
+        return msgspec.structs.asdict(self)
 
 
 def written(read: Callable[[str, Any], Any], schema: Mapping[str, Any]) -> msgspec.Meta:
@@ -82,7 +86,7 @@ def read_table(where: str, raw: object, table: type[T]) -> T:
     for field in msgspec.structs.fields(table):
         path = _path(where, field.encode_name)
         if field.encode_name in raw:
-            values[field.name] = _value(path, raw[field.encode_name], types[field.name])
+            values[field.name] = read_value(path, raw[field.encode_name], types[field.name])
         elif field.required:
             raise TomlError(f"missing key {path}: add it")
     _refuse_unknown(where, raw, table)
@@ -108,14 +112,14 @@ def _refuse_unknown(where: str, raw: Mapping[str, Any], table: type[TomlTable]) 
         raise TomlError(f"unknown key {_path(where, unknown[0])}: the keys here are {', '.join(sorted(keys))}")
 
 
-def _value(path: str, raw: object, hint: Any) -> Any:
-    """The value of a key, or of an item of it."""
+def read_value(path: str, raw: object, hint: Any) -> Any:
+    """Return the value of a key, or of an item of it, of the type ``hint``; see :func:`read_table`."""
     for meta in getattr(hint, "__metadata__", ()):
         if meta.extra:
             return _written(path, raw, meta.extra["read"])
     plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if get_origin(plain) in (Union, UnionType):
-        return _value(path, raw, _alternative(path, raw, plain))
+        return read_value(path, raw, _alternative(path, raw, plain))
     if isinstance(plain, type) and issubclass(plain, TomlTable):
         return read_table(path, raw, plain)
     if get_origin(plain) is tuple:
@@ -123,7 +127,7 @@ def _value(path: str, raw: object, hint: Any) -> Any:
     if get_origin(plain) is Mapping:
         if not isinstance(raw, Mapping):
             raise TomlError(f"{path} is {raw!r}: write a table")
-        return {key: _value(f"{path}.{key}", item, get_args(plain)[1]) for key, item in raw.items()}
+        return {key: read_value(f"{path}.{key}", item, get_args(plain)[1]) for key, item in raw.items()}
     return _plain(path, raw, hint, plain)
 
 
@@ -151,7 +155,7 @@ def _tagged(path: str, raw: Any, tables: list[type[TomlTable]]) -> type[TomlTabl
     key = str(tables[0].__struct_config__.tag_field)
     if key not in raw:
         raise TomlError(f"missing key {path}.{key}: add it")
-    return by_tag[_value(f"{path}.{key}", raw[key], Literal[tuple(by_tag)])]
+    return by_tag[read_value(f"{path}.{key}", raw[key], Literal[tuple(by_tag)])]
 
 
 def _items(path: str, raw: object, hint: Any) -> Any:
@@ -163,11 +167,11 @@ def _items(path: str, raw: object, hint: Any) -> Any:
                 f"is a table: write [[{path}]], one for each" if _tables(types[0]) else f"is {raw!r}: write a list"
             )
             raise TomlError(f"{path} {several}")
-        return tuple(_value(f"{path}[{_label(i, item)}]", item, types[0]) for i, item in enumerate(raw))
+        return tuple(read_value(f"{path}[{_label(i, item)}]", item, types[0]) for i, item in enumerate(raw))
     if not isinstance(raw, list) or len(raw) != len(types):
         raise TomlError(f"{path} is {raw!r}: write {_count(types)}")
     return tuple(
-        _value(f"{path}[{i}]", item, item_type) for i, (item, item_type) in enumerate(zip(raw, types, strict=True))
+        read_value(f"{path}[{i}]", item, item_type) for i, (item, item_type) in enumerate(zip(raw, types, strict=True))
     )
 
 

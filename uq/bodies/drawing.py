@@ -9,7 +9,8 @@ import numpy as np
 
 from identify.rigid_body.rotation import from_axes
 from identify.rigid_body.solids import Part, Solid, composite, cuboid, cylinder, sphere
-from uq.experiment.recording_table import rotation
+from rig.toml_tables import TomlError
+from uq.experiment.rotation_key import read_rotation
 from uq.files.document import ExperimentError, Table
 from uq.sources.distributions import Distribution
 from uq.sources.tolerances import Known, uncertain, uncertain_vector
@@ -186,5 +187,9 @@ def turn_of(table: Table, key: str) -> np.ndarray:
     Raises:
         ExperimentError: it is no rotation.
     """
-    found = rotation(table, key)
-    return np.eye(3) if found is None else found
+    try:
+        return read_rotation(table.path(key), table.raw(key)) if table.raw(key, None) is not None else np.eye(3)
+    except TomlError as error:
+        raise ExperimentError(str(error)) from None
+    except ValueError as error:
+        raise ExperimentError(f"{table.path(key)} {error}") from None

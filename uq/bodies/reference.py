@@ -4,8 +4,6 @@ Either is a function of quantities of which some are uncertain; the law of propa
 parameters and their covariance.
 """
 
-import hashlib
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,7 +19,7 @@ from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.rotation import exponential
 from uq.bodies.drawing import Model, Quantities, Values, drawing, turn_of
-from uq.files.document import ExperimentError, Table
+from uq.files.document import ExperimentError, Table, in_file, read_document
 from uq.sources.distributions import Distribution
 
 SIGNS = np.array([1.0, -1, -1, 1, -1, 1])
@@ -62,17 +60,10 @@ def load_reference(path: str | Path) -> Reference:
         ExperimentError: it is not TOML, or not a reference body.
         OSError: it cannot be read.
     """
-    data = Path(path).read_bytes()
-    try:
-        document = tomllib.loads(data.decode())
-        found = reference(document, name=Path(path).stem)
-    except UnicodeDecodeError:
-        raise ExperimentError(f"not a text file {path}: give a reference body in TOML") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ExperimentError(f"not TOML {path}: {error}") from None
-    except ExperimentError as error:
-        raise ExperimentError(f"{error} (in {path})") from None
-    return replace(found, file=str(path), sha256=hashlib.sha256(data).hexdigest())
+    document, sha256 = read_document(path, "a reference body")
+    with in_file(path):
+        body = reference(document, name=Path(path).stem)
+    return replace(body, file=str(path), sha256=sha256)
 
 
 def reference(document: Mapping[str, Any], *, name: str = "reference body") -> Reference:

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 
 from identify.motion.leg_limits import effort, platform_motion
@@ -270,7 +271,7 @@ def check_rate(experiment: Experiment, reference: str | None = None) -> None:
 def _matched(experiment: Experiment, name: str, spec: TrajectorySpec, band: float) -> Experiment:
     """The experiment with one trajectory and a differentiator matched to its band."""
     estimator = EstimatorSpec(NAME, "savitzky-golay", band)
-    recording = dataclasses.replace(experiment.recording, estimator=None)
+    recording = msgspec.structs.replace(experiment.recording, estimator=None)
     return dataclasses.replace(
         experiment, trajectories={name: spec}, estimators=(estimator,), recording=recording, document={}
     )

@@ -4,10 +4,8 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 :class:`ExperimentError` that names the key.
 """
 
-import hashlib
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import date, time
@@ -17,6 +15,7 @@ from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 
 from identify.motion.stewart_platform import Platform
@@ -25,13 +24,14 @@ from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
+from rig.toml_tables import TomlTable
 from uq.experiment.multisine_table import read_multisine
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits, parse_geometry, parse_limits
-from uq.experiment.pose_table import Poses, parse_poses
-from uq.experiment.recording_table import Recording, parse_recording
+from uq.experiment.pose_table import Poses
+from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import parse_report
 from uq.experiment.stated_values import DatumTable, FixtureTable, InertiaTable, ScaleTable
-from uq.files.document import ExperimentError, Table
+from uq.files.document import ExperimentError, Table, in_file, read_document
 from uq.sources.source import Mixing, Source
 from uq.sources.source_table import parse_sources
 
@@ -111,10 +111,8 @@ class Experiment:
             OSError: the file cannot be read.
         """
         document, file = _read(source)
-        try:
+        with in_file(source):
             return replace(cls.from_dict(document, Path(source).parent), file=file)
-        except ExperimentError as error:
-            raise ExperimentError(f"{error} (in {source})") from None
 
     @classmethod
     def load_bodies(cls, source: str | Path) -> dict[str, "Experiment"]:
@@ -131,12 +129,10 @@ class Experiment:
         for name in bodies:
             if not BODY_NAME.fullmatch(name):
                 raise ExperimentError(f"[body.{name}] in {source}: write a name of letters, digits, _ and -")
-        try:
-            found = {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()}
-            found = found or {"": cls.from_dict(document, folder)}
-            return {name: replace(one, file=file) for name, one in found.items()}
-        except ExperimentError as error:
-            raise ExperimentError(f"{error} (in {source})") from None
+        with in_file(source):
+            experiments = {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()}
+            experiments = experiments or {"": cls.from_dict(document, folder)}
+            return {name: replace(experiment, file=file) for name, experiment in experiments.items()}
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any], folder: str | Path = ".") -> "Experiment":
@@ -144,7 +140,7 @@ class Experiment:
         if bodies := _bodies(document):
             raise ExperimentError(f"several bodies in [body] ({', '.join(bodies)}): this takes a file with one [body]")
         top = Table("", document)
-        poses = top.table("poses", parse_poses) if "poses" in document else None
+        poses = top.declared("poses", Poses) if "poses" in document else None
         r_cg_from_q, mass, inertia = _whole_body(top, stated=poses is None)
         gravity, r_cg_from_omb, geometry, limits = top.table("platform", _platform, {})
         trajectories = {
@@ -153,11 +149,11 @@ class Experiment:
         }
         estimators = top.tables("estimator", _estimator)
         sources, mixing = parse_sources(top, Path(folder))
-        recording = top.table("recording", parse_recording, {})
+        recording = top.declared("recording", Recording, {})
         report = _plain(top.mapping("report"))
         parse_report(Table("report", report))
         if recording.urdf is not None:
-            recording = replace(recording, urdf=str(Path(folder) / recording.urdf))
+            recording = msgspec.structs.replace(recording, urdf=str(Path(folder) / recording.urdf))
         more: dict[str, Any] = {
             name: top.declared(name, table).value for name, table in STATED.items() if top.raw(name, None) is not None
         }
@@ -269,14 +265,12 @@ def _same_mass(mass: float | None, scale: tuple[float, float] | None) -> None:
 
 def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the content of an experiment file or preset, and its name with its SHA-256."""
-    preset = resources.files("uq").joinpath("presets", f"{source}.toml")
-    data = preset.read_bytes() if str(source) in PRESETS else Path(source).read_bytes()
-    try:
-        return tomllib.loads(data.decode()), {"file": str(source), "sha256": hashlib.sha256(data).hexdigest()}
-    except UnicodeDecodeError:
-        raise ExperimentError(f"not a text file {source}: give an experiment file in TOML") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ExperimentError(f"not TOML {source}: {error}") from None
+    if str(source) in PRESETS:
+        with resources.as_file(resources.files("uq").joinpath("presets", f"{source}.toml")) as preset:
+            document, sha256 = read_document(preset, "a preset")
+    else:
+        document, sha256 = read_document(source, "an experiment file")
+    return document, {"file": str(source), "sha256": sha256}
 
 
 def _bodies(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -383,6 +377,8 @@ def _plain(value: Any) -> Any:
     """Return a value as numbers, strings, lists and dicts, for JSON."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, TomlTable):
+        return {"class": type(value).__name__} | _plain(value.to_dict())
     if is_dataclass(value):
         return {"class": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, (list, tuple)):

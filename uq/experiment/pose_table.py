@@ -1,9 +1,7 @@
 """The table ``[poses]`` of an experiment file: where static poses stand in a table, and what tells their attitude."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -11,69 +9,73 @@ from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import Accelerometer, calibrate
 from identify.static.centre import Attitudes
-from uq.files.csv_columns import Columns, parse_columns
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.files.csv_columns import ColumnsTable
+from uq.files.document import ExperimentError
+from uq.files.schema import Axes, in_unit
 
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
-SIGMAS = {"sigma_attitude": "rad", "sigma_alignment": "rad", "sigma_accelerometer": "m/s^2"}
-SIGNALS: Mapping[str, int | Sequence[str]] = {
-    "force": 3,
-    "moment": 3,
-    "gravity": 3,
-    "acceleration": 3,
-    "matrix": 9,
-    "quaternion": ("w", "x", "y", "z"),
-}
 
 
-@dataclass(frozen=True)
-class Poses:
-    """How static poses are declared."""
+class QuaternionColumns(TomlTable, frozen=True, kw_only=True):
+    """The columns of a unit quaternion's components."""
 
-    columns: Columns = field(default_factory=Columns)
-    attitude: Literal["gravity", "acceleration", "matrix", "quaternion"] | None = None
-    """Which signal of the table tells the attitude; None: no table is declared."""
+    w: str
+    x: str
+    y: str
+    z: str
+
+
+class Poses(ColumnsTable, frozen=True, kw_only=True):
+    """``[poses]``: how static poses are declared."""
+
+    SIGNALS = ("force", "moment", *ATTITUDES)
+    force: Axes[str] | None = None
+    """The columns of the force's components."""
+    moment: Axes[str] | None = None
+    """The columns of the moment's components."""
+    gravity: Axes[str] | None = None
+    """The columns of gravity's components in the sensor's frame: one of four ways to tell the attitude."""
+    acceleration: Axes[str] | None = None
+    """The columns of an accelerometer's components: another."""
+    matrix: tuple[str, str, str, str, str, str, str, str, str] | None = None
+    """The columns of a rotation matrix, row by row: another."""
+    quaternion: QuaternionColumns | None = None
+    """The columns of a unit quaternion: another."""
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
     """Which components a matrix or quaternion takes to which; the level frame's z is up."""
     accelerometer: Literal["offset", "scale"] | None = None
-    """What is found of the accelerometer before its attitudes are used; None: the offset where the poses allow it."""
-    sigma_attitude: float = 0.0
+    """What is found of the accelerometer before its attitudes are used; missing: its offset where poses allow."""
+    sigma_attitude: Annotated[float, in_unit("rad", least=0)] = 0.0
     """Standard uncertainty of each pose's own tilt [rad], beside what the residuals show."""
-    sigma_alignment: float = 0.0
+    sigma_alignment: Annotated[float, in_unit("rad", least=0)] = 0.0
     """Standard uncertainty of the attitude sensor's axes against the load cell's, on each axis [rad]."""
-    sigma_accelerometer: float = 0.0
+    sigma_accelerometer: Annotated[float, in_unit("m/s^2", least=0)] = 0.0
     """Standard uncertainty of the accelerometer's offset where the poses do not find it [m/s²]."""
 
+    def __post_init__(self) -> None:
+        """Refuse columns without force, moment or one attitude."""
+        super().__post_init__()
+        named = self.columns.names
+        attitudes = [key for key in ATTITUDES if key in named]
+        if len(attitudes) > 1:
+            raise WrongKeyError("", f"tells the attitude by {' and '.join(attitudes)}: name one of them")
+        if named and not {"force", "moment"} <= set(named):
+            raise WrongKeyError("", "names no columns of force and moment: add both")
+        if named and not attitudes:
+            raise WrongKeyError("", f"tells no attitude: name the columns of one of {', '.join(ATTITUDES)}")
+        if self.attitude in ("matrix", "quaternion") and self.takes is None:
+            raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
 
-def parse_poses(table: Table) -> Poses:
-    """Return the table ``[poses]``.
+    @property
+    def attitude(self) -> str | None:
+        """Which signal of the table tells the attitude; None: no table is declared."""
+        return next((key for key in ATTITUDES if getattr(self, key) is not None), None)
 
-    Raises:
-        ExperimentError: an unknown key, no or several attitudes, or a value that a key cannot have.
-    """
-    columns = parse_columns(table, SIGNALS)
-    attitudes = [key for key in ATTITUDES if key in columns.names]
-    takes = table.choice("takes", ("sensor_to_level", "level_to_sensor"), None)
-    accelerometer = table.choice("accelerometer", ("offset", "scale"), None)
-    sigmas = {key: _sigma(table, key, unit) for key, unit in SIGMAS.items()}
-    table.finish()
-    if len(attitudes) > 1:
-        raise ExperimentError(f"{table.where} tells the attitude by {' and '.join(attitudes)}: name one of them")
-    if columns.names and not {"force", "moment"} <= set(columns.names):
-        raise ExperimentError(f"{table.where} names no columns of force and moment: add both")
-    if columns.names and not attitudes:
-        raise ExperimentError(f"{table.where} tells no attitude: name the columns of one of {', '.join(ATTITUDES)}")
-    attitude = attitudes[0] if attitudes else None
-    if attitude in ("matrix", "quaternion") and takes is None:
-        raise ExperimentError(f'missing key {table.path("takes")}: write "sensor_to_level" or "level_to_sensor"')
-    return Poses(columns, attitude, takes, accelerometer, **sigmas)  # type: ignore[arg-type]
-
-
-def _sigma(table: Table, key: str, unit: str) -> float:
-    value = float(table.quantity(key, unit, 0.0))
-    if value < 0:
-        raise ExperimentError(f"{table.path(key)} is {table.content[key]!r}: write a standard uncertainty")
-    return value
+    def to_dict(self) -> dict[str, Any]:
+        """Return what is declared, the signals' columns together."""
+        keys = ("takes", "accelerometer", "sigma_attitude", "sigma_alignment", "sigma_accelerometer")
+        return {"columns": self.columns, "attitude": self.attitude, **{key: getattr(self, key) for key in keys}}
 
 
 def uncertain(specific_force: np.ndarray, poses: Poses, of_sensor: Accelerometer | None, turn: np.ndarray) -> Attitudes:

@@ -5,14 +5,15 @@
 
 import csv
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from identify.signals.run import RunError
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import TomlTable, WrongKeyError
 
 LONGEST = 2**20
 """Characters that a cell may have."""
@@ -30,43 +31,37 @@ class Columns:
     """What stands between a number's whole part and its decimals."""
 
 
-def parse_columns(table: Table, signals: Mapping[str, int | Sequence[str]]) -> Columns:
-    """Return the columns that a table of an experiment or map file names.
+class ColumnsTable(TomlTable, frozen=True, kw_only=True):
+    """Which columns of a table hold which signal: the signals are keys of the subclasses."""
 
-    Args:
-        table: with a list of names for each signal, ``delimiter`` and ``decimal``; all are optional.
-        signals: how many columns each signal has (1: a string, not a list); or the keys of a table of names.
+    SIGNALS: ClassVar[tuple[str, ...]]
+    """Keys that hold names of columns: a name, several, or a table of names."""
+    delimiter: str = ","
+    """What stands between cells: one character."""
+    decimal: Literal[".", ","] = "."
+    """What stands between a number's whole part and its decimals."""
 
-    Raises:
-        ExperimentError: not so many names, one named twice, or a delimiter that cannot be.
-    """
-    names = {key: _names(table, key, count) for key, count in signals.items() if key in table.content}
-    used = [name for group in names.values() for name in group]
-    for name in used:
-        if used.count(name) > 1:
-            raise ExperimentError(f"column {name!r} is named twice in [{table.where}]: name each column once")
-    for key in signals:
-        table.raw(key, None)
-    delimiter, decimal = table.typed("delimiter", str, ","), table.choice("decimal", (".", ","), ".")
-    if len(delimiter) != 1 or delimiter in '"\r\n' or delimiter == decimal:
-        raise ExperimentError(
-            f"{table.path('delimiter')} is {delimiter!r}: write one character other than the decimal mark"
-        )
-    return Columns(names, delimiter, decimal)
+    def __post_init__(self) -> None:
+        """Refuse a delimiter that cannot be, and a column that is named twice."""
+        names = [name for columns in self.columns.names.values() for name in columns]
+        for name in names:
+            if names.count(name) > 1:
+                raise WrongKeyError("", f"names column {name!r} twice: name each column once")
+        if len(self.delimiter) != 1 or self.delimiter in '"\r\n' or self.delimiter == self.decimal:
+            raise WrongKeyError("delimiter", "write one character other than the decimal mark")
+
+    @property
+    def columns(self) -> Columns:
+        """The columns of each signal that is named."""
+        signals = {key: getattr(self, key) for key in self.SIGNALS}
+        names = {key: _names(value) for key, value in signals.items() if value is not None}
+        return Columns(names, self.delimiter, self.decimal)
 
 
-def _names(table: Table, key: str, count: int | Sequence[str]) -> tuple[str, ...]:
-    if not isinstance(count, int):
-        parts = Table(table.path(key), table.raw(key))
-        names = tuple(parts.typed(part, str) for part in count)
-        parts.finish()
-        return names
-    if count == 1:
-        return (table.typed(key, str),)
-    raw = table.raw(key)
-    if not isinstance(raw, list) or len(raw) != count or not all(isinstance(name, str) for name in raw):
-        raise ExperimentError(f"{table.path(key)} is {raw!r}: write the names of {count} columns")
-    return tuple(raw)
+def _names(value: str | tuple[str, ...] | TomlTable) -> tuple[str, ...]:
+    if isinstance(value, TomlTable):
+        return tuple(value.to_dict().values())
+    return (value,) if isinstance(value, str) else value
 
 
 def read_columns(path: str | Path, columns: Columns) -> dict[str, np.ndarray]:

@@ -1,7 +1,11 @@
 """A TOML table that knows where it stands: typed values out, or one line that names the key."""
 
-from collections.abc import Callable, Mapping
+import hashlib
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import date, datetime
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -15,6 +19,35 @@ Declared = TypeVar("Declared", bound=TomlTable)
 
 class ExperimentError(ValueError):
     """A mistake in an experiment file, in one line: what, where, what to do."""
+
+
+def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:
+    """Return the content of a TOML file and the file's SHA-256.
+
+    Args:
+        path: the file.
+        what: what it should be, for messages.
+
+    Raises:
+        ExperimentError: it is no TOML.
+        OSError: it cannot be read.
+    """
+    data = Path(path).read_bytes()
+    try:
+        return tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()
+    except UnicodeDecodeError:
+        raise ExperimentError(f"not a text file {path}: give {what} in TOML") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ExperimentError(f"not TOML {path}: {error}") from None
+
+
+@contextmanager
+def in_file(path: str | Path) -> Iterator[None]:
+    """Name the file in the message of a mistake in it."""
+    try:
+        yield
+    except ExperimentError as error:
+        raise ExperimentError(f"{error} (in {path})") from None
 
 
 REQUIRED: Any = object()

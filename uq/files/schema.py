@@ -8,12 +8,12 @@ A key is a field of a :class:`rig.toml_tables.TomlTable`::
 """
 
 import math
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import numpy as np
 
-from rig.toml_tables import TomlError, TomlTable, read_table, written
+from rig.toml_tables import TomlError, TomlTable, read_table, read_value, written
 from uq.files.document import ExperimentError
 from uq.files.units import quantity
 
@@ -48,6 +48,16 @@ def in_unit(unit: str, *, above: float | int = -math.inf, least: float | int = -
 def quantity_schema(unit: str) -> dict[str, Any]:
     """Return the JSON Schema of a value with its unit."""
     return {"type": "string", "pattern": QUANTITY, "format": f"quantity {unit}", "examples": [f"1 {unit}"]}
+
+
+def vector(unit: str) -> msgspec.Meta:
+    """Return the annotation of an array of three values in ``unit``, one an axis."""
+    items = Axes[Annotated[float, in_unit(unit)]]
+
+    def read(path: str, raw: Any) -> np.ndarray:
+        return np.array(read_value(path, raw, items))
+
+    return written(read, {"type": "array", "items": quantity_schema(unit), "minItems": 3, "maxItems": 3})
 
 
 def matrix(rows: int, columns: int) -> msgspec.Meta:
@@ -87,7 +97,7 @@ def _only_numbers(raw: object) -> bool:
     return isinstance(raw, (int, float)) and not isinstance(raw, bool) and bool(abs(raw) < 1e300)
 
 
-def declared(where: str, raw: object, table: type[Table]) -> Table:
+def declared_table(where: str, raw: object, table: type[Table]) -> Table:
     """Return the values of a table of an experiment file; see :func:`rig.toml_tables.read_table`.
 
     Raises:

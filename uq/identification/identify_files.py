@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from identify.diagnostics.consistency import Verdict, consistency
@@ -60,7 +61,7 @@ def identify_files(
         raise RunError("a run is given twice: name each file once")
     check_count(mountings, len(paths))
     if offsets is not None:
-        experiment = replace(experiment, recording=replace(experiment.recording, offsets=offsets))
+        experiment = replace(experiment, recording=msgspec.structs.replace(experiment.recording, offsets=offsets))
     declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
     if centre is not None:
         prior = load_centre(centre)

@@ -1,43 +1,83 @@
 """Tables of samples to our runs: the function behind ``inertia import``."""
 
 import json
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from identify.signals.run import RunError
 from rig.channels import ImuChannel, WrenchChannel
 from rig.runs import write
-from uq.experiment.recording_table import Recording, parse_recording
-from uq.files.csv_columns import Columns, parse_columns, read_columns
-from uq.files.document import ExperimentError, Table
-from uq.files.units import UnitError, scale
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.experiment.recording_table import Recording, SensorConventions, unit_name
+from uq.files.csv_columns import ColumnsTable, read_columns
+from uq.files.document import in_file, read_document
+from uq.files.schema import Axes, declared_table, in_unit
+from uq.files.units import scale
 from uq.recorded.declared_channels import declared
 from uq.recorded.table_recording import as_recording, silenced
 
-SIGNALS = {"time": 1, "force": 3, "moment": 3, "angular_velocity": 3, "acceleration": 3}
-NEEDED = ("force", "moment", "angular_velocity")
-DECLARES = (
-    "wrench", "force_unit", "moment_unit", "angular_velocity_unit", "acceleration_unit", "wrench_rotation_to_body",
-    "imu_rotation_to_body", "wrench_point", "calibration",
-)  # fmt: skip
-"""Keys of ``[recording]`` that a map may have: what changes numbers; the others stay with the experiment."""
 NANOSECONDS = 1_000_000_000
 
 
-@dataclass(frozen=True)
-class Map:
+class MapColumns(ColumnsTable, frozen=True, kw_only=True):
+    """``[columns]`` of a map: which columns hold time, wrench and motion."""
+
+    SIGNALS = ("time", "force", "moment", "angular_velocity", "acceleration")
+    time: str | None = None
+    """The column of the time; or state ``rate``."""
+    time_unit: Annotated[str, unit_name("s")] | None = None
+    """Name of the unit of the time column."""
+    rate: Annotated[float, in_unit("Hz", above=0)] | None = None
+    """Sample rate [Hz] of a table without times."""
+    force: Axes[str]
+    """The columns of the force's components."""
+    moment: Axes[str]
+    """The columns of the moment's components."""
+    angular_velocity: Axes[str]
+    """The columns of the angular velocity's components."""
+    acceleration: Axes[str] | None = None
+    """The columns of the specific force's components."""
+
+    def __post_init__(self) -> None:
+        """Refuse both, or neither, of times and rate."""
+        super().__post_init__()
+        if (self.time is not None) == (self.rate is not None):
+            raise WrongKeyError(
+                "", f"has {'both time and' if self.rate else 'neither time nor'} rate: write one of them"
+            )
+        if (self.time_unit is None) != (self.rate is not None):
+            advice = "remove it" if self.rate else 'add it, such as time_unit = "s"'
+            raise WrongKeyError("time_unit", advice, "belongs to a time column")
+
+
+class MapConventions(SensorConventions, frozen=True, kw_only=True):
+    """``[recording]`` of a map: what changes numbers. A table says nothing of itself, so that the map must."""
+
+    wrench: Literal["on_body", "on_sensor"]
+    """Whether the wrench is that on the body, or the reaction on the sensor."""
+    force_unit: Annotated[str, unit_name("N")]
+    """Name of the force's unit, such as ``lbf``."""
+    moment_unit: Annotated[str, unit_name("N*m")]
+    """Name of the moment's unit, such as ``N*mm``."""
+    angular_velocity_unit: Annotated[str, unit_name("rad/s")]
+    """Name of the angular velocity's unit, such as ``deg/s``."""
+
+
+class Map(TomlTable, frozen=True, kw_only=True):
     """What the columns of a table of samples mean."""
 
-    columns: Columns
-    recording: Recording
-    time_unit: str | None
-    """Name of the unit of the time column."""
-    rate: float | None
-    """Sample rate [Hz] of a table without times."""
+    columns: MapColumns
+    """Where the table's signals are."""
+    recording: MapConventions
+    """Signs, units and axes of its numbers."""
+
+    @property
+    def conventions(self) -> Recording:
+        """The same as an experiment would declare it."""
+        return Recording(**self.recording.to_dict())
 
     @classmethod
     def load(cls, path: str | Path) -> "Map":
@@ -47,59 +87,13 @@ class Map:
             ExperimentError: it is not TOML, or not a map.
             OSError: it cannot be read.
         """
-        try:
-            document = tomllib.loads(Path(path).read_text("utf-8"))
-        except UnicodeDecodeError:
-            raise ExperimentError(f"not a text file {path}: give a map file in TOML") from None
-        except tomllib.TOMLDecodeError as error:
-            raise ExperimentError(f"not TOML {path}: {error}") from None
-        try:
-            return cls.from_dict(document)
-        except ExperimentError as error:
-            raise ExperimentError(f"{error} (in {path})") from None
+        with in_file(path):
+            return cls.from_dict(read_document(path, "a map file")[0])
 
     @classmethod
     def from_dict(cls, document: dict) -> "Map":
         """Build a map from the content of a file; see :meth:`load`."""
-        top = Table("", document)
-        columns, time_unit, rate = top.table("columns", _columns)
-        recording = top.table("recording", _declared)
-        top.finish()
-        return cls(columns, recording, time_unit, rate)
-
-
-def _columns(table: Table) -> tuple[Columns, str | None, float | None]:
-    columns = parse_columns(table, SIGNALS)
-    time_unit = table.typed("time_unit", str, None)
-    rate = table.quantity("rate", "Hz", None, positive=True)
-    table.finish()
-    for signal in NEEDED:
-        if signal not in columns.names:
-            raise ExperimentError(f"missing key {table.path(signal)}: name its columns")
-    if ("time" in columns.names) == (rate is not None):
-        raise ExperimentError(
-            f"{table.where} has {'both time and' if rate else 'neither time nor'} rate: write one of them"
-        )
-    if (time_unit is None) != (rate is not None):
-        raise ExperimentError(
-            f"{table.path('time_unit')} belongs to a time column: "
-            + ("remove it" if rate else 'add it, such as time_unit = "s"')
-        )
-    if time_unit is not None:
-        try:
-            scale(time_unit, "s")
-        except UnitError as error:
-            raise ExperimentError(f"{table.path('time_unit')} {error}") from None
-    return columns, time_unit, rate
-
-
-def _declared(table: Table) -> Recording:
-    for key in table.content:
-        if key not in DECLARES:
-            raise ExperimentError(f"unknown key {table.path(key)}: the keys of a map are {', '.join(DECLARES)}")
-    for key in ("wrench", "force_unit", "moment_unit", "angular_velocity_unit"):
-        table.raw(key)  # a table says nothing of itself, so that the map must
-    return parse_recording(table)
+        return declared_table("", document, cls)
 
 
 @dataclass(frozen=True)
@@ -138,13 +132,13 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
         RigError: the output exists.
         OSError: a file cannot be read or written.
     """
-    table = read_columns(path, mapping.columns)
+    table = read_columns(path, mapping.columns.columns)
     stamp = _stamps(table.get("time"), mapping, len(table["force"]), Path(path).name)
     nothing = np.zeros((len(stamp), 3))
     motion = table["angular_velocity"], table.get("acceleration", nothing)
     raw = as_recording(path, table["force"], table["moment"], *motion)
     absent = {"acceleration"} - set(table)
-    rig = declared(raw, silenced(mapping.recording, absent))
+    rig = declared(raw, silenced(mapping.conventions, absent))
     (force, moment), (omega, acceleration) = rig.wrench(raw.wrench), rig.motion(raw.imu)
     imu = ImuChannel("/imu", "body", stamp, stamp, omega, acceleration)
     write(
@@ -160,14 +154,14 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
 def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.ndarray:
     """Instants [ns]; a table whose time begins below zero begins at zero."""
     if time is None:
-        return np.round(np.arange(count) * (NANOSECONDS / float(mapping.rate or 1))).astype(np.int64)
-    seconds = time[:, 0] * scale(str(mapping.time_unit), "s")
+        return np.round(np.arange(count) * (NANOSECONDS / float(mapping.columns.rate or 1))).astype(np.int64)
+    seconds = time[:, 0] * scale(str(mapping.columns.time_unit), "s")
     if seconds[-1] - min(seconds[0], 0) > 9e9:
         raise RunError(f"time in {name} reaches {seconds[-1]:.3g} s: correct columns.time_unit")
     back = np.flatnonzero(np.diff(seconds) <= 0)
     if len(back):
         raise RunError(f"time in {name} does not increase after sample {back[0] + 1}: correct the table")
-    since = (time[:, 0] - time[0, 0]) * scale(str(mapping.time_unit), "s")  # a count of days would cost digits
+    since = (time[:, 0] - time[0, 0]) * scale(str(mapping.columns.time_unit), "s")  # a count of days would cost digits
     return round(max(seconds[0], 0) * NANOSECONDS) + np.round(since * NANOSECONDS).astype(np.int64)
 
 

@@ -1,9 +1,9 @@
 """A table's columns as a recording, so that the same functions process it."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from rig.channels import ImuChannel, WrenchChannel
@@ -15,7 +15,7 @@ from uq.files.provenance import sha256
 def silenced(recording: Recording, quantities: set[str]) -> Recording:
     """Return the declaration with a unit for quantities that a table lacks, so that nothing is assumed of them."""
     units: dict[str, Any] = {f"{name}_unit": recording.unit(name) or UNITS[name] for name in quantities}
-    return replace(recording, **units)
+    return msgspec.structs.replace(recording, **units)
 
 
 def as_recording(

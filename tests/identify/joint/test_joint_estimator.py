@@ -24,8 +24,9 @@ from tests import joint_studies
 from tests.joint_lab import BAND, shortened
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
-from uq.experiment.recording_table import parse_recording
-from uq.files.document import ExperimentError, Table
+from uq.experiment.recording_table import Recording
+from uq.files.document import ExperimentError
+from uq.files.schema import declared_table
 from uq.planning.cramer_rao_bound import bound as uq_bound
 from uq.sources.source import Source
 
@@ -294,7 +295,7 @@ def test_a_run_that_is_too_short_is_refused(brief, silent_run):
 )
 def test_a_recordings_wrong_keys_are_named(key, value, words):
     with pytest.raises(ExperimentError, match=words):
-        parse_recording(Table("recording", {key: value}))
+        declared_table("recording", {key: value}, Recording)
 
 
 def test_the_command_estimates_jointly(brief, tmp_path, capsys):

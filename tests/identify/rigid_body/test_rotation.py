@@ -7,13 +7,13 @@ from scipy.spatial.transform import Rotation
 from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.rotation import from_axes, from_quaternion, nearest_rotation
 from uq.experiment.experiment import Experiment
-from uq.experiment.recording_table import Recording, parse_recording
-from uq.files.document import Table
+from uq.experiment.recording_table import Recording
+from uq.files.schema import declared_table
 from uq.files.units import scale
 
 
 def recording(**content):
-    return parse_recording(Table("recording", content))
+    return declared_table("recording", content, Recording)
 
 
 def test_signed_axes_say_which_sensor_axis_each_body_axis_is():
@@ -45,9 +45,9 @@ def test_the_three_ways_to_write_a_rotation_agree():
 def test_what_is_not_declared_is_none():
     silent = recording()
     assert silent.offsets == "estimate"
-    declared = {name for name, value in vars(silent).items() if value is not None}
+    declared = {name for name, value in silent.to_dict().items() if value is not None}
     assert declared == {"offsets", "alignment", "method", "drawn_by_mounting"}
-    assert vars(silent) == vars(Recording())
+    assert silent.to_dict() == Recording().to_dict()
 
 
 @pytest.mark.parametrize(

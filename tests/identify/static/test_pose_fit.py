@@ -254,7 +254,7 @@ def test_files_that_are_no_centre(written, change, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[poses]\nsigma_attitude = "-1 deg"', "poses.sigma_attitude is '-1 deg': write a standard uncertainty"),
+        ('[poses]\nsigma_attitude = "-1 deg"', "poses.sigma_attitude is '-1 deg': write zero or more"),
         ('[poses]\nsigma_alignment = "1 mm"', "poses.sigma_alignment"),
         ("[poses]\nsigma_accelerometer = 0.1", "poses.sigma_accelerometer is 0.1: write a value with its unit"),
         ('[poses]\n[scale]\nmass = "1 kg"', "missing key scale.standard_uncertainty"),

@@ -4,8 +4,6 @@ MuJoCo computes the wrist's force and moment, and Pinocchio, from a URDF of the 
 libraries that know nothing of one another.
 """
 
-import dataclasses
-
 import mujoco
 import numpy as np
 import pytest
@@ -168,4 +166,4 @@ def test_without_the_extra_its_name_is_told(tmp_path, swing, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
     path = write(tmp_path / "bag", tuple(part[:100] for part in swing))
     with pytest.raises(RigError, match=r"pip install inertia-uq\[urdf\]"):
-        load_run(path, dataclasses.replace(experiment(tmp_path).recording))
+        load_run(path, experiment(tmp_path).recording)
