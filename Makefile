@@ -5,7 +5,7 @@ BIN := $(ENV)/bin
 UV := .uv/bin/uv
 OUT ?= out/paper
 
-.PHONY: env paper test check unit notebooks bench study lock clean
+.PHONY: env paper test check unit bench study lock clean
 
 env: $(ENV)/.ready
 
@@ -14,9 +14,10 @@ $(UV): requirements-uv.lock
 	.uv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-uv.lock
 	touch $@
 
+# Bytecode of what is installed is made once here: where nothing may write it later, every start would take seconds.
 $(ENV)/.ready: $(UV) requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv --without-pip $(ENV)
-	$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	$(UV) pip sync --quiet --compile-bytecode --python $(BIN)/python --require-hashes requirements.lock
 	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
 	touch $@
 
@@ -24,7 +25,7 @@ paper: env
 	$(BIN)/inertia paper --out $(OUT)
 
 # Lint, types, direction of imports, tests, notebooks.
-test: check unit notebooks
+test: check unit
 
 check: env
 	$(BIN)/ruff check .
@@ -33,22 +34,21 @@ check: env
 	$(BIN)/lint-imports
 
 # Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
-# `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do.
-unit notebooks: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false
+# `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. A worker that has nothing
+# left takes tests from the other.
+unit: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false \
+    --xla_llvm_disable_expensive_passes=true --xla_cpu_parallel_codegen_split_count=1
 
 unit: env
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not study and not optimised"
-	XLA_FLAGS= $(BIN)/python -m pytest -m optimised
-
-notebooks: env
-	$(BIN)/python -m pytest notebooks
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not study and not optimised" tests notebooks
+	XLA_FLAGS= $(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
 
 bench: env
 	$(BIN)/python -m benchmarks
 
 # Slow statistical studies; their results are kept in docs/.
 study: env
-	$(BIN)/python -m pytest -m study -n 0
+	$(BIN)/python -m pytest -m study -n 0 tests notebooks
 
 lock:
 	$(UV) pip compile --quiet --universal --generate-hashes --no-header --python-version 3.11 \
