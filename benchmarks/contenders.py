@@ -12,13 +12,13 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 
 from benchmarks import reference, vectorised
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
-from uq.campaign.campaign import default_batch, prepare_setup, run_trials
 from uq.campaign.simulation import simulate
+from uq.campaign.trial_setup import prepare_setup
 from uq.experiment.experiment import Experiment
 from uq.sources.random_normals import normal_pairs
 from uq.sources.source import BLOCK
-from uq.trials.batches import stretch_of
-from uq.trials.samplewise import AnySetup
+from uq.trials.engines import AnySetup, default_batch, run_trials
+from uq.trials.trial_loop import stretch_of
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 CORES = len(os.sched_getaffinity(0))

@@ -15,8 +15,9 @@ from benchmarks.contenders import LABELS, TRAJECTORIES, contenders, truths_of  #
 from benchmarks.vectorised import estimates  # noqa: E402
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES  # noqa: E402
 from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.campaign import prepare_setup, run_trials  # noqa: E402
+from uq.campaign.trial_setup import prepare_setup  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
+from uq.trials.engines import run_trials  # noqa: E402
 
 
 def milliseconds(run: Callable[[], object], trials: int) -> float:

@@ -21,8 +21,9 @@ jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 import numpy as np  # noqa: E402
 
 from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.campaign import prepare_setup, run_trials  # noqa: E402
+from uq.campaign.trial_setup import prepare_setup  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
+from uq.trials.engines import run_trials  # noqa: E402
 
 TRIALS, SAMPLES = (16, 192, 1920, 19_200), (720, 7200, 72_000, 720_000)  # trials: whole stretches of two devices
 

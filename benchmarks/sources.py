@@ -10,8 +10,9 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.campaign import prepare_setup, run_trials  # noqa: E402
+from uq.campaign.trial_setup import prepare_setup  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
+from uq.trials.engines import run_trials  # noqa: E402
 
 MORE = {
     "the preset's": [],

@@ -1,31 +1,28 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import cycle
 from pathlib import Path
 from typing import Any, get_args
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import process_count, process_index
 
-from identify.motion.trajectory import Motion, further_from_still, sample
 from identify.precision import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics, breakdown
+from uq.campaign.trial_setup import prepare_setup, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
-from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, samples
+from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
-from uq.gram_sums.error_maps import Platform
-from uq.gram_sums.setup import Estimator, Sampling
-from uq.sources.source import BLOCK
-from uq.trials.batches import Trials, run_trials
+from uq.gram_sums.setup import Sampling
 from uq.trials.checkpoint import Checkpoint, code_digest
 from uq.trials.distributed import agree, in_turn, meet
-from uq.trials.samplewise import AnySetup, needs_samples, prepare_any
+from uq.trials.engines import any_trials, default_batch, stretch_for
+from uq.trials.samplewise import needs_samples
+from uq.trials.trial_loop import TrialLoop, trials_in
 
 __all__ = [
     "GRAM_METRE",
@@ -34,16 +31,10 @@ __all__ = [
     "Progress",
     "Statistics",
     "montecarlo",
-    "prepare_setup",
-    "run_trials",
-    "true_motion",
 ]
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
-
-COLLAPSED_BATCH = 1000
-"""Trials that a device computes at a time when they hold no samples."""
 
 EARLY = 200
 """Trials after which a trajectory's figures are shown for the first time."""
@@ -126,7 +117,7 @@ def montecarlo(
             "sums are drawn (collapsed) in float64 only: leave dtype at float64, with JAX's float64 on"
         )
     devices = list(devices or jax.devices())
-    batch = batch or (COLLAPSED_BATCH if sampling == "collapsed" else default_batch(devices[0]))
+    batch = batch or default_batch(devices[0], sampling)
     chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
@@ -137,15 +128,16 @@ def montecarlo(
     motions = true_motions(experiment, specs, devices) if sampling == "collapsed" else {}
     kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
-    def start(name: str) -> Trials:
+    def start(name: str) -> TrialLoop:
         motion = motions.pop(name, None)
         with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
             setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
-        if kept is None:
-            return Trials(setup, seed, devices, batch)
-        done = in_turn(lambda: kept.load(name, limit))
-        agree("checkpoints", sum(len(part.ok) for part in done))
-        return Trials(setup, seed, devices, batch, done=done, keep=lambda *stretch: kept.keep(name, *stretch))
+        options: dict[str, Any] = {"devices": devices, "batch": batch, "stretch": stretch_for(setup)}
+        if kept is not None:
+            done = in_turn(lambda: kept.load(name, limit))
+            agree("checkpoints", sum(map(trials_in, done)))
+            options |= {"done": done, "keep": lambda *stretch: kept.keep(name, *stretch)}
+        return TrialLoop(any_trials, setup, seed, **options)
 
     try:
         if kept is not None or process_count() > 1:
@@ -153,7 +145,7 @@ def montecarlo(
             agree("campaigns", [identity, limit, wanted])
         if kept is not None:
             in_turn(lambda: kept.open(identity))
-        runs: dict[str, Trials] = {}
+        runs: dict[str, TrialLoop] = {}
         breakdowns, stability = {}, None
         if goal is None:
             ahead = {name: start(name) for name in specs} if sampling == "collapsed" else {}  # side by side
@@ -174,7 +166,7 @@ def montecarlo(
         if kept is not None:
             kept.close()
     meet()
-    errors = {name: np.asarray(run.estimates(trials).inertia) - truth for name, run in runs.items()}
+    errors = {name: np.asarray(run.results(trials).inertia) - truth for name, run in runs.items()}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]
     return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability)
@@ -188,12 +180,12 @@ def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) 
 
 
 def _breakdowns(
-    run: Trials, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
+    run: TrialLoop, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
 ) -> dict[str, Breakdown]:
     """Breakdowns of one trajectory by estimator."""
-    inertia, ok = map(np.asarray, run.estimates(trials))
+    inertia, ok = map(np.asarray, run.results(trials))
     return {
-        estimator.name: breakdown(run.setup.cases, inertia[:, k] - truth, ok[:, k])
+        estimator.name: breakdown(run.problem.cases, inertia[:, k] - truth, ok[:, k])
         for k, estimator in enumerate(estimators)
     }
 
@@ -209,7 +201,7 @@ def _goal(digits: int, tolerance: float | None, trials: int) -> Goal:
 
 
 def _until_stable(
-    runs: Mapping[str, Trials],
+    runs: Mapping[str, TrialLoop],
     estimators: Sequence[str],
     goal: Goal,
     most: int,
@@ -263,115 +255,9 @@ def _identity(
     }
 
 
-def default_batch(device: jax.Device) -> int:
-    """Return how many trials a device computes at a time."""
-    return 8 if device.platform == "cpu" else 64
-
-
 def distinct(given: str | Sequence[str] | None) -> list[str]:
     """Return names without repeats."""
     return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
-
-
-def prepare_setup(
-    experiment: Experiment,
-    spec: TrajectorySpec,
-    estimators: Sequence[EstimatorSpec],
-    *,
-    dtype: str = "float64",
-    sampling: Sampling = "conditioned",
-    motion: Motion | None = None,
-) -> AnySetup:
-    """Return what a trial needs for one trajectory of an experiment, its motion where it is known.
-
-    Raises:
-        ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
-    """
-    motion = motion or true_motion(experiment, spec)
-    fitted = fitted_estimators(estimators, spec, len(motion.t))
-    return prepare_any(
-        motion,
-        experiment.body,
-        platform_of(experiment, spec),
-        experiment.sources,
-        fitted,
-        mixing=experiment.mixing,
-        dtype=dtype,
-        sampling=sampling,
-    )
-
-
-def fitted_estimators(estimators: Sequence[EstimatorSpec], spec: TrajectorySpec, n: int) -> list[Estimator]:
-    """Return estimators with their taps for a trajectory of ``n`` samples.
-
-    Raises:
-        ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
-    """
-    fitted = [_fitted(e, spec.rate) for e in estimators]
-    for estimator in fitted:
-        needed = 2 * len(estimator.taps) + 2
-        if len(estimator.taps) > BLOCK:
-            raise ExperimentError(f"estimator '{estimator.name}' has more than {2 * BLOCK} points: give a higher band")
-        if n < needed:
-            raise ExperimentError(
-                f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {n}: "
-                "raise its duration or rate"
-            )
-    return fitted
-
-
-def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
-    """Return a trajectory's true motion at its samples."""
-    platform = platform_of(experiment, spec)
-    return sample(
-        spec.trajectory,
-        jnp.asarray(samples(spec)),
-        r_cg_from_still=platform.r_cg_from_still,
-        gravity=platform.gravity,
-    )
-
-
-def true_motions(
-    experiment: Experiment, specs: Mapping[str, TrajectorySpec], devices: Sequence[jax.Device]
-) -> dict[str, Motion]:
-    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once.
-
-    Different rotations are computed side by side on this process's own of the devices, where they are left.
-    """
-    own = cycle(device for device in devices if device.process_index == jax.process_index())
-    found: dict[str, Motion] = {}
-    for name, spec in specs.items():
-        alike = next((other for other in found if _turn_alike(specs[other], spec)), None)
-        if alike is None:
-            with jax.default_device(next(own)):
-                found[name] = true_motion(experiment, spec)
-            continue
-        still, of_alike = (platform_of(experiment, one).r_cg_from_still for one in (spec, specs[alike]))
-        found[name] = further_from_still(found[alike], np.asarray(still) - np.asarray(of_alike))
-    return found
-
-
-def _turn_alike(one: TrajectorySpec, other: TrajectorySpec) -> bool:
-    return bool(
-        eqx.tree_equal((one.trajectory, one.duration, one.rate), (other.trajectory, other.duration, other.rate))
-    )
-
-
-def platform_of(experiment: Experiment, spec: TrajectorySpec) -> Platform:
-    """Return what carries the body on a trajectory."""
-    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    return Platform(spec.trajectory, np.array(experiment.gravity), still)
-
-
-def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
-    if estimator.lowpass is not None:
-        raise ExperimentError(
-            f"estimator '{estimator.name}' has a low-pass, which is for recorded runs: leave it out here"
-        )
-    try:
-        return Estimator(estimator.name, jnp.asarray(estimator.taps(rate)))
-    except ValueError as error:
-        raise ExperimentError(f"estimator '{estimator.name}': {error}") from None
 
 
 def _named(progress: Progress | None, name: str) -> Callable[[int, int], None] | None:

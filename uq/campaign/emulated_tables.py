@@ -16,14 +16,15 @@ import numpy as np
 from identify.precision import check_precision
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from identify.text_tables import html_table, text_table, with_error
-from uq.campaign.campaign import fitted_estimators, platform_of, true_motion
 from uq.campaign.statistics import GRAM_METRE
+from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.setup import Case
 from uq.sources.source import Index, Source, draw_constants
 from uq.trials.samplewise import SampledSetup, prepare_samples, sampled_trial
+from uq.trials.trial_loop import all_trials
 
 TABLE3: Mapping[str, Mapping[str, float]] = {
     "expected": {"I11": 382.89, "I12": 0.0, "I13": 0.0, "I22": 18.72, "I23": 0.0, "I33": 380.66},
@@ -171,17 +172,12 @@ def emulated_tables(
     if repeats < 1 or runs < 1:
         raise ExperimentError(f"{repeats} repeats of {runs} runs: ask for one or more of each")
     warned = check_precision("float64")
-    key = jax.random.key(seed)
     errors = {}
     for name in trajectories:
-        setup = _prepared(experiment, name, estimator, imperfections)
-        found = []
-        for repeat in range(repeats):
-            shared = _shared_error(experiment, key, repeat)
-            found.append(np.asarray(_repeat(setup, shared, key, jnp.arange(repeat * runs, (repeat + 1) * runs))))
-            if progress:
-                progress(name, repeat + 1, repeats)
-        errors[name] = np.stack(found) - np.asarray(experiment.body.inertia)
+        rig = _prepared(experiment, name, estimator, imperfections, runs)
+        report = None if progress is None else lambda done, _, name=name: progress(name, done // runs, repeats)
+        inertia = all_trials(_emulated_runs, rig, repeats * runs, seed, stretch=runs, progress=report)
+        errors[name] = inertia.reshape(repeats, runs, 6) - np.asarray(experiment.body.inertia)
     record = provenance(**experiment.inputs(), repeats=repeats, runs=runs, seed=seed, estimator=estimator)
     return EmulatedTables(runs, seed, np.asarray(experiment.body.inertia), errors, imperfections, tuple(warned), record)
 
@@ -190,11 +186,15 @@ class _Rig(eqx.Module):
     """One trajectory's runs, and whether its platform holds the believed centre of gravity still."""
 
     setup: SampledSetup
+    centre: tuple[Source, ...]
+    """Sources of the believed centre of gravity, drawn once a repeat."""
     holds_cg: jax.Array
     """1 or 0."""
+    runs: jax.Array
+    """Of a repeat."""
 
 
-def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: Imperfections) -> _Rig:
+def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: Imperfections, runs: int) -> _Rig:
     """A trajectory with the rig's sources; those of r_cg and of the still point have a mean that each repeat sets."""
     name, spec = experiment.select(name)
     motion = true_motion(experiment, spec)
@@ -203,7 +203,8 @@ def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: 
         motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted
     )
     together = Case("total", frozenset(source.name for source in setup.sources))
-    return _Rig(replace(setup, cases=(together,)), jnp.asarray(float(spec.still == "cg")))
+    centre = tuple(source for source in experiment.sources if source.target == "r_cg")
+    return _Rig(replace(setup, cases=(together,)), centre, jnp.asarray(float(spec.still == "cg")), jnp.asarray(runs))
 
 
 def _sources(experiment: Experiment, imperfections: Imperfections) -> list[Source]:
@@ -216,20 +217,22 @@ def _sources(experiment: Experiment, imperfections: Imperfections) -> list[Sourc
     ]
 
 
-def _shared_error(experiment: Experiment, key: jax.Array, repeat: Index) -> jax.Array:
-    """The error of the believed centre of gravity that all runs of a repeat share [m]."""
-    of_centre = [source for source in experiment.sources if source.target == "r_cg"]
-    drawn = draw_constants(of_centre, (), key, repeat, float)
-    return sum(drawn.values(), jnp.zeros(3))
+def shared_error(centre: Sequence[Source], key: jax.Array, repeat: Index) -> jax.Array:
+    """Return the error of the believed centre of gravity that all runs of a repeat share [m]."""
+    return sum(draw_constants(centre, (), key, repeat, float).values(), jnp.zeros(3))
 
 
-@eqx.filter_jit
-def _repeat(rig: _Rig, shared: jax.Array, key: jax.Array, indices: jax.Array) -> jax.Array:
-    """Tensors of one repeat's runs; a platform that holds the believed centre misses the true one by its error."""
+def _emulated_runs(rig: _Rig, key: jax.Array, indices: jax.Array, *, at_once: bool) -> jax.Array:
+    """Tensors of some runs, repeat after repeat; a platform that holds the believed centre misses the true one."""
     at = [k for k, source in enumerate(rig.setup.sources) if source.name in ("shared r_cg", "still point")]
-    means = (shared, -rig.holds_cg * shared)
-    setup = eqx.tree_at(lambda setup: [setup.sources[k].mean for k in at], rig.setup, means)
-    return jax.lax.map(lambda index: sampled_trial(setup, key, index).inertia[0, 0], indices)
+
+    def of_run(index: jax.Array) -> jax.Array:
+        shared = shared_error(rig.centre, key, index // rig.runs)
+        means = (shared, -rig.holds_cg * shared)
+        setup = eqx.tree_at(lambda setup: [setup.sources[k].mean for k in at], rig.setup, means)
+        return sampled_trial(setup, key, index).inertia[0, 0]
+
+    return jax.lax.map(of_run, indices)
 
 
 def _figure(value: float, digits: int = 2) -> str:

@@ -17,7 +17,7 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.run import Run
 from rig.channels import ImuChannel, WrenchChannel
 from rig.runs import write
-from uq.campaign.campaign import platform_of, true_motion
+from uq.campaign.trial_setup import platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import errors_of
 from uq.sources.source import draw_constants

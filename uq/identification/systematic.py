@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float, Int, Key
 
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.estimators.offsets import OffsetChoice
@@ -29,6 +29,7 @@ from uq.gram_sums.error_maps import Columns, Platform
 from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
 from uq.sources.constant_errors import Errors, errors_of_cases
 from uq.sources.source import Kind, Mixing, Source, Target, draw_constants
+from uq.trials.trial_loop import all_trials
 
 TRIALS = 10_000
 """Draws of the systematic errors."""
@@ -179,7 +180,7 @@ def propagate_constants(
     if not problem.sources:
         nothing = np.zeros((trials, 6))
         return Systematic((), nothing, nothing, {})
-    found = np.asarray(_trials(problem, jax.random.key(seed), -(-trials // BATCH)))[:trials]
+    found = all_trials(_trials, problem, trials, seed, batch=BATCH, stretch=trials)
     found = found[:, 1:] - found[:, :1]
     names = [source.name for source in problem.sources]
     return Systematic(
@@ -300,14 +301,14 @@ def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
     return solve_normal(normal, right).inertia
 
 
-@eqx.filter_jit
-def _trials(problem: Problem, key: Key[Array, ""], batches: int) -> Float[Array, "trials cases 6"]:
-    def one(index):
-        drawn = draws(problem, key, index)
-        errors = [errors_of_cases(problem.sources, own, problem.cases) for own in drawn]
+def _trials(
+    problem: Problem, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool
+) -> Float[Array, "trials cases 6"]:
+    def of_trial(index):
+        errors = [errors_of_cases(problem.sources, drawn, problem.cases) for drawn in draws(problem, key, index)]
         return jax.vmap(lambda *of: estimate(problem, of))(*errors)
 
-    return jax.lax.map(one, jnp.arange(batches * BATCH), batch_size=BATCH)
+    return jax.vmap(of_trial)(indices)
 
 
 def combined_interval(

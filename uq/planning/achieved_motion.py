@@ -22,8 +22,8 @@ from identify.rigid_body.rotation import specific_force_at
 from identify.signals.filters import lowpass
 from identify.signals.run import Run
 from identify.text_tables import fixed, html_table, text_table, with_error
-from uq.campaign.campaign import true_motion
 from uq.campaign.statistics import GRAM_METRE
+from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
 from uq.planning.required_duration import average

@@ -16,7 +16,8 @@ from jaxtyping import Array, Float, Int
 
 from identify.motion.trajectory import Motion
 from identify.precision import check_precision
-from uq.campaign.campaign import distinct, fitted_estimators, platform_of, true_motion
+from uq.campaign.campaign import distinct
+from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.gram_sums import gram_moments as moments_of
 from uq.gram_sums.error_maps import Columns, true_elements

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import cross_matrix, omega_r
-from uq.campaign.campaign import platform_of
+from uq.campaign.trial_setup import platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform, true_elements

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -17,6 +16,7 @@ from uq.coverage.coverage_regions import covariance_of
 from uq.propagation.law_of_propagation import Model
 from uq.sources.distributions import Distribution
 from uq.sources.source import stream_number
+from uq.trials.trial_loop import TrialLoop, finite_trials
 
 
 @dataclass(frozen=True)
@@ -96,15 +96,15 @@ def propagate_distributions(
     goal = Goal(digits, tolerance, probability, joint)
     block = block or max(10_000, goal.least_block)
     warned = check_precision("float64")
-    inputs, blocks = dict(sorted(inputs.items())), Blocks(goal)
-    parts: list[np.ndarray] = []
-    while not parts or (len(parts) + 1) * block <= most_trials:
-        parts.append(np.asarray(_block(model, inputs, jax.random.key(seed), jnp.asarray(len(parts)), block)))
-        blocks.add(parts[-1].reshape(block, -1))
+    problem, blocks = _Problem(model, dict(sorted(inputs.items())), block), Blocks(goal)
+    loop = TrialLoop(_blocks, problem, seed, devices=jax.devices()[:1], stretch=1)  # a block at a time, until stable
+    while not loop.count or (loop.count + 1) * block <= most_trials:
+        loop.reach(loop.count + 1)
+        blocks.add(loop.between(loop.count - 1, loop.count).reshape(block, -1))
         if blocks.stability().stable:
             break
-    draws, stability = np.concatenate(parts), blocks.stability()
-    finite = draws[np.isfinite(draws.reshape(len(draws), -1)).all(axis=1)]
+    draws, stability = np.concatenate(loop.results(loop.count)), blocks.stability()
+    finite, failed = finite_trials(draws)
     return Propagation(
         len(draws),
         seed,
@@ -113,7 +113,7 @@ def propagate_distributions(
         symmetric_interval(finite, probability),
         shortest_interval(finite, probability),
         stability,
-        (*warned, *_warnings(stability, len(draws), len(draws) - len(finite))),
+        (*warned, *_warnings(stability, len(draws), failed)),
         draws,
     )
 
@@ -123,10 +123,21 @@ def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:
     return found + ([f"{failed} of {trials:,} trials are not finite and are left out."] if failed else [])
 
 
-@eqx.filter_jit
-def _block(model: Model, inputs: Mapping[str, Distribution], key: Array, number: Array, size: int) -> Array:
-    def draw(name: str, given: Distribution) -> Array:
-        own = jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), number)
-        return given.draw(own, (size, *np.shape(given.mean)))
+class _Problem(eqx.Module):
+    """What a block of trials needs besides its number."""
 
-    return jax.vmap(model)({name: draw(name, given) for name, given in inputs.items()})
+    model: Model = eqx.field(static=True)
+    inputs: Mapping[str, Distribution]
+    size: int = eqx.field(static=True)
+    """Trials in a block."""
+
+
+def _blocks(problem: _Problem, key: Array, numbers: Array, *, at_once: bool) -> Float[Array, "blocks trials *outputs"]:
+    def draw(number: Array, name: str, given: Distribution) -> Array:
+        stream = jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), number)
+        return given.draw(stream, (problem.size, *np.shape(given.mean)))
+
+    def of_block(number: Array) -> Array:
+        return jax.vmap(problem.model)({name: draw(number, name, given) for name, given in problem.inputs.items()})
+
+    return jax.lax.map(of_block, numbers)

@@ -8,7 +8,6 @@ regression ``G`` on those kept (conditioning by kriging: Journel and Huijbregts,
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.source import stream_number
+from uq.trials.trial_loop import all_trials
 
 Values = dict[str, Array]
 Model = Callable[[Values], Array]
@@ -80,19 +80,29 @@ def outputs(
     seed: int,
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
-    batch = max(1, min(trials, AT_ONCE // len(kept)))
-    return np.asarray(
-        _outputs(model, list(inputs.items()), joint, jnp.asarray(kept), jax.random.key(seed), trials, batch)
-    )
+    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(kept))
+    return all_trials(_outputs, problem, trials, seed, batch=_batch(trials, len(kept)), stretch=trials)
 
 
-@eqx.filter_jit
-def _outputs(model, inputs: Listed, joint, kept, key, trials: int, batch: int) -> Array:
+def _batch(trials: int, rows: int) -> int:
+    return max(1, min(trials, AT_ONCE // rows))
+
+
+class _Redrawn(NamedTuple):
+    """What a trial needs besides its number."""
+
+    model: Model
+    inputs: Listed
+    joint: Joint | None
+    rows: Bool[Array, "rows inputs"]
+    """Which inputs each row keeps; of walks: which each player holds."""
+
+
+def _outputs(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> Float[Array, "trials rows outputs"]:
+    model, inputs, joint, kept = problem
     gains = _gains(inputs, joint, kept)
-    return jax.lax.map(
-        lambda trial: _evaluate(model, inputs, joint, _pair(inputs, joint, key, trial), kept, gains),
-        jnp.arange(trials),
-        batch_size=batch,
+    return jax.vmap(lambda trial: _evaluate(model, inputs, joint, _pair(inputs, joint, key, trial), kept, gains))(
+        indices
     )
 
 
@@ -109,24 +119,22 @@ def walks(
 
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
-    batch = max(1, min(trials, AT_ONCE // (len(holds) + 1)))
-    key = jax.random.key(seed)
-    order, walked = _walks(model, list(inputs.items()), joint, jnp.asarray(holds), key, trials, batch)
-    return np.asarray(order), np.asarray(walked)
+    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds))
+    return all_trials(_walks, problem, trials, seed, batch=_batch(trials, len(holds) + 1), stretch=trials)
 
 
-@eqx.filter_jit
-def _walks(model, inputs: Listed, joint, holds, key, trials: int, batch: int) -> tuple[Array, Array]:
+def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> tuple[Array, Array]:
+    model, inputs, joint, holds = problem
     orders = jax.random.fold_in(key, stream_number("order of the players"))
 
-    def one(trial):
+    def of_trial(trial):
         order = jax.random.permutation(jax.random.fold_in(orders, trial), len(holds))
         redrawn = jnp.cumsum(holds[order], axis=0) > 0
         kept = jnp.concatenate([jnp.ones((1, holds.shape[1]), bool), ~redrawn])
         pair = _pair(inputs, joint, key, trial)
         return order, _evaluate(model, inputs, joint, pair, kept, _gains(inputs, joint, kept))
 
-    return jax.lax.map(one, jnp.arange(trials), batch_size=batch)
+    return jax.vmap(of_trial)(indices)
 
 
 def _gains(inputs: Listed, joint: Joint | None, kept: Bool[Array, "rows inputs"]) -> Float[Array, "rows k k"] | None:

@@ -14,13 +14,15 @@ import jax
 import numpy as np
 
 from identify.precision import check_precision
-from uq.campaign.campaign import Progress, Statistics, default_batch, distinct, prepare_setup, run_trials
+from uq.campaign.campaign import Progress, Statistics, distinct
+from uq.campaign.trial_setup import prepare_setup
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.setup import Case, Setup
 from uq.sensitivity.budget_result import BudgetResult, Effects, MeanSquare, SourceBudget
 from uq.sensitivity.variance_shares import mean, plain_variance, ratio, shares
 from uq.sensitivity.walks import Design, PairEffects, walk_variance
+from uq.trials.engines import default_batch, run_trials
 from uq.trials.samplewise import SampledSetup
 
 AnySetup = Setup | SampledSetup

@@ -144,11 +144,6 @@ def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Ca
     return total
 
 
-def collapsed_trial(setup: CollapsedSetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
-    """Run one trial on drawn sums; see :func:`uq.trials.trial.trial`."""
-    return jax.tree.map(lambda leaf: leaf[0], collapsed_trials(setup, key, jnp.asarray(index)[None]))
-
-
 def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
     """Run many trials at a time; the result has them on the leading axis."""
     draws = _draw(setup, key, indices)

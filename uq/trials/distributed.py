@@ -17,7 +17,6 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from uq.files.document import ExperimentError
-from uq.trials.trial import TrialEstimates
 from uq.trials.watchdog import LOST_LINE
 
 T = TypeVar("T")
@@ -148,14 +147,14 @@ def _told(message: str) -> str:
     return bytes(said[said > 0]).decode()
 
 
-def own_share(devices: Sequence[jax.Device], first: int, stretch: TrialEstimates) -> tuple[int, TrialEstimates]:
+def own_share(devices: Sequence[jax.Device], first: int, stretch: T) -> tuple[int, T]:
     """Return the part of a stretch that this process computed, and the number of its first trial."""
     if not several():
         return first, stretch
-    each = len(stretch.ok) // len(devices)
+    each = len(jax.tree.leaves(stretch)[0]) // len(devices)
     own = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
     begin, end = each * own[0], each * (own[-1] + 1)
-    return first + begin, TrialEstimates(*(leaf[begin:end] for leaf in stretch))
+    return first + begin, jax.tree.map(lambda leaf: leaf[begin:end], stretch)
 
 
 @contextlib.contextmanager

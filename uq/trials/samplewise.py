@@ -20,14 +20,12 @@ from identify.motion.trajectory import Motion
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
-from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform, gyro_map
-from uq.gram_sums.setup import Case, Estimator, Sampling, Setup, cases_of
+from uq.gram_sums.setup import Case, Estimator, cases_of
 from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
 from uq.sources.flicker_noise import draw_coloured
 from uq.sources.source import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants, noise_streams
-from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trial
-from uq.trials.trial import TrialEstimates, prepare, trial
+from uq.trials.trial import TrialEstimates
 
 
 class SampledSetup(eqx.Module):
@@ -55,9 +53,6 @@ class SampledSetup(eqx.Module):
         return (len(self.t) - 1) / (self.t[-1] - self.t[0])
 
 
-AnySetup = Setup | SampledSetup | CollapsedSetup
-
-
 class Record(NamedTuple):
     """What the sensors say, component first."""
 
@@ -74,38 +69,6 @@ def needs_samples(sources: Sequence[Source], mixing: Sequence[Mixing]) -> bool:
     )
     crossed = any(gyro & set(mix.names) and cell & set(mix.names) for mix in mixing)
     return crossed or any(s.kind in ("delay", "coloured", "saturation", "quantisation") for s in sources)
-
-
-def prepare_any(
-    motion: Motion,
-    body: Body,
-    platform: Platform,
-    sources: Sequence[Source],
-    estimators: Sequence[Estimator],
-    *,
-    mixing: Sequence[Mixing] = (),
-    dtype: str = "float64",
-    sampling: Sampling = "conditioned",
-) -> AnySetup:
-    """Return what a trial needs: sums where they tell all that the sources do, else every sample.
-
-    Raises:
-        ExperimentError: the sums are to be drawn, and their moments do not tell what the sources do.
-    """
-    if sampling == "collapsed" and needs_samples(sources, mixing):
-        raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
-    if needs_samples(sources, mixing):
-        return prepare_samples(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype)
-    if sampling == "collapsed":
-        return collapse(motion, body, sources, estimators, mixing=mixing)
-    return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
-
-
-def any_trial(setup: AnySetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
-    """Run one trial; see :func:`uq.trials.trial.trial`."""
-    if isinstance(setup, CollapsedSetup):
-        return collapsed_trial(setup, key, index)
-    return sampled_trial(setup, key, index) if isinstance(setup, SampledSetup) else trial(setup, key, index)
 
 
 def prepare_samples(

@@ -73,7 +73,7 @@ def test_what_cannot_be_solved_is_nan_and_not_ok_and_spares_its_neighbours(sampl
 
 def test_conditioning_of_the_sums_is_enough_for_the_presets_motion(preset):
     """The normal equations square the condition number: on T1 that costs nothing (QR agrees to 1e-11)."""
-    from uq.campaign.campaign import true_motion
+    from uq.campaign.trial_setup import true_motion
 
     motion = true_motion(preset, preset.trajectories["T1"])
     tensor = preset.body.inertia

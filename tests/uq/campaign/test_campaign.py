@@ -13,11 +13,13 @@ from identify.identification import identify
 from identify.precision import PrecisionWarning
 from identify.rigid_body.regressor import omega_r
 from identify.signals.differentiate import gain
-from uq.campaign.campaign import Statistics, montecarlo, prepare_setup, run_trials, true_motion, true_motions
+from uq.campaign.campaign import Statistics, montecarlo
 from uq.campaign.simulation import simulate
+from uq.campaign.trial_setup import prepare_setup, true_motion, true_motions
 from uq.experiment.experiment import ExperimentError
 from uq.sources.source import draw_bias, draw_block
-from uq.trials import batches as module
+from uq.trials import trial_loop
+from uq.trials.engines import run_trials
 from uq.trials.trial import trial
 
 
@@ -227,12 +229,12 @@ def test_an_added_source_changes_no_draw(short):
 
 def test_a_new_number_does_not_compile_again(short):
     estimates(short, 2)
-    before = module._batch._cached._cache_size()
+    before = trial_loop._sharded._cached._cache_size()
     louder = dataclasses.replace(
         short, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 2.5 * s.sigma) for s in short.sources), mass=12.0
     )
     estimates(louder, 2)
-    assert module._batch._cached._cache_size() == before
+    assert trial_loop._sharded._cached._cache_size() == before
 
 
 # --- results ---

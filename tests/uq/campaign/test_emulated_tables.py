@@ -11,8 +11,8 @@ import pytest
 from identify.estimators.least_squares import ordinary
 from identify.rigid_body.regressor import omega_r
 from uq import ExperimentError
-from uq.campaign.campaign import true_motion
-from uq.campaign.emulated_tables import Imperfections, _shared_error, emulated_tables
+from uq.campaign.emulated_tables import Imperfections, emulated_tables, shared_error
+from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import Columns
 
@@ -48,13 +48,17 @@ def test_runs_of_a_repeat_share_the_centre_of_gravity_and_nothing_else(short, on
         assert (np.abs(all_of_it[:, 0] - all_of_it[:, 1]) > 0).all()
 
 
+def centre_of(experiment):
+    return tuple(source for source in experiment.sources if source.target == "r_cg")
+
+
 def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
     """On T2 by hand: y - r̂ × F instead of y - r × F adds -δ × F, fitted to Ω (a smoother's gain is off by 1e-4)."""
     motion = true_motion(short, short.trajectories["T2"])
     wrench = np.asarray(Columns.of(()).sampled(short.body, motion))
     rows = jax.vmap(omega_r, in_axes=1)(motion.omega, motion.alpha)
     for repeat in range(3):
-        delta = np.asarray(_shared_error(short, jax.random.key(0), repeat))
+        delta = np.asarray(shared_error(centre_of(short), jax.random.key(0), repeat))
         extra = -np.cross(delta, wrench[:3].T)
         expected = np.asarray(ordinary(rows, jnp.asarray(extra)).value)
         np.testing.assert_allclose(only_cg.errors["T2"][repeat, 0], expected, atol=2e-4 * short.inertia.max())
@@ -62,7 +66,7 @@ def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
 
 def test_the_centres_error_has_the_size_of_table_1(short):
     """2,000 repeats: a standard error of 1.6 % of the standard deviation; five of them are 8 %."""
-    drawn = jax.vmap(lambda repeat: _shared_error(short, jax.random.key(0), repeat))(jnp.arange(2000))
+    drawn = jax.vmap(lambda repeat: shared_error(centre_of(short), jax.random.key(0), repeat))(jnp.arange(2000))
     np.testing.assert_allclose(1e3 * np.std(drawn, axis=0), [0.15, 0.13, 0.16], rtol=0.08)
 
 

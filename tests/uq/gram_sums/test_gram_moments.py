@@ -9,7 +9,7 @@ import pytest
 
 from identify.estimators.gram import sums_of
 from identify.rigid_body.regressor import features
-from uq.campaign.campaign import prepare_setup
+from uq.campaign.trial_setup import prepare_setup
 from uq.gram_sums.gram_moments import (
     covariance,
     first_order_covariance,

@@ -14,8 +14,9 @@ import pytest
 from identify.rigid_body.inertia import COMPONENTS, unpack
 from identify.rigid_body.regressor import omega_r
 from tests.small_campaign import document
-from uq.campaign.campaign import montecarlo, prepare_setup, run_trials, true_motion
+from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
+from uq.campaign.trial_setup import prepare_setup, true_motion
 from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.figures import budget_figures as budget_plot
@@ -23,6 +24,7 @@ from uq.report.report_files import files, report
 from uq.sensitivity.budget_result import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.source import Mixing, Source
+from uq.trials.engines import run_trials
 
 LINEAR = ("F_precision", "F_bias", "M_precision", "M_bias", "r_cg")
 

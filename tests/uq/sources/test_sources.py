@@ -10,13 +10,15 @@ import pytest
 from scipy import stats
 
 from tests.source_lab import experiment, least_squares, simulated, source
-from uq.campaign.campaign import montecarlo, platform_of, prepare_setup, true_motion
+from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
+from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
 from uq.gram_sums.setup import Setup
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.source import draw_constants
-from uq.trials import batches
-from uq.trials.samplewise import SampledSetup, any_trial, prepare_samples, smooth_signals
+from uq.trials import trial_loop
+from uq.trials.engines import any_trial
+from uq.trials.samplewise import SampledSetup, prepare_samples, smooth_signals
 
 THREE = {
     "N": ["1 N", "-2 N", "3 N"], "N*m": ["0.1 N*m", "-0.2 N*m", "0.3 N*m"], "rad/s": ["1 mrad/s", "-2 mrad/s", "3 mrad/s"],
@@ -302,10 +304,10 @@ def test_samples_in_float32_agree_and_numbers_do_not_compile_again():
     e = experiment(*some, known("omega", "delay", "3 ms", {}), source("q", "F", "quantisation", step=["1 N"] * 3))
     double, single = (montecarlo(e, trials=40, dtype=d)["T", "smoothed"].total for d in ("float64", "float32"))
     np.testing.assert_allclose(double.three_sigma, single.three_sigma, rtol=5 / np.sqrt(40))
-    before = batches._batch._cached._cache_size()
+    before = trial_loop._sharded._cached._cache_size()
     other = experiment(*some, known("omega", "delay", "4 ms", {}), source("q", "F", "quantisation", step=["2 N"] * 3))
     montecarlo(other, trials=40)
-    assert batches._batch._cached._cache_size() == before
+    assert trial_loop._sharded._cached._cache_size() == before
 
 
 # --- what is not linear ---

@@ -1,0 +1,118 @@
+"""From a trajectory of an experiment to what its trials need: platform, true motion, fitted estimators, set-up."""
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.motion.trajectory import Motion, further_from_still, sample
+from identify.signals.estimator_spec import EstimatorSpec
+from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, samples
+from uq.gram_sums.error_maps import Platform
+from uq.gram_sums.setup import Estimator, Sampling
+from uq.sources.source import BLOCK
+from uq.trials.engines import AnySetup, prepare_any
+
+
+def prepare_setup(
+    experiment: Experiment,
+    spec: TrajectorySpec,
+    estimators: Sequence[EstimatorSpec],
+    *,
+    dtype: str = "float64",
+    sampling: Sampling = "conditioned",
+    motion: Motion | None = None,
+) -> AnySetup:
+    """Return what a trial needs for one trajectory of an experiment, its motion where it is known.
+
+    Raises:
+        ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
+    """
+    motion = motion or true_motion(experiment, spec)
+    fitted = fitted_estimators(estimators, spec, len(motion.t))
+    return prepare_any(
+        motion,
+        experiment.body,
+        platform_of(experiment, spec),
+        experiment.sources,
+        fitted,
+        mixing=experiment.mixing,
+        dtype=dtype,
+        sampling=sampling,
+    )
+
+
+def fitted_estimators(estimators: Sequence[EstimatorSpec], spec: TrajectorySpec, n: int) -> list[Estimator]:
+    """Return estimators with their taps for a trajectory of ``n`` samples.
+
+    Raises:
+        ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
+    """
+    fitted = [_fitted(e, spec.rate) for e in estimators]
+    for estimator in fitted:
+        needed = 2 * len(estimator.taps) + 2
+        if len(estimator.taps) > BLOCK:
+            raise ExperimentError(f"estimator '{estimator.name}' has more than {2 * BLOCK} points: give a higher band")
+        if n < needed:
+            raise ExperimentError(
+                f"estimator '{estimator.name}' needs {needed} samples, but the trajectory has {n}: "
+                "raise its duration or rate"
+            )
+    return fitted
+
+
+def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
+    """Return a trajectory's true motion at its samples."""
+    platform = platform_of(experiment, spec)
+    return sample(
+        spec.trajectory,
+        jnp.asarray(samples(spec)),
+        r_cg_from_still=platform.r_cg_from_still,
+        gravity=platform.gravity,
+    )
+
+
+def true_motions(
+    experiment: Experiment, specs: Mapping[str, TrajectorySpec], devices: Sequence[jax.Device]
+) -> dict[str, Motion]:
+    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once.
+
+    Different rotations are computed side by side on this process's own of the devices, where they are left.
+    """
+    own = cycle(device for device in devices if device.process_index == jax.process_index())
+    found: dict[str, Motion] = {}
+    for name, spec in specs.items():
+        alike = next((other for other in found if _turn_alike(specs[other], spec)), None)
+        if alike is None:
+            with jax.default_device(next(own)):
+                found[name] = true_motion(experiment, spec)
+            continue
+        still, of_alike = (platform_of(experiment, one).r_cg_from_still for one in (spec, specs[alike]))
+        found[name] = further_from_still(found[alike], np.asarray(still) - np.asarray(of_alike))
+    return found
+
+
+def _turn_alike(one: TrajectorySpec, other: TrajectorySpec) -> bool:
+    return bool(
+        eqx.tree_equal((one.trajectory, one.duration, one.rate), (other.trajectory, other.duration, other.rate))
+    )
+
+
+def platform_of(experiment: Experiment, spec: TrajectorySpec) -> Platform:
+    """Return what carries the body on a trajectory."""
+    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
+    return Platform(spec.trajectory, np.array(experiment.gravity), still)
+
+
+def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
+    if estimator.lowpass is not None:
+        raise ExperimentError(
+            f"estimator '{estimator.name}' has a low-pass, which is for recorded runs: leave it out here"
+        )
+    try:
+        return Estimator(estimator.name, jnp.asarray(estimator.taps(rate)))
+    except ValueError as error:
+        raise ExperimentError(f"estimator '{estimator.name}': {error}") from None

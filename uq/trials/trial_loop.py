@@ -1,0 +1,193 @@
+"""The Monte Carlo loop: trials batched, sharded over devices and processes, resumable, the same however they are cut.
+
+Whatever is repeated with other draws runs here: campaigns and budgets (:mod:`uq.trials.engines`), systematic errors of
+recorded runs (:mod:`uq.identification.systematic`), redraws of a model's inputs (:mod:`uq.sensitivity.redraws`),
+emulated experiments (:mod:`uq.campaign.emulated_tables`), blocks of an adaptive propagation
+(:mod:`uq.propagation.propagation_of_distributions`).
+
+What runs is a function of the problem, the campaign's key and the numbers of some trials. It draws by these numbers
+alone and returns arrays with the trials on the leading axis; a trial that fails is NaN there, and is counted by
+:func:`finite_trials`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Float, Int, Key
+
+from uq.trials.distributed import guarded, own_share, several
+
+Tree = TypeVar("Tree")
+Progress = Callable[[int, int], None]
+"""Called with the trials done and the trials asked for."""
+STRETCH = 100
+"""About how many trials a device does between two reports of progress, where each holds samples."""
+
+
+@runtime_checkable
+class RunTrials(Protocol):
+    """Runs a batch of trials on one device; a pure function at the top of a module, so that it is compiled once."""
+
+    def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /, *, at_once: bool) -> Any:
+        """Return the batch's results, trials leading; ``at_once``: the device is wide, so that all fit side by side."""
+
+
+class TrialLoop:
+    """The trials of one problem so far, and more of them when they are asked for: any tree of arrays."""
+
+    def __init__(
+        self,
+        run: RunTrials,
+        problem: Any,
+        seed: int,
+        *,
+        devices: Sequence[jax.Device] | None = None,
+        batch: int = 1,
+        stretch: int = STRETCH,
+        done: Sequence[Any] = (),
+        keep: Callable[[int, Any], None] | None = None,
+    ) -> None:
+        """Start from what is done.
+
+        Args:
+            run: what runs a batch.
+            problem: what it is given: arrays, and whatever else is compiled in.
+            seed: seed of every draw.
+            devices: devices to spread the trials over; None for all.
+            batch: trials that one device computes at a time.
+            stretch: about how many it computes between two reports of progress.
+            done: results of the first trials, stretch by stretch.
+            keep: called with the number of each further stretch's first trial and its results: those that this process
+                computed.
+        """
+        self.run, self.batch, self.stretch, self.keep = run, batch, stretch, keep
+        self.devices = list(devices or jax.devices())
+        self.mesh = Mesh(np.array(self.devices), ("trials",), axis_types=(AxisType.Auto,))
+        self.problem, self.key = problem, jax.random.key(seed)
+        if several():
+            self.problem, data = _everywhere((problem, jax.random.key_data(self.key)), self.mesh)
+            self.key = jax.random.wrap_key_data(data)
+        self.pending: Any = None
+        self.parts = list(done)
+        self.count = sum(map(trials_in, self.parts))
+
+    def reach(self, trials: int, progress: Progress | None = None, *, asked: int | None = None) -> None:
+        """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
+        asked = trials if asked is None else asked
+        stretch = self._stretch(asked)
+        while self.count < trials:
+            begun = self._begin(stretch) if self.pending is None else self.pending
+            with guarded():
+                part = jax.tree.map(np.asarray, begun)
+            self.pending = None
+            if self.keep:
+                self.keep(*own_share(self.devices, self.count, part))
+            self.parts.append(part)
+            self.count += stretch
+            if progress:
+                progress(min(self.count, asked), asked)
+
+    def begin(self, asked: int) -> None:
+        """Set the devices to work on the next stretch, that :meth:`reach` waits for, while others are prepared."""
+        if self.count < asked and not several():
+            self.pending = self._begin(self._stretch(asked))
+
+    def _stretch(self, asked: int) -> int:
+        return stretch_of(self.devices, self.batch, asked, self.stretch)
+
+    def _begin(self, stretch: int) -> Any:
+        numbers = np.arange(self.count, self.count + stretch)
+        split = jnp.asarray(numbers)
+        if several():
+            placed = NamedSharding(self.mesh, PartitionSpec("trials"))
+            split = jax.make_array_from_callback(numbers.shape, placed, lambda share: numbers[share])
+        with guarded():
+            return _sharded(self.run, self.problem, self.key, split, self.mesh, self.batch, several())
+
+    def results(self, trials: int) -> Any:
+        """Return the first so many trials as NumPy arrays, trials leading."""
+        return self.between(0, trials)
+
+    def between(self, first: int, last: int) -> Any:
+        """Return trials ``first`` … ``last`` - 1, which must be done."""
+        ends = np.cumsum([trials_in(part) for part in self.parts])
+        begin, end = np.searchsorted(ends, first, side="right"), np.searchsorted(ends, last)
+        before = int(ends[begin] - trials_in(self.parts[begin]))
+        return jax.tree.map(
+            lambda *leaves: np.concatenate(leaves)[first - before : last - before], *self.parts[begin : end + 1]
+        )
+
+
+def all_trials(
+    run: RunTrials, problem: Any, trials: int, seed: int, *, progress: Progress | None = None, **options: Any
+) -> Any:
+    """Run trials 0 … ``trials`` - 1; return NumPy arrays, trials leading. Options are those of :class:`TrialLoop`."""
+    loop = TrialLoop(run, problem, seed, **options)
+    loop.reach(trials, progress)
+    return loop.results(trials)
+
+
+def finite_trials(values: Float[np.ndarray, "trials *outputs"]) -> tuple[Float[np.ndarray, "good *outputs"], int]:
+    """Return the trials without a NaN or infinity, and how many have one: those that failed."""
+    good = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    return (values if good.all() else values[good]), int(np.sum(~good))
+
+
+def trials_in(results: Any) -> int:
+    """Return how many trials there are in results, arrays with the trials leading."""
+    return len(jax.tree.leaves(results)[0])
+
+
+def stretch_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = STRETCH) -> int:
+    """Return how many trials are done between two reports of progress: whole batches, about ``least`` a device."""
+    whole = batch * max(1, least // batch)
+    return min(whole, -(-asked // len(devices))) * len(devices)
+
+
+def _everywhere(tree: Tree, mesh: Mesh) -> Tree:
+    """Give every device of all processes what each process has computed for itself."""
+    arrays, static = eqx.partition(tree, eqx.is_array)
+    placed = NamedSharding(mesh, PartitionSpec())
+    arrays = jax.tree.map(np.asarray, arrays)
+    arrays = jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, placed, lambda share: x[share]), arrays)
+    return eqx.combine(arrays, static)
+
+
+WIDE = {"xla_cpu_prefer_vector_width": 512}
+"""Lets a processor use its widest vectors, which XLA by default does not; others take no notice."""
+
+
+@eqx.filter_jit(compiler_options=WIDE)  # type: ignore[call-overload]
+def _sharded(
+    run: RunTrials, problem: Any, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int, gathered: bool
+) -> Any:
+    """Trials spread over the mesh; ``gathered``: every process is given all results."""
+    at_once = mesh.devices.flat[0].platform != "cpu"
+
+    def on_one_device(problem, key, mine):
+        results = _in_batches(lambda indices: run(problem, key, indices, at_once=at_once), mine, batch)
+        return jax.lax.all_gather(results, "trials", tiled=True) if gathered else results
+
+    arrays, static = eqx.partition(problem, eqx.is_array)
+    everywhere, split = PartitionSpec(), PartitionSpec("trials")
+    sharded = jax.shard_map(
+        lambda arrays, key, mine: on_one_device(eqx.combine(arrays, static), key, mine),
+        mesh=mesh,
+        in_specs=(everywhere, everywhere, split),
+        out_specs=everywhere if gathered else split,
+        check_vma=False,
+    )
+    return sharded(arrays, key, numbers)
+
+
+def _in_batches(run: Callable[[jax.Array], Any], mine: jax.Array, batch: int) -> Any:
+    """Run one batch after the other; the last is filled up with trials that nobody asked for."""
+    size = min(batch, len(mine))
+    count = -(-len(mine) // size)
+    results = jax.lax.map(run, jnp.resize(mine, (count, size)))
+    return jax.tree.map(lambda leaf: leaf.reshape(count * size, *leaf.shape[2:])[: len(mine)], results)
