@@ -1,0 +1,117 @@
+"""Every engine against the reference trial of the docs: exactly where its draws can be fed in, else in distribution."""
+
+import dataclasses
+import importlib.util
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uq.campaign.campaign import montecarlo
+from uq.campaign.statistics import Statistics
+from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
+from uq.propagation.experiment_law import law
+from uq.sources.source import draw_constants
+from uq.trials.engines import any_trial
+from uq.trials.samplewise import draw_noise, prepare_samples
+
+SCRIPT = Path(__file__).parents[3] / "docs" / "reference_trial.py"
+TRIALS = 400
+KEY, INDEX = jax.random.key(5), jnp.asarray(3)
+CONSTANT = ("F_bias", "M_bias", "r_cg", "omega_bias")
+
+
+@pytest.fixture(scope="module")
+def reference():
+    spec = importlib.util.spec_from_file_location("reference_trial", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def truth(reference, brief):
+    return reference.true_signals(brief, "T1")
+
+
+def only(experiment, *names):
+    return dataclasses.replace(experiment, sources=tuple(s for s in experiment.sources if s.name in names))
+
+
+def by_samples(experiment):
+    """The set-up that keeps every sample."""
+    spec = experiment.trajectories["T1"]
+    fitted = prepare_setup(experiment, spec, [experiment.estimator("central")]).estimators
+    motion, platform = true_motion(experiment, spec), platform_of(experiment, spec)
+    return prepare_samples(motion, experiment.body, platform, experiment.sources, fitted)
+
+
+def engines_draws(setup):
+    """What the engine draws in one trial, as the reference takes it: (n, 3) of noise, (1, 3) of a bias."""
+    constants = draw_constants(setup.sources, setup.mixing, KEY, INDEX, float)
+    noise = draw_noise(setup, KEY, INDEX)
+    return {name: value[None] for name, value in constants.items()} | {name: value.T for name, value in noise.items()}
+
+
+@pytest.mark.parametrize(
+    ("sampling", "names"),
+    [
+        ("samples", None),
+        ("samplewise", None),
+        ("conditioned", (*CONSTANT, "omega_precision")),  # the load cell's noise is drawn as sums
+        ("collapsed", CONSTANT),  # all noise is
+    ],
+)
+def test_fed_with_an_engines_draws_the_estimates_are_its_own(reference, truth, brief, sampling, names):
+    """All cases of a trial; another arithmetic (QR of 9,300 rows against sums) differs by rounding alone."""
+    experiment = brief if names is None else only(brief, *names)
+    sampled, spec = by_samples(experiment), experiment.trajectories["T1"]
+    chosen = [experiment.estimator("central")]
+    setup = sampled if sampling == "samplewise" else prepare_setup(experiment, spec, chosen, sampling=sampling)
+    estimates = eqx.filter_jit(any_trial)(setup, KEY, INDEX)
+    assert estimates.ok.all()
+    draws = engines_draws(sampled)
+    acting = [case.sources for case in setup.cases]
+    expected = [reference.estimate(truth, spec.rate, experiment.sources, draws, names) for names in acting]
+    np.testing.assert_allclose(estimates.inertia[0], expected, atol=1e-11 * experiment.inertia.max())
+    assert np.ptp(expected, axis=0).min() > 1e-6  # the cases differ
+
+
+@pytest.fixture(scope="module")
+def groups(brief):
+    names = ["total", *dict.fromkeys(source.group for source in brief.sources)]
+    return {name: {s.name for s in brief.sources if name in ("total", s.group)} for name in names}
+
+
+@pytest.fixture(scope="module")
+def statistics(reference, truth, brief, groups):
+    """Of the reference's own campaign, by group."""
+    errors = reference.campaign(truth, 400.0, brief.sources, list(groups.values()), trials=TRIALS, seed=1)
+    errors = np.asarray(errors) - brief.inertia
+    return {name: Statistics.of(errors[:, k]) for k, name in enumerate(groups)}
+
+
+@pytest.mark.parametrize("sampling", ["conditioned", "samples", "collapsed"])
+def test_an_engines_campaign_has_the_references_distribution(statistics, brief, sampling):
+    """4 groups, 6 components, 2 figures, 3 engines: 144 comparisons at 4.5 standard errors, a false alarm in 1,000."""
+    trials = 20_000 if sampling == "collapsed" else TRIALS
+    result = montecarlo(brief, trials=trials, trajectories="T1", estimators="central", sampling=sampling)
+    for name, expected in statistics.items():
+        of_engine = result["T1", "central"].groups[name]
+        for figure in ("mean_error", "three_sigma"):
+            one, two = (getattr(of, figure) for of in (of_engine, expected))
+            error = np.hypot(*(getattr(of, f"{figure}_standard_error") for of in (of_engine, expected)))
+            assert (np.abs(one - two) <= 4.5 * error + 1e-14).all(), (name, figure, (one - two) / error)
+
+
+def test_the_law_predicts_the_references_trials(statistics, brief):
+    """48 comparisons at 4.5 standard errors of the trials: a false alarm in 3,000."""
+    predicted = law(brief, "T1", "central")["T1", "central"].groups
+    for name, measured in statistics.items():
+        for figure in ("mean_error", "three_sigma"):
+            difference = np.abs(getattr(predicted[name], figure) - getattr(measured, figure))
+            error = getattr(measured, f"{figure}_standard_error")
+            assert (difference <= 4.5 * error + 1e-14).all(), (name, figure, difference / error)
