@@ -2,10 +2,10 @@
 
 import argparse
 
-from uq.cli.common import ERRORS, add_part_options, finish, output_folder, start_jax
+from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
-from uq.recorded.parts import pair
+from uq.recorded.time_window import windows_of_options
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -18,7 +18,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--experiment", required=True, metavar="E.toml", help="columns, units, signs, frames and local gravity"
     )
-    add_part_options(parser, "every still stretch of a run is a pose")
+    add_window_options(parser, "every still stretch of a run is a pose")
     parser.add_argument("--out", metavar="DIR", help="folder for centre.json and report.html")
 
 
@@ -27,5 +27,5 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     experiment = Experiment.load(arguments.experiment)
     with output_folder(arguments.out) as out:
-        finish(centre_file(arguments.poses, experiment, parts=pair(arguments.limits)), out)
+        finish(centre_file(arguments.poses, experiment, windows=windows_of_options(arguments.limits)), out)
     return 0

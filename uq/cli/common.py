@@ -62,8 +62,8 @@ class _Limit(argparse.Action):
         setattr(namespace, self.dest, found)
 
 
-def add_part_options(parser: argparse.ArgumentParser, without: str = "the stretches that move are found") -> None:
-    """Add ``--from`` and ``--to``, repeatable; :func:`uq.recorded.parts.pair` makes parts of ``limits``."""
+def add_window_options(parser: argparse.ArgumentParser, without: str = "the segments that move are found") -> None:
+    """Add ``--from`` and ``--to``, repeatable; :mod:`uq.recorded.time_window` reads ``limits``."""
     for option, what in (("--from", "begins"), ("--to", "ends")):
         parser.add_argument(
             option, dest="limits", action=_Limit, default=(), metavar="S",

@@ -7,13 +7,13 @@ from identify.results.identification_result import Method
 from uq.bodies.export import FORMATS, export, formats_of
 from uq.bodies.normalised_error import compare
 from uq.bodies.reference import load_reference
-from uq.cli.common import ERRORS, add_part_options, finish, output_folder, start_jax
+from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import check_tare, tare_files
-from uq.recorded.mountings import names
-from uq.recorded.parts import pair
+from uq.recorded.mounting import names
+from uq.recorded.time_window import windows_of_options
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -52,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=get_args(Method),
         help="the estimator: the source's, or all unknowns together (recording.method)",
     )
-    add_part_options(parser)
+    add_window_options(parser)
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
     parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             experiment,
             estimator=arguments.estimator,
             offsets=arguments.offsets,
-            parts=pair(arguments.limits),
+            windows=windows_of_options(arguments.limits),
             mountings=None if arguments.mounting is None else names(arguments.mounting),
             centre=arguments.centre,
             method=arguments.method,

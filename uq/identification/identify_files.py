@@ -22,11 +22,11 @@ from uq.identification.centre_prior import known_by, load_centre, told
 from uq.identification.run_scatter import ScatterVerdict, of_runs
 from uq.identification.systematic import with_declared_sources
 from uq.inspection.experiment_findings import convention_warnings
-from uq.recorded.compensation import undo
+from uq.recorded.gravity_compensation import undo
 from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
-from uq.recorded.mountings import check_count, labelled
-from uq.recorded.parts import Part, cut
+from uq.recorded.mounting import check_count, labelled
+from uq.recorded.time_window import TimeWindow, cut
 
 
 def identify_files(
@@ -35,7 +35,7 @@ def identify_files(
     *,
     estimator: str | None = None,
     offsets: OffsetChoice | None = None,
-    parts: Sequence[Part] | None = None,
+    windows: Sequence[TimeWindow] | None = None,
     mountings: Sequence[str] | None = None,
     centre: str | Path | None = None,
     method: Method | None = None,
@@ -47,15 +47,15 @@ def identify_files(
         experiment: r_CG with its uncertainty, estimators, what the channels mean.
         estimator: name of the estimator; None for the recording's, or the first.
         offsets: where constant offsets come from; None: as the experiment says.
-        parts: the parts of each run that count; None: where it moves.
+        windows: the time windows of each run that count; None: where it moves.
         mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
         centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
         method: the estimator of :func:`identify.identify`; None: the recording's.
 
     Raises:
-        ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.parts.resolve`,
-            :func:`uq.recorded.compensation.undo`, :func:`uq.recorded.mountings.labelled`, :func:`identify.identify` and
-            :func:`uq.identification.systematic.with_declared_sources`.
+        ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.time_window.resolve`,
+            :func:`uq.recorded.gravity_compensation.undo`, :func:`uq.recorded.mounting.labelled`,
+            :func:`identify.identify` and :func:`uq.identification.systematic.with_declared_sources`.
     """
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
@@ -70,7 +70,7 @@ def identify_files(
     elif experiment.scale is not None:
         experiment = replace(experiment, mass=experiment.scale[0])
     spec = experiment.estimator(estimator)
-    prepared = [_prepared(path, experiment, spec, parts) for path in paths]
+    prepared = [_prepared(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
     result = identify(
         runs,
@@ -119,29 +119,29 @@ def _repeatability(repeats: ScatterVerdict) -> Verdict:
 
 
 def _prepared(
-    path: str | Path, experiment: Experiment, spec: EstimatorSpec, parts: Sequence[Part] | None
+    path: str | Path, experiment: Experiment, spec: EstimatorSpec, windows: Sequence[TimeWindow] | None
 ) -> tuple[Run, tuple[str, ...]]:
-    """The part of a run that counts, its weight put back, its rest known; and what is assumed."""
+    """The segments of a run that count, its weight put back, with its rest; and what is assumed."""
     recording = experiment.recording
-    named = any(isinstance(one, str) for part in parts or () for one in part)
-    recorded = load(path, recording, band=spec.band, marks=named)
-    kept = cut(recorded.run, parts, recorded.marks)
+    marked = any(isinstance(limit, str) for window in windows or () for limit in window)
+    recorded = load(path, recording, band=spec.band, marks=marked)
+    chosen = cut(recorded.run, windows, recorded.marks)
     assumed = (*recorded.assumptions, *_of_weight(recording))
-    if kept.specific_force is not None and experiment.mass is not None and kept.imu_position is None:
+    if chosen.specific_force is not None and experiment.mass is not None and chosen.imu_position is None:
         assumed = (*assumed, "the accelerometer is at Q")
     weighed = recording.compensated in ("gravity", "gravity_from_force")
     if not weighed and recording.offsets == "estimate":
-        return kept, assumed
-    rests = _near(recorded.run, kept)
-    begin = min([float(kept.t[0]), *(rest.start for rest in rests)])
-    end = max([float(kept.t[-1]), *(rest.stop for rest in rests)])
+        return chosen, assumed
+    rests = _near(recorded.run, chosen)
+    begin = min([float(chosen.t[0]), *(rest.start for rest in rests)])
+    end = max([float(chosen.t[-1]), *(rest.stop for rest in rests)])
     run = recorded.run.between(begin, end)
     rests = tuple(Stretch(one.start - begin, one.stop - begin) for one in rests)
     run, more = undo(run, rests, experiment)
     if recording.offsets == "still":
         run = replace(run, rest=rest_of(run, rests))
-    part = run.within(kept.parts) if kept.parts else run
-    return replace(part, parts=kept.parts, found=kept.found, left_out=kept.left_out, overview=kept.overview), (
+    used = run.within(chosen.parts) if chosen.parts else run
+    return replace(used, parts=chosen.parts, found=chosen.found, left_out=chosen.left_out, overview=chosen.overview), (
         *assumed,
         *more,
     )
@@ -151,12 +151,12 @@ def _of_weight(recording: Recording) -> tuple[str, ...]:
     return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
 
 
-def _near(run: Run, kept: Run) -> tuple[Stretch, ...]:
-    """The stretches of rest within the part of a run that counts, the last before and the first after it [s]."""
+def _near(run: Run, chosen: Run) -> tuple[Stretch, ...]:
+    """The segments of rest within the span that counts, the last before and the first after it [s]."""
     shift = float(run.t[0])
     found = still(run.rate, run.omega, run.force, run.moment)
     rests = [Stretch(one.start + shift, one.stop + shift) for one in found]
-    start, stop = float(kept.t[0]), float(kept.t[-1])
+    start, stop = float(chosen.t[0]), float(chosen.t[-1])
     before = [rest for rest in rests if rest.stop < start][-1:]
     after = [rest for rest in rests if rest.start > stop][:1]
     return (*before, *(rest for rest in rests if rest.stop >= start and rest.start <= stop), *after)

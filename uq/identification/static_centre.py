@@ -17,8 +17,8 @@ from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.recorded.declared_channels import Rig, declared
 from uq.recorded.load_run import Recorded, load
-from uq.recorded.parts import Part, resolve
 from uq.recorded.table_recording import as_recording, silenced
+from uq.recorded.time_window import TimeWindow, resolve
 
 TABLES = (".csv", ".tsv", ".txt")
 
@@ -40,14 +40,14 @@ class _Wrenches:
     attitudes: Attitudes
 
 
-def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Part] = ()) -> Centre:
+def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[TimeWindow] = ()) -> Centre:
     """Estimate mass, centre of gravity and the load cell's offsets from static poses.
 
     Args:
         path: a table with one row a pose (.csv, .tsv, .txt), whose columns ``[poses]`` names; or a recorded run with
             an accelerometer or with the platform's pose, each of whose still stretches is a pose.
         experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
-        parts: the parts of a recorded run that count; none: all of it.
+        windows: the parts of a recorded run that count; none: all of it.
 
     Raises:
         ExperimentError: nothing declares the columns, or the wrench lacks the weight.
@@ -61,11 +61,11 @@ def centre_file(path: str | Path, experiment: Experiment, *, parts: Sequence[Par
             "tells mass and centre: record without the compensation"
         )
     if Path(path).suffix.lower() in TABLES:
-        if parts:
+        if windows:
             raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
         found = _of_table(path, experiment)
     else:
-        found = _of_run(path, experiment, parts)
+        found = _of_run(path, experiment, windows)
     signals = found.force, found.moment, found.specific_force
     result = centre(*signals, attitudes=found.attitudes, mass=experiment.scale, name=name)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
@@ -116,16 +116,16 @@ def _leaning(
     return specific_force, found, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
 
 
-def _of_run(path: str | Path, experiment: Experiment, parts: Sequence[Part]) -> _Wrenches:
-    named = any(isinstance(limit, str) for part in parts for limit in part)
-    recorded = load(path, experiment.recording, band=SLOW, marks=named)
+def _of_run(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
+    marked = any(isinstance(limit, str) for window in windows for limit in window)
+    recorded = load(path, experiment.recording, band=SLOW, marks=marked)
     run = recorded.run
     if run.specific_force is None and recorded.attitude is None:
         raise RunError(
             f"neither acceleration nor poses in {run.name}: static poses need an accelerometer, a topic of the "
             "platform's pose, or a table with their attitude"
         )
-    wanted = resolve(parts, float(run.t[-1]), recorded.marks, run.name) if parts else ((0.0, float(run.t[-1])),)
+    wanted = resolve(windows, float(run.t[-1]), recorded.marks, run.name) if windows else ((0.0, float(run.t[-1])),)
     rests, left_out = _steady(run, resting(run, wanted))
     if len(rests) < 3:
         out = f", {len(left_out)} more drift" if left_out else ""

@@ -39,7 +39,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         return inspect(path, judge=_alone)
     from uq.inspection.experiment_findings import experiment_findings
     from uq.recorded.load_run import load
-    from uq.recorded.parts import cut
+    from uq.recorded.time_window import cut
 
     def judge(_: Sequence[Channel], findings: list[Finding]) -> list[Finding]:
         run = cut(load(Path(path), experiment.recording, marks=False).run, None, ())

@@ -55,16 +55,16 @@ def declared(bag: BagRecording, recording: Recording) -> Rig:
     Raises:
         RunError: the two contradict each other, or the metadata names a unit that there is not.
     """
-    said = _Said(bag)
+    metadata = _Metadata(bag)
     assumed: list[str] = []
-    scales = _scales(said, recording, assumed)
-    meaning = said.one_of("wrench", recording.wrench, said.wrench)
+    scales = _scales(metadata, recording, assumed)
+    meaning = metadata.one_of("wrench", recording.wrench, metadata.wrench)
     if meaning is None:
         assumed.append("the wrench is that on the body")
-    of_wrench = _rotation(said, "wrench", recording.wrench_rotation_to_body, said.wrench_in_body)
-    of_imu = _rotation(said, "imu", recording.imu_rotation_to_body, said.imu_in_body)
-    point = _point(said, "wrench_point", recording.wrench_point, said.wrench_at_q)
-    position = _point(said, "imu_position", recording.imu_position, said.imu_at_q)
+    of_wrench = _rotation(metadata, "wrench", recording.wrench_rotation_to_body, metadata.wrench_in_body)
+    of_imu = _rotation(metadata, "imu", recording.imu_rotation_to_body, metadata.imu_in_body)
+    point = _point(metadata, "wrench_point", recording.wrench_point, metadata.wrench_at_q)
+    position = _point(metadata, "imu_position", recording.imu_position, metadata.imu_at_q)
     silent = {"the load cell's axes": of_wrench, "the IMU's axes": of_imu}
     if unsaid := [name for name, value in silent.items() if value is None]:
         assumed.append(f"{' and '.join(unsaid)} are the body's")
@@ -82,7 +82,7 @@ def declared(bag: BagRecording, recording: Recording) -> Rig:
     )
 
 
-class _Said:
+class _Metadata:
     """What a run's metadata ``rig.run`` says of its channels."""
 
     def __init__(self, bag: BagRecording) -> None:
@@ -101,16 +101,16 @@ class _Said:
         if "[rad/s]" in of_imu and "[m/s^2]" in of_imu:
             self.units = {"angular_velocity": "rad/s", "acceleration": "m/s^2"} | self.units
 
-    def one_of(self, key: str, declared: Any, said: Any) -> Any:
+    def one_of(self, key: str, declared: Any, stated: Any) -> Any:
         """What is declared, else what the metadata says, else None."""
-        if declared is not None and said is not None and declared != said:
-            raise self.contradiction(f"its {key} is {said}", key, str(declared))
-        return said if declared is None else declared
+        if declared is not None and stated is not None and declared != stated:
+            raise self.contradiction(f"its {key} is {stated}", key, str(declared))
+        return stated if declared is None else declared
 
-    def contradiction(self, said: str, key: str, declared: str) -> RunError:
+    def contradiction(self, stated: str, key: str, declared: str) -> RunError:
         """The error that names both."""
         return RunError(
-            f"{self.name} says that {said}, recording.{key} in the experiment says {declared}: correct the experiment"
+            f"{self.name} says that {stated}, recording.{key} in the experiment says {declared}: correct the experiment"
         )
 
 
@@ -130,17 +130,17 @@ def _at_q(text: str) -> bool:
     return re.search(r"\b(at|centre|about) Q\b", text) is not None
 
 
-def _scales(said: _Said, recording: Recording, assumed: list[str]) -> dict[str, float]:
+def _scales(metadata: _Metadata, recording: Recording, assumed: list[str]) -> dict[str, float]:
     """How many SI units one unit of each quantity is."""
     scales, silent = {}, []
     for quantity, si in UNITS.items():
-        declared, known = recording.unit(quantity), said.units.get(quantity)
-        of_run = None if known is None else _scale(said, quantity, known, si)
+        declared, unit_name = recording.unit(quantity), metadata.units.get(quantity)
+        of_run = None if unit_name is None else _scale(metadata, quantity, unit_name, si)
         if declared is not None:
             scales[quantity] = scale(declared, si)
             if of_run is not None and abs(of_run / scales[quantity] - 1) > EQUAL:
-                raise said.contradiction(
-                    f"its {quantity.replace('_', ' ')} is in {known}", f"{quantity}_unit", declared
+                raise metadata.contradiction(
+                    f"its {quantity.replace('_', ' ')} is in {unit_name}", f"{quantity}_unit", declared
                 )
         else:
             scales[quantity] = 1.0 if of_run is None else of_run
@@ -150,24 +150,24 @@ def _scales(said: _Said, recording: Recording, assumed: list[str]) -> dict[str, 
     return scales
 
 
-def _scale(said: _Said, quantity: str, name: str, si: str) -> float:
+def _scale(metadata: _Metadata, quantity: str, name: str, si: str) -> float:
     try:
         return scale(name, si)
     except UnitError:
         raise RunError(
-            f"{said.name} says that its {quantity.replace('_', ' ')} is in {name!r}, which is no unit of it: "
+            f"{metadata.name} says that its {quantity.replace('_', ' ')} is in {name!r}, which is no unit of it: "
             "repair the metadata rig.run"
         ) from None
 
 
-def _rotation(said: _Said, sensor: str, declared: np.ndarray | None, in_body: bool) -> np.ndarray | None:
+def _rotation(metadata: _Metadata, sensor: str, declared: np.ndarray | None, in_body: bool) -> np.ndarray | None:
     if declared is not None and in_body and np.abs(declared - np.eye(3)).max() > EQUAL:
-        raise said.contradiction(f"its {sensor} is in the body frame", f"{sensor}_rotation_to_body", "another")
+        raise metadata.contradiction(f"its {sensor} is in the body frame", f"{sensor}_rotation_to_body", "another")
     return np.eye(3) if declared is None and in_body else declared
 
 
-def _point(said: _Said, key: str, declared: np.ndarray | None, at_q: bool) -> np.ndarray | None:
+def _point(metadata: _Metadata, key: str, declared: np.ndarray | None, at_q: bool) -> np.ndarray | None:
     what = {"wrench_point": "its moment is taken about Q", "imu_position": "its IMU is at Q"}[key]
     if declared is not None and at_q and np.abs(declared).max() > EQUAL:
-        raise said.contradiction(what, key, f"{np.round(1e3 * declared, 6).tolist()} mm")
+        raise metadata.contradiction(what, key, f"{np.round(1e3 * declared, 6).tolist()} mm")
     return np.zeros(3) if declared is None and at_q else declared

@@ -13,11 +13,11 @@ from rig.bags.marks import Notes, read_marks
 from rig.channels import Recording as BagRecording
 from rig.runs import read_any
 from uq.experiment.recording_table import Recording
-from uq.recorded.clocks import instants
+from uq.recorded.angular_velocity import motion, upward
 from uq.recorded.declared_channels import Rig, declared
-from uq.recorded.instruments import about
-from uq.recorded.motion import motion, upward
-from uq.recorded.parts import on_clock
+from uq.recorded.instrument_metadata import about
+from uq.recorded.message_times import instants
+from uq.recorded.time_window import on_clock
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
         RigError, RunError: see :func:`load_run`.
     """
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
-    times, said = instants((bag.wrench, bag.motion), recording.time)
-    told = motion(bag, recording, times[1], band=band)
+    times, time_notes = instants((bag.wrench, bag.motion), recording.time)
+    source = motion(bag, recording, times[1], band=band)
     posed = (times[1], upward(bag.motion))
-    if told.imu is not bag.motion:
-        bag = replace(bag, motion=told.imu)
+    if source.imu is not bag.motion:
+        bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
     rig = declared(bag, recording)
     start = min(int(times[0][0]), int(times[1][0]))
@@ -79,12 +79,12 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
     return Recorded(
         replace(
             run,
-            warnings=(*run.warnings, *told.warnings, *said),
-            noise=None if told.noise is None else told.noise.turned(rig.imu_rotation),
+            warnings=(*run.warnings, *source.warnings, *time_notes),
+            noise=None if source.noise is None else source.noise.turned(rig.imu_rotation),
             about=about(bag.metadata, bag.wrench.log_time),
         ),
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
-        (*rig.assumptions, *told.notes),
+        (*rig.assumptions, *source.notes),
         rig,
         None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
     )
@@ -100,27 +100,29 @@ class _Channels:
         self.motion = np.hstack(rig.motion(imu))
         raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
-        kept, self.bad = zip(*(self._sift(*one) for one in zip(raw, seconds, flagged, strict=True)), strict=True)
-        self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, kept, strict=True))
-        self.wrench, self.motion = self.wrench[kept[0]], self.motion[kept[1]]
+        usable, self.bad = zip(
+            *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True
+        )
+        self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, usable, strict=True))
+        self.wrench, self.motion = self.wrench[usable[0]], self.motion[usable[1]]
 
     def _sift(self, values: np.ndarray, t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which samples of a sensor to keep, and when those were taken near which nothing must be used."""
         slower, frozen = repeats(values)
         clipped = saturated(values)
-        for reason, found in (("held", slower | frozen), ("saturated", clipped), ("overrange", flagged)):
-            if found.any():
-                self.left_out[reason] = self.left_out.get(reason, 0) + int(found.sum())
+        for reason, flags in (("held", slower | frozen), ("saturated", clipped), ("overrange", flagged)):
+            if flags.any():
+                self.left_out[reason] = self.left_out.get(reason, 0) + int(flags.sum())
         return ~slower, t[frozen | clipped | flagged]
 
     def _flagged(self, topic: str, log_time: np.ndarray, extra: Notes) -> np.ndarray:
         """Samples of the seconds in which the device said that it was out of range."""
         about = self.bag.metadata.get("rig.run", {})
-        found = np.zeros(len(log_time), bool)
-        for one in extra.flagged:
-            if about.get(f"{one.device}.topic") == topic:
-                found |= (log_time > one.after) & (log_time <= one.until)
-        return found
+        flags = np.zeros(len(log_time), bool)
+        for status in extra.flagged:
+            if about.get(f"{status.device}.topic") == topic:
+                flags |= (log_time > status.after) & (log_time <= status.until)
+        return flags
 
     def run(self) -> Run:
         """The two at common instants."""

@@ -17,7 +17,7 @@ from uq.sources.source import SIGNALS, TARGET_UNITS, Source, Target
 FAR = 2.0
 """Ratio of measured to declared noise, or the inverse, that is worth a word."""
 SEGMENTS = 8
-"""Stretches that a spectrum is averaged over, at least."""
+"""Segments that a spectrum is averaged over, at least."""
 ABOVE = 3.0
 """The level is taken above the motion's band by this factor: products of the motion reach to twice it."""
 BELOW = 0.35
@@ -61,22 +61,22 @@ def declared_level(sources: Sequence[Source], target: Target, rate: float) -> Fl
 
 def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
     """Return a line for each channel whose noise is far from what its sources declare."""
-    part = max(run.used(), key=lambda one: one.stop - one.start)
-    above = ABOVE * motion_band(run.omega[part], run.rate)
-    said = []
+    segment = max(run.used(), key=lambda span: span.stop - span.start)
+    above = ABOVE * motion_band(run.omega[segment], run.rate)
+    warnings = []
     cell, imu = run.sensor_rates or (run.rate, run.rate)
     channels = zip(SIGNALS, (run.force, run.moment, run.omega), (cell, cell, imu), strict=True)
-    for target, signal, own_rate in channels:
-        declared = declared_level(sources, target, own_rate)
-        shown = white_level(signal[part], run.rate, above)
+    for target, signal, sensor_rate in channels:
+        declared = declared_level(sources, target, sensor_rate)
+        shown = white_level(signal[segment], run.rate, above)
         if declared is None or shown is None or not shown.all():
             continue
-        shown = shown * np.sqrt(own_rate / run.rate)  # the sensor's own samples, of the same spectrum
+        shown = shown * np.sqrt(sensor_rate / run.rate)  # the sensor's own samples, of the same spectrum
         ratio = shown / np.maximum(declared, 1e-300)
         far = np.flatnonzero((ratio > FAR) | (ratio < 1 / FAR))
         if len(far):
-            said.append(_line(run, target, int(far[np.argmax(np.abs(np.log(ratio[far])))]), shown, declared))
-    return said
+            warnings.append(_line(run, target, int(far[np.argmax(np.abs(np.log(ratio[far])))]), shown, declared))
+    return warnings
 
 
 def _line(run: Run, target: Target, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:

@@ -15,7 +15,7 @@ from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.identification.run_scatter import of_runs
 from uq.identification.systematic import with_declared_sources
-from uq.recorded.mountings import labelled, names
+from uq.recorded.mounting import labelled, names
 from uq.sources.source import Source
 
 NORMAL = np.diag([400.0, 300, 300, 350, 300, 400])

@@ -12,7 +12,7 @@ from tests.scene import record
 from uq.campaign.simulation import simulate
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run
-from uq.recorded.parts import Part
+from uq.recorded.time_window import TimeWindow
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 
@@ -226,7 +226,7 @@ def scene(short, folder):
 def test_without_options_the_right_stretch_is_found(short, scene):
     recorded, path = scene
     found = identify_files([path], declare(short))
-    cut = identify_files([path], declare(short), parts=[Part(recorded.start, recorded.stop)])
+    cut = identify_files([path], declare(short), windows=[TimeWindow(recorded.start, recorded.stop)])
     assert error(found.inertia, cut.inertia) < 0.005
     (run,) = found.runs
     assert run.found
@@ -242,7 +242,7 @@ def test_without_options_the_right_stretch_is_found(short, scene):
 def test_everything_would_be_wrong(short, scene):
     """The oracle of the test above: hands and knock do matter."""
     _, path = scene
-    whole = identify_files([path], declare(short), parts=[Part(0.0, None)])
+    whole = identify_files([path], declare(short), windows=[TimeWindow(0.0, None)])
     assert np.abs(whole.inertia - short.inertia).max() > 0.05
 
 
@@ -250,9 +250,9 @@ def test_several_parts_are_those_parts_and_nothing_between(short, scene):
     """Filters do not reach over the seams: the sums of two halves with a second between are those of the two halves."""
     recorded, path = scene
     middle = (recorded.start + recorded.stop) / 2
-    parts = [Part(recorded.start, middle - 0.5), Part(middle + 0.5, recorded.stop)]
-    both = identify_files([path], declare(short), parts=parts, offsets="none")
-    halves = [identify_files([path], declare(short), parts=[part], offsets="none") for part in parts]
+    parts = [TimeWindow(recorded.start, middle - 0.5), TimeWindow(middle + 0.5, recorded.stop)]
+    both = identify_files([path], declare(short), windows=parts, offsets="none")
+    halves = [identify_files([path], declare(short), windows=[part], offsets="none") for part in parts]
     lost = sum(half.runs[0].samples for half in halves) - both.runs[0].samples
     assert 0 <= lost <= 6  # a spline's reach on either side of the seam
     run = load_run(path)

@@ -1,4 +1,4 @@
-"""The part of a recorded run that counts: named by ``--from`` and ``--to``, or found where the body moves."""
+"""The time windows of a recorded run that count: those of ``--from`` and ``--to``, or the segments that move."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ POINTS = 2000
 """Most points of a run's overview."""
 
 
-class Part(NamedTuple):
+class TimeWindow(NamedTuple):
     """From one limit to another; None: the run's start, or its end."""
 
     start: Limit | None = None
@@ -35,61 +35,61 @@ def limit(text: str) -> Limit:
         return text
 
 
-def pair(limits: Sequence[tuple[str, str]]) -> tuple[Part, ...]:
-    """Return the parts of ``("from", text)`` and ``("to", text)`` in the order in which they were given.
+def windows_of_options(limits: Sequence[tuple[str, str]]) -> tuple[TimeWindow, ...]:
+    """Return the windows that ``("from", text)`` and ``("to", text)`` limit, in the order in which they were given.
 
-    A ``to`` ends the part that a ``from`` before it began, or begins at the run's start; a last ``from`` has the run's
-    end.
+    A ``to`` ends the window that a ``from`` before it opened, or one from the run's start; a last ``from`` reaches to
+    the run's end.
     """
-    parts: list[Part] = []
-    begun: Limit | None = None
+    windows: list[TimeWindow] = []
+    start: Limit | None = None
     for kind, text in limits:
         if kind == "to":
-            parts.append(Part(begun, limit(text)))
-            begun = None
+            windows.append(TimeWindow(start, limit(text)))
+            start = None
         else:
-            if begun is not None:
-                parts.append(Part(begun))
-            begun = limit(text)
-    return tuple(parts if begun is None else [*parts, Part(begun)])
+            if start is not None:
+                windows.append(TimeWindow(start))
+            start = limit(text)
+    return tuple(windows if start is None else [*windows, TimeWindow(start)])
 
 
 def resolve(
-    parts: Sequence[Part], duration: float, marks: Sequence[tuple[float, str]], name: str
+    windows: Sequence[TimeWindow], duration: float, marks: Sequence[tuple[float, str]], name: str
 ) -> tuple[tuple[float, float], ...]:
-    """Return parts in seconds from the run's start.
+    """Return time windows in seconds from the run's start.
 
     Args:
-        parts: at least one.
+        windows: at least one.
         duration: of the run [s].
         marks: time from the run's start [s] and name of each.
         name: what to call the run.
 
     Raises:
-        RunError: an unknown or ambiguous mark, a time outside the run, a part that runs backwards, two that overlap.
+        RunError: an unknown or ambiguous mark, a time outside the run, a window that runs backwards, two that overlap.
     """
-    found = []
-    for part in parts:
-        start = 0.0 if part.start is None else _seconds(part.start, "--from", duration, marks, name)
-        stop = duration if part.stop is None else _seconds(part.stop, "--to", duration, marks, name)
+    spans = []
+    for window in windows:
+        start = 0.0 if window.start is None else _seconds(window.start, "--from", duration, marks, name)
+        stop = duration if window.stop is None else _seconds(window.stop, "--to", duration, marks, name)
         if stop <= start:
             raise RunError(
                 f"the part from {start:g} to {stop:g} s of {name} is empty or reversed: give --to after --from"
             )
-        found.append((start, stop))
-    found.sort()
-    for (_, stop), (start, _) in pairwise(found):
+        spans.append((start, stop))
+    spans.sort()
+    for (_, stop), (start, _) in pairwise(spans):
         if start < stop:
             raise RunError(f"two parts of {name} overlap from {start:g} to {stop:g} s: give parts that do not")
-    return tuple(found)
+    return tuple(spans)
 
 
 def _seconds(limit: Limit, option: str, duration: float, marks: Sequence[tuple[float, str]], name: str) -> float:
     times = [time for time, text in marks if text == limit]
     if isinstance(limit, str):
         if not times:
-            known = ", ".join(sorted({text for _, text in marks})) or "none"
-            raise RunError(f"no mark '{limit}' in {name} for {option}: give seconds or one of its marks ({known})")
+            names = ", ".join(sorted({text for _, text in marks})) or "none"
+            raise RunError(f"no mark '{limit}' in {name} for {option}: give seconds or one of its marks ({names})")
         if len(times) > 1:
             raise RunError(f"{len(times)} marks '{limit}' in {name} for {option}: give seconds instead")
         limit = times[0]
@@ -104,26 +104,26 @@ def on_clock(marks: Sequence[Mark], log_time: np.ndarray, used: np.ndarray, star
     Marks are on the log's clock; where the samples' stamps are on another (half a second apart or more), they are
     brought to it by the delay that the samples have.
     """
-    apart = float(np.median(log_time - used))
-    shift = apart if abs(apart) > 0.5e9 else 0.0
+    delay = float(np.median(log_time - used))
+    shift = delay if abs(delay) > 0.5e9 else 0.0
     return [((mark.time - shift - start) * 1e-9, mark.name) for mark in marks]
 
 
-def cut(run: Run, parts: Sequence[Part] | None, marks: Sequence[tuple[float, str]]) -> Run:
-    """Return the part of a run that counts: the named ones, else the stretches in which its motion tells of the tensor.
+def cut(run: Run, windows: Sequence[TimeWindow] | None, marks: Sequence[tuple[float, str]]) -> Run:
+    """Return the windows of a run that are given, else the segments whose motion determines the tensor.
 
     Raises:
         RunError: see :func:`resolve`.
     """
-    if parts:
-        kept = run.within(resolve(parts, float(run.t[-1]), marks, run.name))
-        return replace(kept, overview=_overview(run))
-    stretches = moving(run.rate, run.omega)
-    found = decisive(run.rate, run.omega, run.force, run.moment, stretches)
-    if not found or (found[0].start == 0 and found[0].stop >= float(run.t[-1] - run.t[0]) - 0.5 / run.rate):
-        return run
+    if windows:
+        chosen = run.within(resolve(windows, float(run.t[-1]), marks, run.name))
+        return replace(chosen, overview=_overview(run))
+    segments = decisive(run.rate, run.omega, run.force, run.moment, moving(run.rate, run.omega))
     first, last = float(run.t[0]), float(run.t[-1])
-    return replace(run.within((first + a, min(first + b, last)) for a, b in found), found=True, overview=_overview(run))
+    if not segments or (segments[0].start == 0 and segments[0].stop >= last - first - 0.5 / run.rate):
+        return run
+    spans = ((first + start, min(first + stop, last)) for start, stop in segments)
+    return replace(run.within(spans), found=True, overview=_overview(run))
 
 
 def _overview(run: Run) -> np.ndarray:

@@ -30,13 +30,13 @@ def instants(
     wild = [channel.topic for channel in channels if channel.topic not in unset and not _increases(channel.stamp)]
     if choice == "header" or (choice is None and not unset and not wild):
         return (channels[0].stamp, channels[1].stamp), ()
-    said = []
+    notes = []
     if choice is None:
-        said = [f"no stamps in the headers of {' and '.join(unset)}"] * bool(unset)
-        said += [f"the headers' stamps of {' and '.join(wild)} do not increase"] * bool(wild)
-        said = [f"{' and '.join(said)}: took the log's times for both sensors"]
+        notes = [f"no stamps in the headers of {' and '.join(unset)}"] * bool(unset)
+        notes += [f"the headers' stamps of {' and '.join(wild)} do not increase"] * bool(wild)
+        notes = [f"{' and '.join(notes)}: took the log's times for both sensors"]
     fitted = [_fitted(channel) for channel in channels]
-    return (fitted[0][0], fitted[1][0]), (*said, *(text for _, texts in fitted for text in texts))
+    return (fitted[0][0], fitted[1][0]), (*notes, *(text for _, texts in fitted for text in texts))
 
 
 def _increases(stamp: np.ndarray) -> bool:

@@ -12,10 +12,10 @@ def names(text: str) -> tuple[str, ...]:
     Raises:
         RunError: one of them is empty.
     """
-    found = tuple(word.strip() for word in text.split(","))
-    if not all(found):
+    mountings = tuple(word.strip() for word in text.split(","))
+    if not all(mountings):
         raise RunError(f"--mounting is '{text}': give a name for each run, separated by commas, such as A,A,B")
-    return found
+    return mountings
 
 
 def check_count(mountings: Sequence[str] | None, runs: int) -> None:

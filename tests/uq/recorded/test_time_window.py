@@ -18,8 +18,8 @@ from tests.uq.cli.test_commands import refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.identification.identify_files import identify_files
-from uq.recorded.clocks import instants
-from uq.recorded.parts import Part, pair, resolve
+from uq.recorded.message_times import instants
+from uq.recorded.time_window import TimeWindow, resolve, windows_of_options
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 
@@ -30,34 +30,34 @@ MARKS = [(1.0, "start"), (5.0, "end"), (7.0, "twice"), (8.0, "twice")]
     ("limits", "parts"),
     [
         ([], ()),
-        ([("from", "2")], [Part(2.0)]),
-        ([("to", "go")], [Part(None, "go")]),
-        ([("from", "1"), ("to", "2"), ("from", "go"), ("to", "8")], [Part(1.0, 2.0), Part("go", 8.0)]),
-        ([("to", "2"), ("from", "5")], [Part(None, 2.0), Part(5.0, None)]),
-        ([("from", "1"), ("from", "5"), ("to", "6")], [Part(1.0, None), Part(5.0, 6.0)]),
+        ([("from", "2")], [TimeWindow(2.0)]),
+        ([("to", "go")], [TimeWindow(None, "go")]),
+        ([("from", "1"), ("to", "2"), ("from", "go"), ("to", "8")], [TimeWindow(1.0, 2.0), TimeWindow("go", 8.0)]),
+        ([("to", "2"), ("from", "5")], [TimeWindow(None, 2.0), TimeWindow(5.0, None)]),
+        ([("from", "1"), ("from", "5"), ("to", "6")], [TimeWindow(1.0, None), TimeWindow(5.0, 6.0)]),
     ],
 )
 def test_limits_become_parts_in_their_order(limits, parts):
-    assert pair(limits) == tuple(parts)
+    assert windows_of_options(limits) == tuple(parts)
 
 
 def test_parts_in_seconds():
-    found = resolve([Part("end", None), Part(0.5, "start")], 10.0, MARKS, "run")
+    found = resolve([TimeWindow("end", None), TimeWindow(0.5, "start")], 10.0, MARKS, "run")
     assert found == ((0.5, 1.0), (5.0, 10.0))
 
 
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ([Part("go")], r"no mark 'go' in run for --from: give seconds or one of its marks \(end, start, twice\)"),
-        ([Part(None, "twice")], "2 marks 'twice' in run for --to: give seconds instead"),
-        ([Part(11.0)], "--from 11 s is outside run, which lasts 10 s"),
-        ([Part(-1.0)], "--from -1 s is outside run"),
-        ([Part(None, float("nan"))], "--to nan s is outside run"),
-        ([Part(float("inf"))], "--from inf s is outside run"),
-        ([Part("end", "start")], "the part from 5 to 1 s of run is empty or reversed: give --to after --from"),
-        ([Part(3.0, 3.0)], "the part from 3 to 3 s of run is empty"),
-        ([Part(1.0, 4.0), Part(3.0, 6.0)], "two parts of run overlap from 3 to 4 s"),
+        ([TimeWindow("go")], r"no mark 'go' in run for --from: give seconds or one of its marks \(end, start, twice\)"),
+        ([TimeWindow(None, "twice")], "2 marks 'twice' in run for --to: give seconds instead"),
+        ([TimeWindow(11.0)], "--from 11 s is outside run, which lasts 10 s"),
+        ([TimeWindow(-1.0)], "--from -1 s is outside run"),
+        ([TimeWindow(None, float("nan"))], "--to nan s is outside run"),
+        ([TimeWindow(float("inf"))], "--from inf s is outside run"),
+        ([TimeWindow("end", "start")], "the part from 5 to 1 s of run is empty or reversed: give --to after --from"),
+        ([TimeWindow(3.0, 3.0)], "the part from 3 to 3 s of run is empty"),
+        ([TimeWindow(1.0, 4.0), TimeWindow(3.0, 6.0)], "two parts of run overlap from 3 to 4 s"),
     ],
 )
 def test_a_part_that_cannot_be_is_refused_in_one_line(parts, words):
@@ -122,8 +122,8 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
 @pytest.mark.parametrize("apart", [0, 10**15])
 def test_a_part_between_marks(short, tmp_path, marked, apart, capsys):
     path = with_notes(tmp_path / "m.mcap", marked[1], marks=[(2.0, "go ω"), (17.5, "end")], apart=apart)
-    by_name = identify_files([path], declare(short), parts=[Part("go ω", "end")])
-    by_time = identify_files([path], declare(short), parts=[Part(2.0, 17.5)])
+    by_name = identify_files([path], declare(short), windows=[TimeWindow("go ω", "end")])
+    by_time = identify_files([path], declare(short), windows=[TimeWindow(2.0, 17.5)])
     np.testing.assert_array_equal(by_name.inertia, by_time.inertia)
     assert by_name.runs[0].parts == ((2.0, 17.5),)
 

@@ -16,7 +16,7 @@ from identify.signals.run import RunError
 from rig.channels import ImuChannel, MotionChannel, Recording
 from rig.mcap.message_fields import JOINTS, POSE, TWIST
 from uq.experiment.recording_table import Recording as Declared
-from uq.recorded.joints import Chain
+from uq.recorded.joint_states import Chain
 
 AT_REST = ("map", "odom", "world", "earth")
 """Frames that do not turn with a body (REP 105)."""
@@ -66,11 +66,11 @@ def motion(bag: Recording, declared: Declared, instants: np.ndarray, *, band: fl
         return Motion(_channel(source, turning), notes=(f"the noise of {source.topic} ({source.type}) is white",))
     if source.orientation is None:
         raise RunError(f"the angular velocity of {name} is zero throughout: record a body that moves")
-    found = _of_pose(source, declared, instants, name, band)
+    from_poses = _of_pose(source, declared, instants, name, band)
     if source.type == POSE:
-        return found
+        return from_poses
     warning = f"the twist of {name} is zero throughout: its poses were differentiated instead"
-    return Motion(found.imu, found.noise, found.notes, (warning,))
+    return Motion(from_poses.imu, from_poses.noise, from_poses.notes, (warning,))
 
 
 def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
@@ -120,13 +120,13 @@ def _of_joints(
     def turn(uniform: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         taps = differentiator(uniform, rate, name, band=band)
         kernel = np.concatenate([-taps[::-1], [0.0], taps])
-        slope = np.stack([np.convolve(part, kernel[::-1], "valid") for part in uniform.T], axis=1)
+        slope = np.stack([np.convolve(column, kernel[::-1], "valid") for column in uniform.T], axis=1)
         inner = uniform[len(taps) : len(uniform) - len(taps)]
         of_joints = np.sqrt(np.mean(np.diff(uniform, 4, axis=0) ** 2, axis=0) / 70)
         return chain.angular_velocity(inner, slope), chain.spread(inner, of_joints), taps
 
-    found = _differentiated(source, position, instants, turn, name, "its joints' positions")
-    return Motion(found.imu, found.noise, (*notes, *found.notes), found.warnings)
+    differentiated = _differentiated(source, position, instants, turn, name, "its joints' positions")
+    return Motion(differentiated.imu, differentiated.noise, (*notes, *differentiated.notes), differentiated.warnings)
 
 
 Turn = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -143,11 +143,11 @@ def _differentiated(
     omega, sigma, taps = turn(uniform, rate)
     half = len(taps)
     near = np.convolve(missing, np.ones(2 * half + 1), "same") > 0.5
-    kept = slice(half, len(t) - half)
-    clear = ~near[kept]
+    inner = slice(half, len(t) - half)
+    clear = ~near[inner]
     if clear.sum() < 2:
         raise RunError(f"fewer than two samples of {name} outside its gaps: record without gaps")
-    grid = (start + np.round(t[kept][clear] * NANOSECONDS)).astype(np.int64)
+    grid = (start + np.round(t[inner][clear] * NANOSECONDS)).astype(np.int64)
     stamped = bool((instants == stamp).all())
     omega = omega[clear]
     imu = ImuChannel(

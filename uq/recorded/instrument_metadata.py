@@ -22,20 +22,20 @@ def about(metadata: Mapping[str, Mapping[str, str]], log_time: np.ndarray) -> di
         Keys ``date`` (ISO, UTC), ``note``, ``instruments`` (a mapping of ``FACTS`` and ``name`` each), ``made_up``
         (``"simulated"`` or ``"emulated"``); what is not known is not there.
     """
-    said = metadata.get("rig.run", {})
-    found: dict[str, Any] = {"instruments": _instruments(said)}
+    record = metadata.get("rig.run", {})
+    facts: dict[str, Any] = {"instruments": _instruments(record)}
     if len(log_time) and log_time[0] >= EARLIEST:
-        found["date"] = datetime.fromtimestamp(int(log_time[0]) // 10**9, UTC).date().isoformat()
-    if said.get("note"):
-        found["note"] = said["note"]
-    if "simulated" in said:
-        found["made_up"] = "simulated"
-    elif any(value.startswith("emulator:") for key, value in said.items() if key.endswith(".port")):
-        found["made_up"] = "emulated"
-    return {key: value for key, value in found.items() if value}
+        facts["date"] = datetime.fromtimestamp(int(log_time[0]) // 10**9, UTC).date().isoformat()
+    if record.get("note"):
+        facts["note"] = record["note"]
+    if "simulated" in record:
+        facts["made_up"] = "simulated"
+    elif any(value.startswith("emulator:") for key, value in record.items() if key.endswith(".port")):
+        facts["made_up"] = "emulated"
+    return {key: value for key, value in facts.items() if value}
 
 
-def _instruments(said: Mapping[str, str]) -> list[dict[str, str]]:
+def _instruments(record: Mapping[str, str]) -> list[dict[str, str]]:
     """Each device that the recording names, with what is known of it."""
-    names = [key.removesuffix(".model") for key in said if key.endswith(".model") and key.count(".") == 1]
-    return [{"name": name} | {fact: text for fact in FACTS if (text := said.get(f"{name}.{fact}"))} for name in names]
+    names = [key.removesuffix(".model") for key in record if key.endswith(".model") and key.count(".") == 1]
+    return [{"name": name} | {fact: text for fact in FACTS if (text := record.get(f"{name}.{fact}"))} for name in names]

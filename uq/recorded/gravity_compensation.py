@@ -32,16 +32,18 @@ def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Ru
         mass = _mass(run, experiment, f"compensated is {recording.compensated}")
         weight = mass * experiment.gravity * upward(run, r_cg, rests)
         how = "the gyro, level at first" if run.specific_force is None else "the accelerometer"
-        said = f"the driver removed the declared mass at the declared r_CG, and gravity's direction is that of {how}"
+        assumption = (
+            f"the driver removed the declared mass at the declared r_CG, and gravity's direction is that of {how}"
+        )
         weighed = _with(run, weight, r_cg, also_moment=recording.compensated == "gravity")
         if run.specific_force is None and recording.compensated == "gravity_from_force":
             _check_level(weighed, rests, experiment)
-        return weighed, (said,)
+        return weighed, (assumption,)
     if recording.zero == "loaded" and recording.offsets == "none":
         mass = _mass(run, experiment, "zero is loaded, with offsets none")
         weight = np.broadcast_to(mass * experiment.gravity * UP, run.force.shape)
-        said = "the load cell was zeroed with the body on it at rest and level"
-        return _with(run, weight, r_cg, also_moment=True), (said,)
+        assumption = "the load cell was zeroed with the body on it at rest and level"
+        return _with(run, weight, r_cg, also_moment=True), (assumption,)
     return run, ()
 
 
