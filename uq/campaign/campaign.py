@@ -39,7 +39,7 @@ TRIALS, MOST_TRIALS = 10_000, 1_000_000
 EARLY = 200
 """Trials after which a trajectory's figures are shown for the first time."""
 
-Shown = Callable[[str, int, Mapping[str, Breakdown]], None]
+Shown = Callable[[str, int, Mapping[str, Breakdown[Statistics]]], None]
 """Called with the trajectory's name, the trials done and the breakdowns by estimator."""
 
 Progress = Callable[[str, int, int], None]
@@ -181,7 +181,7 @@ def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) 
 
 def _breakdowns(
     run: TrialLoop, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
-) -> dict[str, Breakdown]:
+) -> dict[str, Breakdown[Statistics]]:
     """Breakdowns of one trajectory by estimator."""
     inertia, ok = map(np.asarray, run.results(trials))
     return {

@@ -10,7 +10,7 @@ import numpy as np
 from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import html_table, text_table, with_error
 from uq.campaign.result_coverage import coverage_record, stability_record
-from uq.campaign.statistics import GRAM_METRE, Breakdown
+from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
 
@@ -23,7 +23,7 @@ class MonteCarloResult:
     seed: int
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
-    breakdowns: Mapping[str, Mapping[str, Breakdown]]
+    breakdowns: Mapping[str, Mapping[str, Breakdown[Statistics]]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any] = field(repr=False)
@@ -32,7 +32,7 @@ class MonteCarloResult:
     stability: Mapping[str, Mapping[str, Stability]] | None = field(default=None, repr=False, compare=False)
     """What an adaptive campaign reached [kg·m²], by trajectory and estimator; None: the trials were given."""
 
-    def __getitem__(self, key: tuple[str, str]) -> Breakdown:
+    def __getitem__(self, key: tuple[str, str]) -> Breakdown[Statistics]:
         trajectory, estimator = key
         return self.breakdowns[trajectory][estimator]
 
@@ -58,8 +58,7 @@ class MonteCarloResult:
             "trajectories": {
                 trajectory: {
                     estimator: {
-                        "groups": {name: s.to_dict() for name, s in breakdown.groups.items()},
-                        "sources": {name: s.to_dict() for name, s in breakdown.sources.items()},
+                        **breakdown.to_dict(),
                         "failed_trials": breakdown.failed,
                         "coverage": coverage_record(self.total_errors(trajectory, estimator)),
                     }

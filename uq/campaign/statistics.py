@@ -1,12 +1,14 @@
 """What the trials of a campaign say: mean error and dispersion of each case, with their standard errors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS
 from uq.gram_sums.setup import Case
+from uq.trials.trial_loop import finite_trials
 
 GRAM_METRE = 1e3
 """g·m² in a kg·m²."""
@@ -27,8 +29,7 @@ class Statistics:
     @classmethod
     def of(cls, errors: np.ndarray) -> "Statistics":
         """Return the statistics of errors, shape (trials, 6), leaving out trials that failed (NaN)."""
-        finite = np.isfinite(errors).all(axis=1)
-        errors = errors if finite.all() else errors[finite]
+        errors, _ = finite_trials(errors)
         n = len(errors)
         if n < 2:
             nothing = np.full(errors.shape[1], np.nan)
@@ -53,19 +54,44 @@ class Statistics:
         }
 
 
-@dataclass(frozen=True)
-class Breakdown:
-    """One estimator on one trajectory: what each group and each source does to the answer."""
-
-    groups: Mapping[str, Statistics]
-    """``total`` (all sources) and each group alone."""
-    sources: Mapping[str, Statistics]
-    """Each source alone."""
-    failed: int
-    """Trials in which some case could not be solved; they are left out of that case."""
+@runtime_checkable
+class OfCase(Protocol):
+    """What a method says of one case: :class:`Statistics` of trials, or the law's figures."""
 
     @property
-    def total(self) -> Statistics:
+    def three_sigma(self) -> np.ndarray:
+        """Three standard deviations of the six components [kg·m²]."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures by component, in g·m²."""
+
+
+CaseFigures = TypeVar("CaseFigures", bound=OfCase)
+
+
+@dataclass(frozen=True)
+class Breakdown(Generic[CaseFigures]):
+    """One estimator on one trajectory: what each group and each source does to the answer, by trials or by the law."""
+
+    groups: Mapping[str, CaseFigures]
+    """``total`` (all sources) and each group alone."""
+    sources: Mapping[str, CaseFigures]
+    """Each source alone."""
+    failed: int = 0
+    """Trials in which some case could not be solved; they are left out of that case."""
+
+    @classmethod
+    def of(cls, cases: Sequence[Case], figures: Iterable[CaseFigures], failed: int = 0) -> "Breakdown[CaseFigures]":
+        """Sort the figures of all cases into groups and sources."""
+        groups: dict[str, CaseFigures] = {}
+        sources: dict[str, CaseFigures] = {}
+        for case, of_case in zip(cases, figures, strict=True):
+            kind, _, name = case.name.partition(":")
+            (sources if kind == "source" else groups)[name or kind] = of_case
+        return cls(groups, sources, failed)
+
+    @property
+    def total(self) -> CaseFigures:
         """All sources together."""
         return self.groups["total"]
 
@@ -74,8 +100,15 @@ class Breakdown:
         alone = self.groups[group] if group in self.groups else self.sources[group]
         return float(np.mean(alone.three_sigma / self.total.three_sigma))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures of every group and source by component, in g·m²."""
+        return {
+            "groups": {name: figures.to_dict() for name, figures in self.groups.items()},
+            "sources": {name: figures.to_dict() for name, figures in self.sources.items()},
+        }
 
-def breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Breakdown:
+
+def breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Breakdown[Statistics]:
     """Return the statistics of every case of one estimator.
 
     Args:
@@ -83,10 +116,6 @@ def breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Brea
         errors: estimate minus truth, (trials, cases, 6) [kg·m²].
         ok: which could be solved, (trials, cases).
     """
-    groups: dict[str, Statistics] = {}
-    sources: dict[str, Statistics] = {}
     by_case = np.ascontiguousarray(np.moveaxis(errors, 0, -1))  # trials side by side, for fast sums
-    for case, of_case in zip(cases, by_case, strict=True):
-        kind, _, name = case.name.partition(":")
-        (sources if kind == "source" else groups)[name or kind] = Statistics.of(of_case.T)
-    return Breakdown(groups, sources, int(np.sum(~ok.all(axis=1))))
+    statistics = (Statistics.of(of_case.T) for of_case in by_case)
+    return Breakdown.of(cases, statistics, failed=int(np.sum(~ok.all(axis=1))))

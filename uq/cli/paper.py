@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Mapping
 
 from uq.barreto2016 import paper, row
-from uq.campaign.campaign import Breakdown, checkpoint_of
+from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
 from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
 from uq.cli.processes import add_cluster_options, kept_in, together
 
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
         checkpoint = None if out is None else checkpoint_of(kept_in(out), say)
         with ProgressBar(silent=not speaks) as progress:
 
-            def show(trajectory: str, trials: int, found: Mapping[str, Breakdown]) -> None:
+            def show(trajectory: str, trials: int, found: Mapping[str, Breakdown[Statistics]]) -> None:
                 for estimator, breakdown in found.items() if speaks else ():
                     progress.print(row(trajectory, trials, estimator, breakdown.total))
 

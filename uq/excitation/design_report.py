@@ -14,7 +14,7 @@ from identify.motion.leg_limits import effort, platform_motion
 from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import fixed, html_table, text_table
-from uq.campaign.statistics import GRAM_METRE
+from uq.campaign.statistics import GRAM_METRE, Breakdown
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME, designed_files
 from uq.excitation.platform_scene import FRAMES, Scene, scene
@@ -24,7 +24,7 @@ from uq.files.provenance import provenance
 from uq.planning.required_duration import Duration, average, growth_of, required_duration
 from uq.planning.sensor_worth import SensorWorth, sensor_worth
 from uq.propagation.experiment_law import law
-from uq.propagation.law_result import LawBreakdown
+from uq.propagation.law_result import LawStatistics
 
 SHOWN = 10.0
 """How much of the motion figures show, from its middle [s]."""
@@ -44,7 +44,7 @@ class DesignReport:
 
     design: Design
     goal: str
-    laws: Mapping[str, LawBreakdown]
+    laws: Mapping[str, Breakdown[LawStatistics]]
     """By trajectory: ``designed`` first, then ``reference`` (rescaled and retimed), then others of the experiment."""
     bands: Mapping[str, float]
     """Highest frequency that each trajectory's differentiator is matched to [Hz]."""

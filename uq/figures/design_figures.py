@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from identify.motion.leg_limits import Effort, Limits
-from uq.campaign.statistics import GRAM_METRE
+from uq.campaign.statistics import GRAM_METRE, Breakdown
 from uq.figures.campaign_figures import HATCHES, PAGE, PALETTE, STYLE, display_name
 from uq.planning.required_duration import Growth, average
-from uq.propagation.law_result import LawBreakdown
+from uq.propagation.law_result import LawStatistics
 
 AXIS_COLOURS = (PALETTE[1], PALETTE[2], PALETTE[3])
 LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
@@ -78,7 +78,7 @@ def legs(t: Float[np.ndarray, " n"], found: Effort, limits: Limits) -> Figure:
     return figure
 
 
-def budgets(laws: Mapping[str, LawBreakdown], bound: Mapping[str, float | None]) -> Figure:
+def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, float | None]) -> Figure:
     """Draw the average 3σ of moments and products: all sources and each alone, a bar for each trajectory.
 
     Args:

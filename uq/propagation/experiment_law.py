@@ -17,12 +17,13 @@ from jaxtyping import Array, Float, Int
 from identify.motion.trajectory import Motion
 from identify.precision import check_precision
 from uq.campaign.campaign import distinct
+from uq.campaign.statistics import Breakdown
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.gram_sums import gram_moments as moments_of
 from uq.gram_sums.error_maps import Columns, true_elements
 from uq.gram_sums.gram_moments import alphas_of, moments_of_signals, own_products
-from uq.gram_sums.setup import Case, Estimator, cases_of
+from uq.gram_sums.setup import Estimator, cases_of
 from uq.propagation.expansion import (
     Ground,
     Point,
@@ -34,7 +35,7 @@ from uq.propagation.expansion import (
     to_equations,
 )
 from uq.propagation.inputs import CaseInputs, Constants, Peaks, constants_of, inputs_of_cases
-from uq.propagation.law_result import LawBreakdown, LawResult, LawStatistics
+from uq.propagation.law_result import LawResult, LawStatistics
 from uq.sources.constant_errors import perturbed
 from uq.sources.source import Source
 from uq.trials.trial import valid_samples
@@ -70,8 +71,8 @@ class PreparedLaw:
             given = (experiment.sources, experiment.mixing, rate, self.peaks[name])
             found = _of_run(ground, constants, inputs_of_cases(cases, constants, *given))
             breakdowns[name] = {
-                estimator: _breakdown(
-                    cases, [LawStatistics(*(leaf[k, c] for leaf in found)) for c in range(len(cases))]
+                estimator: Breakdown.of(
+                    cases, (LawStatistics(*(leaf[k, c] for leaf in found)) for c in range(len(cases)))
                 )
                 for k, estimator in enumerate(self.estimators)
             }
@@ -271,12 +272,3 @@ def _evaluate(
         return cases((equations, expansions, scatter), index, variant, correlation, wrench)
 
     return jax.lax.map(of_estimator, jnp.arange(len(ground.moments.alphas)))
-
-
-def _breakdown(cases: Sequence[Case], found: Sequence[LawStatistics]) -> LawBreakdown:
-    groups: dict[str, LawStatistics] = {}
-    sources: dict[str, LawStatistics] = {}
-    for case, statistics in zip(cases, found, strict=True):
-        kind, _, name = case.name.partition(":")
-        (sources if kind == "source" else groups)[name or kind] = statistics
-    return LawBreakdown(groups, sources)

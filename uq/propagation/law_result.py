@@ -10,7 +10,8 @@ import scipy
 
 from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import html_table, text_table
-from uq.campaign.campaign import GRAM_METRE, MonteCarloResult
+from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.statistics import GRAM_METRE, Breakdown
 
 
 @dataclass(frozen=True)
@@ -71,32 +72,17 @@ def _by_component(values: np.ndarray) -> dict[str, float | None]:
 
 
 @dataclass(frozen=True)
-class LawBreakdown:
-    """One estimator on one trajectory: what each group and each source does to the answer."""
-
-    groups: Mapping[str, LawStatistics]
-    """``total`` (all sources) and each group alone."""
-    sources: Mapping[str, LawStatistics]
-    """Each source alone."""
-
-    @property
-    def total(self) -> LawStatistics:
-        """All sources together."""
-        return self.groups["total"]
-
-
-@dataclass(frozen=True)
 class LawResult:
-    """The law of propagation for an experiment. ``result["T1", "central"]`` is one :class:`LawBreakdown`."""
+    """The law of propagation for an experiment. ``result["T1", "central"]`` is one :class:`Breakdown`."""
 
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
-    breakdowns: Mapping[str, Mapping[str, LawBreakdown]]
+    breakdowns: Mapping[str, Mapping[str, Breakdown[LawStatistics]]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any] = field(repr=False)
 
-    def __getitem__(self, key: tuple[str, str]) -> LawBreakdown:
+    def __getitem__(self, key: tuple[str, str]) -> Breakdown[LawStatistics]:
         trajectory, estimator = key
         return self.breakdowns[trajectory][estimator]
 
@@ -109,13 +95,7 @@ class LawResult:
         return {
             "unit": "g*m^2",
             "trajectories": {
-                trajectory: {
-                    estimator: {
-                        "groups": {name: s.to_dict() for name, s in breakdown.groups.items()},
-                        "sources": {name: s.to_dict() for name, s in breakdown.sources.items()},
-                    }
-                    for estimator, breakdown in of_trajectory.items()
-                }
+                trajectory: {estimator: breakdown.to_dict() for estimator, breakdown in of_trajectory.items()}
                 for trajectory, of_trajectory in self.breakdowns.items()
             },
             "warnings": list(self.warnings),

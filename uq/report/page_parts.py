@@ -107,7 +107,7 @@ def breakdown_table(result: MonteCarloResult, trajectory: str, estimator: str) -
     return Table(f"{trajectory}, {estimator}: groups and sources alone, g·m²", head, rows, note)
 
 
-def _share(breakdown: Breakdown, name: str) -> str:
+def _share(breakdown: Breakdown[Statistics], name: str) -> str:
     with np.errstate(invalid="ignore", divide="ignore"):
         share = 100 * breakdown.share(name)
     return f"{round(share, 6):.3g}" if np.isfinite(share) else "–"
