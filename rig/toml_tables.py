@@ -41,13 +41,13 @@ class WrongKeyError(ValueError):
         """Return the message for a table that stands at ``where`` and holds ``raw``."""
         path = _path(where, self.key)
         if not self.key:
-            return f"{where} {self.advice}"
+            return f"{where} {self.advice}".lstrip()
         if self.problem is None and self.key not in raw:
             return f"missing key {path}: {self.advice}"
         return f"{path} {self.problem or f'is {raw[self.key]!r}'}: {self.advice}"
 
 
-class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
+class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of a TOML file: a field a key, its docstring what the key means.
 
     A check of several keys together stands in ``__post_init__`` and raises :class:`WrongKeyError`.
@@ -89,7 +89,9 @@ def read_table(where: str, raw: object, table: type[T]) -> T:
             values[field.name] = read_value(path, raw[field.encode_name], types[field.name])
         elif field.required:
             raise TomlError(f"missing key {path}: add it")
-    _refuse_unknown(where, raw, table)
+    config = table.__struct_config__
+    tag = (config.tag_field,) if config.tag_field else ()
+    _refuse_unknown(where, raw, (*table.__struct_encode_fields__, *tag))
     try:
         return table(**values)
     except WrongKeyError as mistake:
@@ -105,10 +107,8 @@ def _path(where: str, key: str) -> str:
     return f"{where}.{key}" if where and key else where or key
 
 
-def _refuse_unknown(where: str, raw: Mapping[str, Any], table: type[TomlTable]) -> None:
-    config = table.__struct_config__
-    keys = {*table.__struct_encode_fields__, *((config.tag_field,) if config.tag_field else ())}
-    if unknown := sorted(set(raw) - keys):
+def _refuse_unknown(where: str, raw: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+    if unknown := sorted(set(raw) - set(keys)):
         raise TomlError(f"unknown key {_path(where, unknown[0])}: the keys here are {', '.join(sorted(keys))}")
 
 
@@ -117,6 +117,8 @@ def read_value(path: str, raw: object, hint: Any) -> Any:
     for meta in getattr(hint, "__metadata__", ()):
         if meta.extra:
             return _written(path, raw, meta.extra["read"])
+    if hint is Any:
+        return raw
     plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if get_origin(plain) in (Union, UnionType):
         return read_value(path, raw, _alternative(path, raw, plain))
@@ -127,7 +129,10 @@ def read_value(path: str, raw: object, hint: Any) -> Any:
     if get_origin(plain) is Mapping:
         if not isinstance(raw, Mapping):
             raise TomlError(f"{path} is {raw!r}: write a table")
-        return {key: read_value(f"{path}.{key}", item, get_args(plain)[1]) for key, item in raw.items()}
+        of_key, of_value = get_args(plain)
+        if get_origin(of_key) is Literal:
+            _refuse_unknown(path, raw, get_args(of_key))
+        return {key: read_value(f"{path}.{key}", item, of_value) for key, item in raw.items()}
     return _plain(path, raw, hint, plain)
 
 

@@ -6,13 +6,13 @@ ISO/IEC 17025:2017, 7.8.6, asks for the specification, the rule, and to which fi
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 import scipy
 
-from identify.rigid_body.inertia import COMPONENTS
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.files.schema import Component, interval
 
 Rule = Literal["simple", "guarded"]
 Outcome = Literal["conforms", "does not conform", "undecided"]
@@ -23,14 +23,20 @@ RULES: Mapping[Rule, str] = {
 }
 
 
-@dataclass(frozen=True)
-class Conformity:
-    """Limits, and how to decide."""
+class Conformity(TomlTable, frozen=True, kw_only=True):
+    """``[report.conformity]``: limits, and how to decide."""
 
     specification: str
+    """What states the limits."""
     rule: Rule
-    limits: Mapping[str, tuple[float, float]]
+    """How the uncertainty is taken into account (JCGM 106, 8.2 and 8.3)."""
+    limits: Mapping[Component, Annotated[tuple[float, float], interval("kg*m^2")]]
     """Least and largest value of components [kg·m²]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a statement without limits."""
+        if not self.limits:
+            raise WrongKeyError("limits", f"name one or more of {', '.join(get_args(Component))}")
 
 
 @dataclass(frozen=True)
@@ -42,33 +48,6 @@ class Decision:
     outcome: Outcome
     probability: float
     """That the component lies within the limits, from a normal distribution."""
-
-
-def parse_conformity(table: Table) -> Conformity:
-    """Return the table ``[report.conformity]``.
-
-    Raises:
-        ExperimentError: a key is missing or unknown, there are no limits, or they are the wrong way round.
-    """
-    specification, rule = table.typed("specification", str), table.choice("rule", get_args(Rule))
-    limits = table.table("limits", _limits)
-    table.finish()
-    return Conformity(specification, rule, limits)
-
-
-def _limits(table: Table) -> dict[str, tuple[float, float]]:
-    found = {}
-    for name in COMPONENTS:
-        if name in table.content:
-            ends = table.vector(name, "kg*m^2", size=2)
-            if ends[0] >= ends[1]:
-                raise ExperimentError(f"{table.path(name)} is {table.content[name]!r}: write the lower limit first")
-            found[name] = (float(ends[0]), float(ends[1]))
-        table.used.add(name)
-    table.finish()
-    if not found:
-        raise ExperimentError(f"no limits in {table.where}: name one or more of {', '.join(COMPONENTS)}")
-    return found
 
 
 def decide(
@@ -87,7 +66,7 @@ def decide(
             name, (low, high), _outcome(conformity.rule, inertia[k], expanded[k], low, high),
             float(np.diff(scipy.stats.norm.cdf([low, high], inertia[k], max(standard_uncertainty[k], 1e-300)))[0]),
         )
-        for k, name in enumerate(COMPONENTS) if name in conformity.limits
+        for k, name in enumerate(get_args(Component)) if name in conformity.limits
         for low, high in [conformity.limits[name]]
     ]  # fmt: skip
 

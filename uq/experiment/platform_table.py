@@ -1,21 +1,30 @@
-"""``[platform] geometry`` and ``[platform.limits]`` of an experiment file -> a platform with legs, and its limits."""
+"""``[platform]`` of an experiment file: gravity, the platform's legs and the rig's limits."""
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
 from identify.motion.leg_limits import Limits
 from identify.motion.stewart_platform import Platform, Rod
+from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.inertia import Body
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
+from uq.files.schema import Axes, Component, declared_table, in_unit, interval, quantity_schema, vector
 
-GEOMETRIES = ("assumed-source-size", "linuxcnc-genhexkins", "simscape-demonstration")
+Geometry = Literal["assumed-source-size", "linuxcnc-genhexkins", "simscape-demonstration"]
+GEOMETRIES: tuple[str, ...] = get_args(Geometry)
 """Platforms that are installed with the package."""
-NONE = {"mass": "0 kg"}
+STANDARD_GRAVITY = 9.80665
+"""Gravity where none is stated [m/s²]."""
+HIGHEST = 10_000.0
+"""Height [m] beyond which no laboratory stands."""
+Metre = Annotated[float, in_unit("m")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,137 +36,174 @@ class DeclaredLimits:
     """Name of the trajectory whose needs limit the legs; None: the figures alone do."""
 
 
-def parse_geometry(table: Table) -> Platform | None:
-    """Return the platform that ``geometry`` of the table ``[platform]`` names or describes; None: it has none.
+class Place(TomlTable, frozen=True, kw_only=True):
+    """Where the platform stands, which tells local gravity."""
 
-    Raises:
-        ExperimentError: an unknown name or key, or a value that it cannot have.
-    """
-    raw = table.raw("geometry", None)
-    if raw is None:
-        return None
-    if isinstance(raw, str):
-        name = table.choice("geometry", GEOMETRIES)
-        text = resources.files("uq").joinpath("presets", "platforms", f"{name}.toml").read_text("utf-8")
-        return _platform(Table("geometry", tomllib.loads(text)))
-    return table.table("geometry", _platform)
+    latitude: Annotated[float, in_unit("rad")]
+    """Geographic latitude."""
+    height: Metre = 0.0
+    """Height above the ellipsoid."""
 
-
-def _platform(table: Table) -> Platform:
-    table.typed("reference", str, "")
-    base, joints = _points(table, "base"), _points(table, "joints", shifted=True)
-    platform = Platform(
-        np.asarray(base),
-        np.asarray(joints),
-        np.asarray(table.vector("home", "m")),
-        table.table("plate", _plate, NONE),
-        table.table("cylinder", _rod, NONE),
-        table.table("rod", _rod, NONE),
-    )
-    table.finish()
-    return platform
+    def __post_init__(self) -> None:
+        """Refuse what is not on the earth."""
+        if abs(self.latitude) > math.pi / 2:
+            raise WrongKeyError("latitude", "write -90 deg to 90 deg")
+        if abs(self.height) > HIGHEST:
+            raise WrongKeyError("height", "write a height on the earth")
 
 
-def _points(table: Table, key: str, *, shifted: bool = False) -> np.ndarray:
-    """Six points: listed, or in three pairs on a circle, counter-clockwise.
+class Ring(TomlTable, frozen=True, kw_only=True):
+    """Six points in three pairs on a circle, counter-clockwise."""
+
+    radius: Annotated[float, in_unit("m", above=0)]
+    """Of the circle."""
+    half_angle: Annotated[float, in_unit("rad", above=0)]
+    """Half of the angle between the points of a pair, as seen from the circle's centre."""
+    first: Annotated[float, in_unit("rad")] = 0.0
+    """Direction of the first pair's middle."""
+    height: Metre = 0.0
+    """Of the circle's plane."""
+
+    @property
+    def points(self) -> np.ndarray:
+        """The points [m], (6, 3)."""
+        angles = self.first + np.radians(120) * np.repeat(np.arange(3), 2) + self.half_angle * np.tile([-1.0, 1.0], 3)
+        height = np.full(6, self.height)
+        return np.stack([self.radius * np.cos(angles), self.radius * np.sin(angles), height], axis=1)
+
+
+def _points(path: str, raw: Any, *, shifted: bool = False) -> np.ndarray:
+    """Six points: listed, or in three pairs on a circle.
 
     The legs part from each pair of the base to the two neighbouring pairs of the platform.
     """
-    raw = table.raw(key)
-    if not isinstance(raw, Mapping):
-        return _listed(table, key, raw)
-    radius, half, first, height = table.table(key, _ring)
-    angles = first + np.radians(120) * np.repeat(np.arange(3), 2) + half * np.tile([-1.0, 1.0], 3)
-    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(6, height)], axis=1)
-    return np.roll(ring, 1, axis=0) if shifted else ring
-
-
-def _listed(table: Table, key: str, raw: Any) -> np.ndarray:
+    if isinstance(raw, Mapping):
+        ring = read_table(path, raw, Ring).points
+        return np.roll(ring, 1, axis=0) if shifted else ring
     if not isinstance(raw, list) or len(raw) != 6:
-        raise ExperimentError(f"{table.path(key)} is {raw!r}: write six points, one a leg, or a circle of three pairs")
-    return np.array([Table(f"{table.path(key)}[{k}]", {"at": point}).vector("at", "m") for k, point in enumerate(raw)])
+        raise ValueError(f"is {raw!r}: write six points, one a leg, or a circle of three pairs")
+    return np.array(read_value(path, raw, tuple[Axes[Metre], ...]))
 
 
-def _ring(table: Table) -> tuple[float, float, float, float]:
-    found = (
-        table.quantity("radius", "m", positive=True),
-        table.quantity("half_angle", "rad", positive=True),
-        table.quantity("first", "rad", 0.0),
-        table.quantity("height", "m", 0.0),
-    )
-    table.finish()
-    return found
+POINT = {"type": "array", "items": quantity_schema("m"), "minItems": 3, "maxItems": 3}
+POINTS = {"anyOf": [{"type": "array", "items": POINT, "minItems": 6, "maxItems": 6}, {"$ref": "#/$defs/Ring"}]}
 
 
-def _plate(table: Table) -> Body:
-    mass = table.quantity("mass", "kg")
-    centre = table.vector("r_cg_from_omb", "m", ["0 m"] * 3)
-    moments = table.raw("inertia", None)
-    inertia = np.zeros(6) if moments is None else table.table("inertia", _tensor)
-    table.finish()
-    parts: Any = (np.asarray(_not_negative(table, mass)), centre, inertia)
-    return Body(*parts)
+class Plate(TomlTable, frozen=True, kw_only=True):
+    """The platform's plate."""
+
+    mass: Annotated[float, in_unit("kg", least=0)]
+    r_cg_from_omb: Axes[Metre] = (0.0, 0.0, 0.0)
+    """Its centre of gravity from the platform's centre."""
+    inertia: Mapping[Component, Annotated[float, in_unit("kg*m^2")]] | None = None
+    """Its tensor about its centre of gravity; entries that are not stated are zero."""
+
+    @property
+    def body(self) -> Body:
+        """Mass, centre of gravity and tensor, in SI."""
+        packed = [(self.inertia or {}).get(name, 0.0) for name in get_args(Component)]
+        parts: Any = (np.asarray(self.mass), np.array(self.r_cg_from_omb), np.array(packed))
+        return Body(*parts)
 
 
-def _tensor(table: Table) -> np.ndarray:
-    names = ("I11", "I12", "I13", "I22", "I23", "I33")
-    packed = np.array([table.quantity(name, "kg*m^2", 0.0) for name in names])
-    table.finish()
-    return packed
+class RodTable(TomlTable, frozen=True, kw_only=True):
+    """A leg's cylinder or rod."""
+
+    mass: Annotated[float, in_unit("kg", least=0)]
+    distance: Annotated[float, in_unit("m", least=0)] = 0.0
+    """Of its centre of gravity from its joint."""
+    inertia: Annotated[float, in_unit("kg*m^2", least=0)] = 0.0
+    """About its centre of gravity, across its axis."""
+
+    @property
+    def rod(self) -> Rod:
+        """The same in SI."""
+        parts: Any = [np.asarray(value) for value in (self.mass, self.distance, self.inertia)]
+        return Rod(*parts)
 
 
-def _rod(table: Table) -> Rod:
-    mass = table.quantity("mass", "kg")
-    distance, inertia = table.quantity("distance", "m", 0.0), table.quantity("inertia", "kg*m^2", 0.0)
-    table.finish()
-    parts: Any = [np.asarray(_not_negative(table, value)) for value in (mass, distance, inertia)]
-    return Rod(*parts)
+class GeometryTable(TomlTable, frozen=True, kw_only=True):
+    """A platform on six legs."""
+
+    reference: str = ""
+    """Where the figures come from."""
+    base: Annotated[np.ndarray, written(_points, POINTS)]
+    """Joints on the base: six points, one a leg, or three pairs on a circle."""
+    joints: Annotated[np.ndarray, written(partial(_points, shifted=True), POINTS)]
+    """Joints on the platform, from its centre."""
+    home: Annotated[np.ndarray, vector("m")]
+    """The platform's centre at home, from the base's."""
+    plate: Plate = Plate(mass=0.0)
+    cylinder: RodTable = RodTable(mass=0.0)
+    """The part of each leg that hangs on the base."""
+    rod: RodTable = RodTable(mass=0.0)
+    """The part of each leg that hangs on the platform."""
+
+    @property
+    def platform(self) -> Platform:
+        """The same in SI."""
+        return Platform(self.base, self.joints, self.home, self.plate.body, self.cylinder.rod, self.rod.rod)
 
 
-def _not_negative(table: Table, value: float) -> float:
-    if value < 0:
-        raise ExperimentError(f"{table.where} holds a value below zero: masses, distances and moments are not")
-    return value
+class LimitsTable(TomlTable, frozen=True, kw_only=True):
+    """``[platform.limits]``: what the rig can do; missing: no limit."""
+
+    length: Annotated[tuple[float, float], interval("m", above=0)] | None = None
+    """Shortest and longest length of a leg."""
+    speed: Annotated[float, in_unit("m/s", above=0)] = np.inf
+    """Of a leg."""
+    acceleration: Annotated[float, in_unit("m/s^2", above=0)] = np.inf
+    """Of a leg."""
+    force: Annotated[float, in_unit("N", above=0)] = np.inf
+    """Of a leg."""
+    joint_angle: Annotated[float, in_unit("rad", above=0)] = np.inf
+    """Largest angle of a leg from its joint's axis."""
+    gyro_range: Annotated[float, in_unit("rad/s", above=0)] = np.inf
+    """Largest angular velocity on each axis of the gyro."""
+    body_acceleration: Annotated[float, in_unit("m/s^2", above=0)] = np.inf
+    """Largest acceleration of the body's centre of gravity."""
+    cell_force: Axes[Annotated[float, in_unit("N", above=0)]] = (np.inf, np.inf, np.inf)
+    """Rated force of the load cell on each axis."""
+    cell_moment: Axes[Annotated[float, in_unit("N*m", above=0)]] = (np.inf, np.inf, np.inf)
+    """Rated moment of the load cell on each axis."""
+    bandwidth: Annotated[float, in_unit("Hz", above=0)] = np.inf
+    """Highest frequency of the command."""
+    needs_of: str | None = None
+    """Name of the trajectory whose needs limit the legs where their own limits are not stated."""
+
+    @property
+    def limits(self) -> DeclaredLimits:
+        """The same in SI, leg by leg."""
+        each = {key: np.full(6, getattr(self, key)) for key in ("speed", "acceleration", "force")}
+        single = {key: np.array(getattr(self, key)) for key in ("joint_angle", "gyro_range", "body_acceleration")}
+        cell = {key: np.array(getattr(self, key)) for key in ("cell_force", "cell_moment")}
+        length = Limits.none().length if self.length is None else np.tile(self.length, (6, 1))
+        figures = Limits.none()._replace(length=length, bandwidth=self.bandwidth, **each, **single, **cell)
+        return DeclaredLimits(figures, self.needs_of)
 
 
-def parse_limits(table: Table) -> DeclaredLimits:
-    """Return the table ``[platform.limits]``.
+class PlatformTable(TomlTable, frozen=True, kw_only=True):
+    """``[platform]``: what carries the body."""
 
-    Raises:
-        ExperimentError: an unknown key, or a value that it cannot have.
-    """
-    free = Limits.none()
-    legs = {"speed": "m/s", "acceleration": "m/s^2", "force": "N"}
-    single = {"joint_angle": "rad", "gyro_range": "rad/s", "body_acceleration": "m/s^2"}
-    figures = free._replace(
-        length=_ends(table),
-        **{key: np.full(6, table.quantity(key, unit, np.inf, positive=True)) for key, unit in legs.items()},
-        **{key: np.array(table.quantity(key, unit, np.inf, positive=True)) for key, unit in single.items()},
-        **{key: _rated(table, key, unit) for key, unit in (("cell_force", "N"), ("cell_moment", "N*m"))},
-        bandwidth=table.quantity("bandwidth", "Hz", np.inf, positive=True),
-    )
-    trajectory = table.typed("needs_of", str, None)
-    table.finish()
-    return DeclaredLimits(figures, trajectory)
+    gravity: Annotated[float, in_unit("m/s^2", above=0)] | Place = STANDARD_GRAVITY
+    """Local gravity: its value, or the latitude and height of the place; missing: standard gravity."""
+    r_cg_from_omb: Annotated[np.ndarray, vector("m")] | None = None
+    """Centre of gravity from the platform's centre, in B; missing: there."""
+    geometry: Geometry | GeometryTable | None = None
+    """The platform's six legs: the name of a platform of the package, or a description."""
+    limits: LimitsTable | None = None
+    """What the rig can do."""
 
+    @property
+    def local_gravity(self) -> float:
+        """Gravity [m/s²]."""
+        place = self.gravity
+        return normal_gravity(place.latitude, place.height) if isinstance(place, Place) else place
 
-def _ends(table: Table) -> np.ndarray:
-    raw = table.raw("length", None)
-    if raw is None:
-        return Limits.none().length
-    if not isinstance(raw, list) or len(raw) != 2:
-        raise ExperimentError(f"{table.path('length')} is {raw!r}: write the shortest and the longest")
-    ends = Table(table.path("length"), {"shortest": raw[0], "longest": raw[1]})
-    low, high = ends.quantity("shortest", "m", positive=True), ends.quantity("longest", "m", positive=True)
-    if low >= high:
-        raise ExperimentError(f"{table.path('length')} is {raw!r}: write the shortest first")
-    return np.tile([low, high], (6, 1))
-
-
-def _rated(table: Table, key: str, unit: str) -> np.ndarray:
-    if key not in table.content:
-        return np.full(3, np.inf)
-    values = table.vector(key, unit)
-    if (values <= 0).any():
-        raise ExperimentError(f"{table.path(key)} is {table.content[key]!r}: write values above zero")
-    return values
+    @property
+    def legs(self) -> Platform | None:
+        """The platform's six legs; None: not stated."""
+        if self.geometry is None or isinstance(self.geometry, GeometryTable):
+            return None if self.geometry is None else self.geometry.platform
+        preset = resources.files("uq").joinpath("presets", "platforms", f"{self.geometry}.toml")
+        return declared_table("geometry", tomllib.loads(preset.read_text("utf-8")), GeometryTable).platform

@@ -6,19 +6,142 @@ never claimed.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import date
-from typing import Any
+from datetime import date, datetime
+from typing import Annotated, Any
 
-from uq.experiment.conformity import Conformity, parse_conformity
-from uq.files.document import ExperimentError, Table, day
+import msgspec
 
-PARTY = ("name", "address", "contact")
-ITEM = ("description", "identification", "manufacturer", "model", "serial_number", "condition")
+from rig.toml_tables import TomlTable, WrongKeyError, read_value, written
+from uq.experiment.conformity import Conformity
+from uq.files.document import ExperimentError
+from uq.files.schema import declared_table
+
+
+def _day(_: str, raw: Any) -> date:
+    """A day, written as TOML's date or as its string."""
+    if isinstance(raw, datetime):
+        return raw.date()
+    try:
+        return raw if isinstance(raw, date) else date.fromisoformat(raw if isinstance(raw, str) else "")
+    except ValueError:
+        raise ValueError(f"is {raw!r}: write a date, such as 2026-03-31") from None
+
+
+def _days(path: str, raw: Any) -> tuple[date, ...]:
+    """A day, or the first and the last."""
+    days = read_value(path, raw if isinstance(raw, list) else [raw], tuple[Day, ...])
+    if len(days) > 2 or list(days) != sorted(days):
+        raise ValueError(f"is {raw!r}: write a date, or the first and the last")
+    return days
+
+
+DAY = {"type": "string", "format": "date"}
+Day = Annotated[date, written(_day, DAY)]
+
+
+class Texts(TomlTable, frozen=True, kw_only=True):
+    """A table with texts, all of which may be missing."""
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """The texts that say something, by their keys."""
+        values = {key: value for key, value in self.to_dict().items() if isinstance(value, str)}
+        return {key: text.strip() for key, text in values.items() if text.strip()}
+
+
+class Party(Texts, frozen=True, kw_only=True):
+    """Who measures, or for whom."""
+
+    name: str | None = None
+    address: str | None = None
+    contact: str | None = None
+
+
+class Item(Texts, frozen=True, kw_only=True):
+    """What is measured."""
+
+    description: str | None = None
+    identification: str | None = None
+    manufacturer: str | None = None
+    model: str | None = None
+    serial_number: str | None = None
+    condition: str | None = None
+
+
+class Person(Texts, frozen=True, kw_only=True):
+    """Who approves the report."""
+
+    name: str | None = None
+    function: str | None = None
+
+
+class InstrumentTable(Texts, frozen=True, kw_only=True):
+    """``[[report.instrument]]``: an instrument and its calibration."""
+
+    name: str | None = None
+    manufacturer: str | None = None
+    model: str | None = None
+    serial_number: str | None = None
+    certificate: str | None = None
+    """Of its calibration."""
+    calibrated_by: str | None = None
+    note: str | None = None
+    calibrated: Day | None = None
+    """Day of its calibration."""
+    due: Day | None = None
+    """Day by which it is to be calibrated again."""
+
+
 INSTRUMENT = ("name", "manufacturer", "model", "serial_number", "certificate", "calibrated_by", "note")
-TEXTS = (
-    "title", "number", "location", "method", "deviations", "sampling", "customer_data", "external", "adjustment",
-    "traceability", "reproduction", "remarks",
-)  # fmt: skip
+
+
+class ReportTable(Texts, frozen=True, kw_only=True):
+    """``[report]``: what a certificate says beside the figures."""
+
+    title: str | None = None
+    number: str | None = None
+    """Of the report."""
+    location: str | None = None
+    """Where the work was done."""
+    method: str | None = None
+    deviations: str | None = None
+    """From the method."""
+    sampling: str | None = None
+    customer_data: str | None = None
+    """Which data the customer gave."""
+    external: str | None = None
+    """Which results others gave."""
+    adjustment: str | None = None
+    """Of the item, and results before it."""
+    traceability: str | None = None
+    reproduction: str | None = None
+    """Terms on which the report may be copied."""
+    remarks: str | None = None
+    laboratory: Party = Party()
+    customer: Party = Party()
+    item: Item = Item()
+    received: Day | None = None
+    """Day on which the item was received."""
+    performed: Annotated[tuple[date, ...], written(_days, {"anyOf": [DAY, {"type": "array", "items": DAY}]})] = ()
+    """Day of the work, or its first and last."""
+    issued: Day | None = None
+    """Day on which the report was issued."""
+    conditions: Mapping[str, str] = {}
+    """Environmental conditions, each by its name."""
+    instrument: tuple[InstrumentTable, ...] = ()
+    coverage_factor: Annotated[float, msgspec.Meta(ge=1, le=10)] | None = None
+    """Of expanded uncertainties; or state ``coverage_probability``."""
+    coverage_probability: Annotated[float, msgspec.Meta(ge=0.5, le=0.9999)] | None = None
+    """Of expanded uncertainties."""
+    approved_by: Person | tuple[Person, ...] = ()
+    """Who approves the report: one or several."""
+    conformity: Conformity | None = None
+    """A statement of conformity."""
+
+    def __post_init__(self) -> None:
+        """Refuse both factor and probability."""
+        if self.coverage_factor is not None and self.coverage_probability is not None:
+            raise WrongKeyError("", "has both coverage_factor and coverage_probability: write one, the other follows")
 
 
 @dataclass(frozen=True)
@@ -49,12 +172,12 @@ class Report:
     """What a certificate says beside the figures. Missing texts are not in the mappings; missing dates are None."""
 
     texts: Mapping[str, str] = field(default_factory=dict)
-    """By the names of ``TEXTS``."""
+    """By the keys of :class:`ReportTable`."""
     laboratory: Mapping[str, str] = field(default_factory=dict)
-    """By the names of ``PARTY``."""
+    """By the keys of :class:`Party`."""
     customer: Mapping[str, str] = field(default_factory=dict)
     item: Mapping[str, str] = field(default_factory=dict)
-    """By the names of ``ITEM``."""
+    """By the keys of :class:`Item`."""
     received: date | None = None
     performed: tuple[date, ...] = ()
     """First and last day of the work, or the only one."""
@@ -71,40 +194,45 @@ class Report:
     conformity: Conformity | None = None
 
 
-def parse_report(table: Table) -> Report:
-    """Return the table ``[report]``.
+def parse_report(content: Mapping[str, Any]) -> Report:
+    """Return what the table ``[report]`` says.
 
     Raises:
         ExperimentError: an unknown key, a value of the wrong kind, or a claim of accreditation.
     """
-    for path in _claims(table.where, table.content):
-        raise ExperimentError(f"{path} would claim accreditation, which a page made by a program cannot: remove it")
-    report = Report(
-        texts=_texts(table, TEXTS),
-        laboratory=table.table("laboratory", lambda part: _texts(part, PARTY, last=True), {}),
-        customer=table.table("customer", lambda part: _texts(part, PARTY, last=True), {}),
-        item=table.table("item", lambda part: _texts(part, ITEM, last=True), {}),
-        received=table.date("received", None),
-        performed=_days(table, "performed"),
-        issued=table.date("issued", None),
-        conditions=_free(table, "conditions"),
-        instruments=table.tables("instrument", _instrument),
-        coverage_factor=_number(table, "coverage_factor", 1.0, 10.0),
-        coverage_probability=_number(table, "coverage_probability", 0.5, 0.9999),
-        approved_by=_people(table),
-        conformity=table.table("conformity", parse_conformity) if "conformity" in table.content else None,
+    refuse_claims(content)
+    table = declared_table("report", content, ReportTable)
+    people = table.approved_by if isinstance(table.approved_by, tuple) else (table.approved_by,)
+    return Report(
+        table.texts,
+        table.laboratory.texts,
+        table.customer.texts,
+        table.item.texts,
+        received=table.received,
+        performed=table.performed,
+        issued=table.issued,
+        conditions={key: text.strip() for key, text in table.conditions.items() if text.strip()},
+        instruments=tuple(Instrument(each.texts, each.calibrated, each.due) for each in table.instrument),
+        coverage_factor=table.coverage_factor,
+        coverage_probability=table.coverage_probability,
+        approved_by=tuple(person.texts for person in people),
+        conformity=table.conformity,
     )
-    table.finish()
-    if report.coverage_factor is not None and report.coverage_probability is not None:
-        raise ExperimentError(
-            f"{table.where} has both coverage_factor and coverage_probability: write one, the other follows"
-        )
-    return report
+
+
+def refuse_claims(content: object) -> None:
+    """Refuse a table ``[report]`` that claims accreditation.
+
+    Raises:
+        ExperimentError: a key, or the title, speaks of it.
+    """
+    for path in _claims("report", content):
+        raise ExperimentError(f"{path} would claim accreditation, which a page made by a program cannot: remove it")
 
 
 def read(provenance: Mapping[str, Any]) -> Report:
     """Return the report that a result carries, with what its recordings say where the table is silent."""
-    report = parse_report(Table("report", provenance.get("report", {})))
+    report = parse_report(provenance.get("report", {}))
     inputs = provenance.get("inputs", ())
     days = recorded_days(inputs)
     stated, left = [], _recorded_instruments(inputs)
@@ -137,7 +265,7 @@ def cautions(table: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]]) -> l
         table: the table ``[report]``.
         inputs: what a result records of its runs.
     """
-    report = parse_report(Table("report", table))
+    report = parse_report(table)
     return [*_of_dates(report, recorded_days(inputs)), *_of_serial_numbers(report, _recorded_instruments(inputs))]
 
 
@@ -190,48 +318,3 @@ def _claims(where: str, content: object) -> Iterator[str]:
     elif isinstance(content, list):
         for k, item in enumerate(content):
             yield from _claims(f"{where}[{k}]", item)
-
-
-def _texts(table: Table, keys: tuple[str, ...], *, last: bool = False) -> dict[str, str]:
-    """The texts among these keys that say something."""
-    found = {key: table.typed(key, str, None) for key in keys}
-    if last:
-        table.finish()
-    return {key: text.strip() for key, text in found.items() if text and text.strip()}
-
-
-def _free(table: Table, key: str) -> dict[str, str]:
-    """A table of texts by names of the user's."""
-    content = table.mapping(key)
-    return _texts(Table(table.path(key), content), tuple(content))
-
-
-def _instrument(table: Table) -> Instrument:
-    texts = _texts(table, INSTRUMENT)
-    instrument = Instrument(texts, table.date("calibrated", None), table.date("due", None))
-    table.finish()
-    return instrument
-
-
-def _people(table: Table) -> tuple[Mapping[str, str], ...]:
-    """Who approves: one or several."""
-    raw = table.raw("approved_by", [])
-    people = raw if isinstance(raw, list) else [raw]
-    where = table.path("approved_by")
-    return tuple(_texts(Table(where, one), ("name", "function"), last=True) for one in people)
-
-
-def _days(table: Table, key: str) -> tuple[date, ...]:
-    """A day, or the first and the last."""
-    raw = table.raw(key, [])
-    days = tuple(day(table.path(key), one) for one in (raw if isinstance(raw, list) else [raw]))
-    if len(days) > 2 or list(days) != sorted(days):
-        raise ExperimentError(f"{table.path(key)} is {raw!r}: write a date, or the first and the last")
-    return days
-
-
-def _number(table: Table, key: str, low: float, high: float) -> float | None:
-    value = table.numbers(key, (), None)
-    if value is not None and not low <= value <= high:
-        raise ExperimentError(f"{table.path(key)} is {table.content[key]!r}: write a number from {low:g} to {high:g}")
-    return None if value is None else float(value)

@@ -8,7 +8,7 @@ A key is a field of a :class:`rig.toml_tables.TomlTable`::
 """
 
 import math
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -21,6 +21,8 @@ T = TypeVar("T")
 Table = TypeVar("Table", bound=TomlTable)
 Axes = tuple[T, T, T]
 """Three values, one an axis."""
+Component = Literal["I11", "I12", "I13", "I22", "I23", "I33"]
+"""A component of a tensor."""
 QUANTITY = r"^\s*[+-]?(\d|\.\d)[\d.eE+-]* +\S.*$"
 """A number, a space and the name of a unit, as a JSON Schema's pattern."""
 
@@ -58,6 +60,19 @@ def vector(unit: str) -> msgspec.Meta:
         return np.array(read_value(path, raw, items))
 
     return written(read, {"type": "array", "items": quantity_schema(unit), "minItems": 3, "maxItems": 3})
+
+
+def interval(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
+    """Return the annotation of two values in ``unit``, the lower first."""
+    end = Annotated[float, in_unit(unit, above=above)]
+
+    def read(path: str, raw: Any) -> tuple[float, float]:
+        low, high = read_value(path, raw, tuple[end, end])
+        if low >= high:
+            raise ValueError(f"is {raw!r}: write the lower limit first")
+        return low, high
+
+    return written(read, {"type": "array", "items": quantity_schema(unit), "minItems": 2, "maxItems": 2})
 
 
 def matrix(rows: int, columns: int) -> msgspec.Meta:

@@ -16,14 +16,15 @@ from identify.rigid_body.rotation import specific_force_at
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.experiment.multisine_table import COLUMNS, multisine_csv
-from uq.experiment.platform_table import GEOMETRIES, parse_geometry, parse_limits
-from uq.files.document import ExperimentError, Table
+from uq.experiment.platform_table import GEOMETRIES, LimitsTable, PlatformTable
+from uq.files.document import ExperimentError
+from uq.files.schema import declared_table
 
 GRAVITY = jnp.array(9.81)
 
 
 def named(name):
-    return parse_geometry(Table("platform", {"geometry": name}))
+    return declared_table("platform", {"geometry": name}, PlatformTable).legs
 
 
 @pytest.fixture(scope="module")
@@ -101,11 +102,11 @@ def test_every_limit_is_looked_at(preset):
     platform = named("assumed-source-size")
     motion = motion_of(preset, "T2", platform, rate=50.0, duration=60.0)
     found = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
-    limits = parse_limits(Table("limits", {
+    limits = declared_table("limits", {
         "length": ["0.5 m", "0.7 m"], "speed": "1 m/s", "acceleration": "2 m/s^2", "force": "500 N",
         "joint_angle": "30 deg", "cell_force": ["200 N", "200 N", "400 N"], "cell_moment": ["20 N*m"] * 3,
         "gyro_range": "100 deg/s", "body_acceleration": "1 g_n", "bandwidth": "5 Hz",
-    })).figures  # fmt: skip
+    }, LimitsTable).limits.figures  # fmt: skip
     used = shares(found, limits)
     assert len(peaks(found, limits, motion.t)) == len(used) == 9
     np.testing.assert_allclose(
@@ -200,7 +201,7 @@ def test_a_moving_cg_passes_through_the_campaign(preset, tmp_path, multisine):
     ("change", "message"),
     [
         ({"amplitudes": "other.csv"}, "no file .*other.csv at trajectory.D.amplitudes"),
-        ({"still": "cg"}, 'trajectory.D.still is "cg": a multisine'),
+        ({"still": "cg"}, "trajectory.D.still is 'cg': choose one of omb"),
         ({"ramp": "11 s"}, "at most half"),
         ({"amplitudes": 3}, "trajectory.D.amplitudes"),
     ],
@@ -234,7 +235,7 @@ def test_bad_amplitudes(preset, tmp_path, multisine, text, message):
         ({"geometry": {"base": 1, "joints": 2, "home": ["0 m"] * 3}}, "platform.geometry.base is 1: write six points"),
         ({"geometry": {"base": {"radius": "1 kg", "half_angle": "3 deg"}}}, "platform.geometry.base.radius"),
         ({"limits": {"speed": "0 m/s"}}, "platform.limits.speed"),
-        ({"limits": {"length": ["2 m", "1 m"]}}, "write the shortest first"),
+        ({"limits": {"length": ["2 m", "1 m"]}}, "write the lower limit first"),
         ({"limits": {"cell_force": ["1 N", "1 N", "-1 N"]}}, "platform.limits.cell_force"),
         ({"limits": {"sped": "1 m/s"}}, "platform.limits.sped"),
         (
@@ -246,7 +247,7 @@ def test_bad_amplitudes(preset, tmp_path, multisine, text, message):
                     "rod": {"mass": "-1 kg"},
                 }
             },
-            "below zero",
+            "platform.geometry.rod.mass is '-1 kg': write zero or more",
         ),
     ],
 )

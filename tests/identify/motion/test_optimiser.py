@@ -11,8 +11,8 @@ from identify.motion.leg_limits import Limits
 from identify.motion.mean_square import largest_amplitude, largest_mean_square
 from identify.motion.optimiser import Lagrangian, minimise
 from identify.motion.periodic_motion import Periodic, accelerations
-from uq.experiment.platform_table import parse_geometry
-from uq.files.document import Table
+from uq.experiment.platform_table import PlatformTable
+from uq.files.schema import declared_table
 
 OFFSET, GRAVITY = np.array([0.01, -0.02, 0.11]), np.array(9.81)
 
@@ -45,7 +45,9 @@ def test_a_minimum_within_the_limits_is_left_alone():
 
 @pytest.fixture(scope="module")
 def platform():
-    return jax.tree.map(jnp.asarray, parse_geometry(Table("platform", {"geometry": "assumed-source-size"})))
+    return jax.tree.map(
+        jnp.asarray, declared_table("platform", {"geometry": "assumed-source-size"}, PlatformTable).legs
+    )
 
 
 @pytest.fixture(scope="module")

@@ -165,10 +165,12 @@ def stages(platform):
 
 @pytest.fixture(scope="module")
 def platform():
-    from uq.experiment.platform_table import parse_geometry
-    from uq.files.document import Table
+    from uq.experiment.platform_table import PlatformTable
+    from uq.files.schema import declared_table
 
-    return jax.tree.map(jnp.asarray, parse_geometry(Table("platform", {"geometry": "assumed-source-size"})))
+    return jax.tree.map(
+        jnp.asarray, declared_table("platform", {"geometry": "assumed-source-size"}, PlatformTable).legs
+    )
 
 
 def test_stages_move_as_their_trajectory(platform, stages, generator):

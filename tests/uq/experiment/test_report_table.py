@@ -11,7 +11,7 @@ import pytest
 
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import cautions, parse_report, read
-from uq.files.document import ExperimentError, Table
+from uq.files.document import ExperimentError
 
 ROOT = Path(__file__).parents[3]
 T1 = (ROOT / "docs" / "experiments" / "t1-10s.toml").read_text("utf-8")
@@ -48,7 +48,7 @@ limits = { I11 = ["300 g*m^2", "0.4 kg*m^2"] }
 
 
 def report(text):
-    return parse_report(Table("report", tomllib.loads(text)["report"]))
+    return parse_report(tomllib.loads(text)["report"])
 
 
 def test_what_is_stated_is_kept_and_the_rest_is_not_there():
@@ -94,7 +94,7 @@ def test_an_experiment_carries_it_through_json():
         ({"performed": ["2026-03-01"] * 3}, "report.performed is .*: write a date, or the first and the last"),
         ({"instrument": {"name": "a"}}, r"report.instrument is a table: write \[\[report.instrument\]\]"),
         ({"instrument": [{"name": "a", "due": "soon"}]}, r"report.instrument\[a\].due is 'soon': write a date"),
-        ({"coverage_factor": "2"}, "report.coverage_factor is '2': write a finite number"),
+        ({"coverage_factor": "2"}, "report.coverage_factor is '2': write a number from 1 to 10"),
         ({"coverage_factor": 0}, "report.coverage_factor is 0: write a number from 1 to 10"),
         ({"coverage_probability": 95}, "report.coverage_probability is 95: write a number from 0.5 to 0.9999"),
         ({"coverage_factor": 2, "coverage_probability": 0.9}, "both coverage_factor and coverage_probability"),
@@ -103,7 +103,10 @@ def test_an_experiment_carries_it_through_json():
         ({"conformity": {"rule": "simple"}}, "missing key report.conformity.specification"),
         ({"conformity": {"specification": "a", "limits": {"I11": ["1 g*m^2", "2 g*m^2"]}}}, "missing key .*rule"),
         ({"conformity": {"specification": "a", "rule": "mild"}}, "choose one of simple, guarded"),
-        ({"conformity": {"specification": "a", "rule": "simple", "limits": {}}}, "no limits in report.conformity"),
+        (
+            {"conformity": {"specification": "a", "rule": "simple", "limits": {}}},
+            "report.conformity.limits is {}: name one or more of",
+        ),
         (
             {"conformity": {"specification": "a", "rule": "simple", "limits": {"I11": ["2 g*m^2", "1 g*m^2"]}}},
             "write the lower limit first",

@@ -13,8 +13,8 @@ from identify.static.pose_design import best_poses, log_determinant
 from identify.static.pose_fit import Attitudes
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.experiment.platform_table import parse_limits
-from uq.files.document import Table
+from uq.experiment.platform_table import LimitsTable
+from uq.files.schema import declared_table
 from uq.files.toml_text import toml_text
 from uq.planning.pose_plan import COLUMNS, DECLARATION, plan_poses
 
@@ -45,7 +45,7 @@ def experiment(preset):
 
 @pytest.fixture(scope="module")
 def limits():
-    return parse_limits(Table("limits", LIMITS)).figures
+    return declared_table("limits", LIMITS, LimitsTable).limits.figures
 
 
 @pytest.fixture(scope="module")

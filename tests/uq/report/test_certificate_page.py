@@ -111,7 +111,7 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
     assert rows[3][6] == "1 … ∞"
     assert rows[0] == of_tensor(plain).rows(1e3)[0]
     for rule in ("simple", "guarded"):
-        (one,) = decide(Conformity("a", rule, {"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
+        (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
                         of_tensor(weak).expanded)  # fmt: skip
         assert one.outcome == "undecided"
     why = Admissible(weak.inertia, interval, np.arange(6) % 2 == 0, plain.inertia, plain.interval95, "data too weak")
@@ -195,7 +195,7 @@ def test_contributions_add_up_to_the_variance(plain):
 def test_the_decision_rule_decides(value, simple, guarded):
     inertia, u = np.full(6, value), np.full(6, 0.1)
     for rule, outcome in (("simple", simple), ("guarded", guarded)):
-        (one,) = decide(Conformity("a", rule, {"I22": (9.0, 11.0)}), inertia, u, 2 * u)
+        (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (9.0, 11.0)}), inertia, u, 2 * u)
         assert (one.component, one.outcome) == ("I22", outcome)
     assert one.probability == pytest.approx({10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3)
 

@@ -1,0 +1,108 @@
+"""``[trajectory.NAME]`` of an experiment file: how the platform moves, for how long, at which sample rate."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from identify.motion.trajectory import Harmonic, Sphere, Trajectory
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.experiment.multisine_table import read_multisine
+from uq.files.schema import in_unit
+
+MOST_SAMPLES = 100_000_000
+
+
+@dataclass(frozen=True)
+class TrajectorySpec:
+    """A trajectory and how it is sampled and carried."""
+
+    trajectory: Trajectory
+    duration: float
+    """Duration [s]."""
+    rate: float
+    """Sample rate of load cell and IMU [Hz]."""
+    still: Literal["cg", "omb"]
+    """The point that keeps still: the centre of gravity, or the platform's centre OMB."""
+
+
+class TrajectoryTable(TomlTable, frozen=True, kw_only=True, tag_field="kind"):
+    """What all trajectories have."""
+
+    SEGMENTS: ClassVar[int] = 1
+    duration: Annotated[float, in_unit("s", above=0)]
+    rate: Annotated[float, in_unit("Hz", above=0)]
+    """Sample rate of load cell and IMU."""
+    ramp: Annotated[float, in_unit("s", above=0)]
+    """Time to start and to stop each motion."""
+
+    def __post_init__(self) -> None:
+        """Refuse ramps that leave no motion, and numbers of samples beyond sense."""
+        segment = self.duration / self.SEGMENTS
+        if 2 * self.ramp > segment:
+            raise WrongKeyError("ramp", f"at most half of the {segment:g} s that a motion lasts", f"is {self.ramp:g} s")
+        if self.duration * self.rate > MOST_SAMPLES:
+            raise WrongKeyError("", f"has more than {MOST_SAMPLES:,} samples: lower duration or rate")
+        if round(self.duration * self.rate) < 2:
+            raise WrongKeyError("", "has fewer than two samples: raise duration or rate")
+
+
+class SphereTable(TrajectoryTable, frozen=True, kw_only=True, tag="sphere"):
+    """Angular velocity and acceleration of constant size whose directions cover a sphere."""
+
+    still: Literal["cg", "omb"] = "cg"
+    """The point that keeps still: the centre of gravity, or the platform's centre."""
+    angular_velocity: Annotated[float, in_unit("rad/s", above=0)]
+    """Half the diameter of the sphere of angular velocities."""
+    angular_acceleration: Annotated[float, in_unit("rad/s^2", above=0)]
+    """Half the diameter of the sphere of angular accelerations."""
+    precessions: int
+    """Turns about the pole."""
+    pole: Literal["b1", "b2", "b3"] = "b2"
+    """The body's axis about which the motion precesses."""
+
+    def spec(self, name: str, folder: Path) -> TrajectorySpec:
+        """Return the trajectory of this name."""
+        sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
+        pole = ("b1", "b2", "b3").index(self.pole)
+        ends = np.array(self.duration), np.array(self.ramp)
+        trajectory = Sphere(*sizes, *ends, np.array(float(self.precessions)), pole)
+        return TrajectorySpec(trajectory, self.duration, self.rate, self.still)
+
+
+class HarmonicTable(TrajectoryTable, frozen=True, kw_only=True, tag="harmonic"):
+    """Harmonic turns about the three axes, one after another."""
+
+    SEGMENTS: ClassVar[int] = 3
+    still: Literal["cg", "omb"] = "cg"
+    """The point that keeps still: the centre of gravity, or the platform's centre."""
+    angular_velocity: Annotated[float, in_unit("rad/s", above=0)]
+    """Amplitude of the angular velocity."""
+    angular_acceleration: Annotated[float, in_unit("rad/s^2", above=0)]
+    """Amplitude of the angular acceleration."""
+
+    def spec(self, name: str, folder: Path) -> TrajectorySpec:
+        """Return the trajectory of this name."""
+        sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
+        trajectory = Harmonic(*sizes, np.array(self.duration), np.array(self.ramp))
+        return TrajectorySpec(trajectory, self.duration, self.rate, self.still)
+
+
+class MultisineTable(TrajectoryTable, frozen=True, kw_only=True, tag="multisine"):
+    """Sines of several frequencies in the pose of the platform's centre."""
+
+    still: Literal["omb"] = "omb"
+    """A multisine carries the platform's centre."""
+    amplitudes: str
+    """A table of amplitudes in a file beside the experiment."""
+
+    def spec(self, name: str, folder: Path) -> TrajectorySpec:
+        """Return the trajectory of this name, its amplitudes from a file in the folder.
+
+        Raises:
+            ExperimentError: the file is missing or holds no amplitudes.
+        """
+        ends = {"duration": np.array(self.duration), "ramp": np.array(self.ramp)}
+        trajectory = read_multisine(f"trajectory.{name}.amplitudes", folder / self.amplitudes, **ends)
+        return TrajectorySpec(trajectory, self.duration, self.rate, self.still)
