@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bags.contents import Contents, load
+from rig.bags.topics import Contents, load
 from rig.channels import ImuChannel, Recording, WrenchChannel
 from rig.exceptions import RigError
 from rig.files import replacing

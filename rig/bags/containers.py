@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 
 import zstandard
 
-from rig.bags.packing import ZSTD
+from rig.bags.message_batches import ZSTD
 from rig.exceptions import RigError
 from rig.mcap.container import MAGIC, Batch, Definitions, Scanner, batches, damage
 

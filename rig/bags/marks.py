@@ -5,7 +5,7 @@ import struct
 from typing import NamedTuple
 
 from rig.bags.containers import open_source
-from rig.bags.packing import MESSAGE
+from rig.bags.message_batches import MESSAGE
 from rig.mcap.container import Definitions
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT, canonical
 

@@ -1,31 +1,18 @@
 """ROS 1 bags (.bag, version 2.0), by the optional package rosbags; their messages are decoded like all others."""
 
-import hashlib
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 from mcap.records import Channel, Schema
 
-from rig.bags.packing import Packer
+from rig.bags.message_batches import ForeignFile, Packer
 from rig.exceptions import RigError
-from rig.mcap import message_definitions
 from rig.mcap.container import Batch, Definitions
+from rig.mcap.message_definitions import canonical
 
-PathLike = str | os.PathLike[str]
 
-
-class Ros1Part:
-    """A .bag file; ``name`` is what messages call it."""
-
-    def __init__(self, path: PathLike, name: PathLike) -> None:
-        self.path, self.name = path, name
-
-    @property
-    def sha256(self) -> str:
-        """The file's hash."""
-        with open(self.path, "rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+class Ros1Part(ForeignFile):
+    """A .bag file."""
 
     def damage(self, why: str) -> RigError:
         """The error for a file that is cut or damaged."""
@@ -44,7 +31,7 @@ class Ros1Part:
                     number = connection.id
                     definitions.schemas[number] = Schema(number, b"", "ros1msg", connection.msgtype)
                     definitions.channels[number] = Channel(number, connection.topic, "ros1", {}, number)
-                wanted = [item for item in reader.connections if message_definitions.canonical(item.msgtype) in types]
+                wanted = [item for item in reader.connections if canonical(item.msgtype) in types]
                 for connection, time, data in reader.messages(wanted) if wanted else ():
                     packer.add(connection.id, time, bytes(data))
                     if packer.full:

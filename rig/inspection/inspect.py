@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from rig.bags.contents import load
+from rig.bags.topics import load
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import Channel, Finding, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH

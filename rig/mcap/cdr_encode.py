@@ -1,9 +1,11 @@
-"""CDR, the encoding of ROS 2 messages: WrenchStamped and Imu to bytes.
+"""CDR, the encoding of ROS 2 messages: from the values that our runs carry to bytes.
 
-:mod:`rig.mcap.cdr_layout` explains and reads it.
+:mod:`rig.mcap.cdr_layout` explains and reads it. WrenchStamped and Imu, a thousand a second, by one packed structure;
+the others (raw bytes, named values, marks, device status) field by field.
 """
 
 import struct
+from collections.abc import Mapping, Sequence
 
 from rig.mcap import message_definitions
 from rig.mcap.message_fields import SHAPES
@@ -49,3 +51,63 @@ class ImuEncoder(Encoder):
         return super().__call__(
             stamp, *_NO_ORIENTATION, *values[:3], *_UNKNOWN_COVARIANCE, *values[3:], *_UNKNOWN_COVARIANCE
         )
+
+
+class _Writer:
+    """Appends CDR fields, each aligned to its size."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+
+    def put(self, form: str, *values: int | float) -> "_Writer":
+        size = struct.calcsize("<" + form[-1])
+        self._data += bytes(-len(self._data) % size)
+        self._data += struct.pack("<" + form, *values)
+        return self
+
+    def text(self, value: str) -> "_Writer":
+        data = value.encode() + b"\0"
+        self.put("I", len(data))
+        self._data += data
+        return self
+
+    def header(self, stamp: int, frame_id: str) -> "_Writer":
+        return self.put("i", stamp // 10**9).put("I", stamp % 10**9).text(frame_id)
+
+    def finish(self) -> bytes:
+        return ENCAPSULATION + bytes(self._data)
+
+
+_BYTES_START = ENCAPSULATION + struct.pack("<II", 0, 0)
+
+
+def encode_bytes(data: bytes) -> bytes:
+    """std_msgs/UInt8MultiArray without dimensions."""
+    return _BYTES_START + struct.pack("<I", len(data)) + data
+
+
+def encode_text(value: str) -> bytes:
+    """std_msgs/String."""
+    return _Writer().text(value).finish()
+
+
+def encode_values(stamp: int, frame_id: str, names: Sequence[str], numbers: Sequence[float]) -> bytes:
+    """sensor_msgs/JointState with names and positions, stamp in ns."""
+    writer = _Writer().header(stamp, frame_id).put("I", len(names))
+    for name in names:
+        writer.text(name)
+    writer.put("I", len(numbers)).put(f"{len(numbers)}d", *numbers)
+    return writer.put("I", 0).put("I", 0).finish()
+
+
+OK, WARN, ERROR = 0, 1, 2
+
+
+def encode_diagnostics(stamp: int, statuses: Sequence[tuple[int, str, str, Mapping[str, object]]]) -> bytes:
+    """diagnostic_msgs/DiagnosticArray of (level, device, message, values), stamp in ns."""
+    writer = _Writer().header(stamp, "").put("I", len(statuses))
+    for level, name, message, pairs in statuses:
+        writer.put("B", level).text(name).text(message).text("").put("I", len(pairs))
+        for key, value in pairs.items():
+            writer.text(key).text(str(value))
+    return writer.finish()

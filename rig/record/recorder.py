@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from rig.exceptions import RigError
-from rig.mcap import cdr_encode, message_definitions, status_messages
+from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.container import seal
 from rig.mcap.writer import new_writer, register
 from rig.record import command_delay, memory
@@ -181,7 +181,7 @@ class Recorder:
         measures = entry.device.measures
         if measures == "values":
             names = getattr(entry.device, "names", ())
-            return lambda stamp, values: status_messages.values(stamp, entry.frame_id, names, values)
+            return lambda stamp, values: cdr_encode.encode_values(stamp, entry.frame_id, names, values)
         encode = ENCODERS[measures](entry.frame_id)
         return lambda stamp, values: encode(stamp, *values)
 
@@ -193,7 +193,7 @@ class Recorder:
             for event in session.events(source):
                 if event.data:
                     time_ = event.time + self._epoch
-                    self._writer.add_message(self._raw[name], time_, status_messages.raw(event.data), time_)
+                    self._writer.add_message(self._raw[name], time_, cdr_encode.encode_bytes(event.data), time_)
                 for measurement in source.take(event):
                     self._write(channel, encode, measurement)
                     if kept is not None:
@@ -204,7 +204,7 @@ class Recorder:
             self._writer.add_message(
                 self._mark_channel,
                 time_ + self._epoch,
-                status_messages.text(text),
+                cdr_encode.encode_text(text),
                 time_ + self._epoch,
                 self.summary.marks,
             )
@@ -214,7 +214,7 @@ class Recorder:
         for source in session.sources:
             while source.troubles:
                 self._say(source.troubles[0])
-                self._report(status_messages.WARN, source, source.troubles.pop(0))
+                self._report(cdr_encode.WARN, source, source.troubles.pop(0))
 
     def _write(self, channel: int, encode: Callable[[int, tuple[float, ...]], bytes], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
@@ -224,14 +224,14 @@ class Recorder:
     def _status(self, session: Session, now: int) -> None:
         rows = []
         for source in session.sources:
-            level = status_messages.OK if source.state == "ok" else status_messages.ERROR
+            level = cdr_encode.OK if source.state == "ok" else cdr_encode.ERROR
             rows.append((level, source.entry.name, source.state, self._facts(source)))
-        data = status_messages.diagnostics(now + self._epoch, rows)
+        data = cdr_encode.encode_diagnostics(now + self._epoch, rows)
         self._writer.add_message(self._status_channel, now + self._epoch, data, now + self._epoch)
 
     def _report(self, level: int, source: Source, text: str) -> None:
         now = time.monotonic_ns() + self._epoch
-        data = status_messages.diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
+        data = cdr_encode.encode_diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
         self._writer.add_message(self._status_channel, now, data, now)
 
     @staticmethod

@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from rig import runs
-from rig.bags import protobuf
+from rig.bags import protobuf_messages
 from rig.exceptions import RigError
 from tests.bags import ROS1, STORE, header, merged, wrench, write_mcap, write_ros1, write_rosbag2
 from tests.rig_samples import IMU_COLUMNS, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
@@ -173,7 +173,7 @@ def test_foxgloves_pose_is_a_pose(tmp_path):
 
 
 def test_protobuf_is_decoded_as_googles_library_encodes_it():
-    tree = protobuf.decoder(DESCRIPTORS, "ros.geometry_msgs.WrenchStamped")(MESSAGE)
+    tree = protobuf_messages.decoder(DESCRIPTORS, "ros.geometry_msgs.WrenchStamped")(MESSAGE)
     assert tree["header"] == {"stamp": {"seconds": 12, "nanos": 345}, "frame_id": "cell"}
     assert tree["wrench"]["force"] == {"x": 1.5, "y": 0.0, "z": -9.25}
     assert tree["wrench"]["torque"] == {"x": 0.0, "y": 0.125, "z": 0.0}
@@ -181,7 +181,7 @@ def test_protobuf_is_decoded_as_googles_library_encodes_it():
 
 
 def test_any_cut_of_a_protobuf_message_is_refused_or_has_other_fields():
-    decode = protobuf.decoder(DESCRIPTORS, "ros.geometry_msgs.WrenchStamped")
+    decode = protobuf_messages.decoder(DESCRIPTORS, "ros.geometry_msgs.WrenchStamped")
     whole = decode(MESSAGE)
     for size in range(1, len(MESSAGE)):
         try:

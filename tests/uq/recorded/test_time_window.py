@@ -10,7 +10,7 @@ from identify.signals.held_samples import held, repeats, saturated
 from identify.signals.run import Run, RunError
 from rig.bags import marks
 from rig.channels import ImuChannel
-from rig.mcap import status_messages
+from rig.mcap import cdr_encode
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT
 from rig.mcap.writer import new_writer, register
 from tests.recordings import Signals, declare, write
@@ -110,10 +110,10 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
             writer.add_message(ids[1], time + apart, imu(time, *of_imu), time, k)
         for seconds, name in marks:
             time = round(seconds * 1e9) + apart
-            writer.add_message(ids[2], time, status_messages.text(name), time, 0)
+            writer.add_message(ids[2], time, cdr_encode.encode_text(name), time, 0)
         for seconds, count in flagged:
             time = round(seconds * 1e9) + apart
-            status = status_messages.diagnostics(time, [(0, "cell", "ok", {"samples": 1, "flagged": count})])
+            status = cdr_encode.encode_diagnostics(time, [(0, "cell", "ok", {"samples": 1, "flagged": count})])
             writer.add_message(ids[3], time, status, time, 0)
         writer.finish()
     return path
@@ -161,7 +161,7 @@ def test_samples_of_a_second_out_of_range_are_left_out_and_counted(short, tmp_pa
 def test_marks_in_both_byte_orders_and_what_is_no_mark():
     big = b"\0\0\0\0" + struct.pack(">I", 3) + b"go\0"
     assert marks._Reader(big).text() == "go"
-    assert marks._Reader(status_messages.text("gö")).text() == "gö"
+    assert marks._Reader(cdr_encode.encode_text("gö")).text() == "gö"
     with pytest.raises(ValueError, match="not plain CDR"):
         marks._Reader(b"\0\7\0\0")
 

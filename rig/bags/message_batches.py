@@ -1,5 +1,7 @@
 """Messages of any container as the chunks of MCAP records that :mod:`rig.mcap.cdr_decode` takes."""
 
+import hashlib
+import os
 import struct
 from collections.abc import Iterator
 
@@ -12,6 +14,19 @@ MESSAGE = struct.Struct("<BQHIQQ")
 ZSTD = b"\x28\xb5\x2f\xfd"
 FULL = 2**20
 """Bytes of a chunk."""
+
+
+class ForeignFile:
+    """A file that is no MCAP; ``name`` is what messages call it."""
+
+    def __init__(self, path: str | os.PathLike[str], name: str | os.PathLike[str]) -> None:
+        self.path, self.name = path, name
+
+    @property
+    def sha256(self) -> str:
+        """The file's hash."""
+        with open(self.path, "rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 class Packer:

@@ -13,8 +13,8 @@ import numpy as np
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from rig.bags.packing import MESSAGE
-from rig.bags.protobuf import decoder
+from rig.bags.message_batches import MESSAGE
+from rig.bags.protobuf_messages import decoder
 from rig.mcap.message_fields import SHAPES, STAMPED, Field, columns
 
 ENCODINGS = ("json", "protobuf")
