@@ -38,7 +38,7 @@ OTHERS = {
 
 
 @runtime_checkable
-class Part(Protocol):
+class ContainerFile(Protocol):
     """One file of a recording."""
 
     @property
@@ -52,7 +52,7 @@ class Part(Protocol):
         """The error for what is wrong with the part read last."""
 
 
-class McapPart:
+class McapFile:
     """An MCAP file; ``name`` is what messages call it, where it was unpacked from another."""
 
     def __init__(self, path: PathLike, name: PathLike | None = None) -> None:
@@ -75,20 +75,20 @@ class McapPart:
         return damage(self.name, 0 if self._scanner is None else self._scanner.position, why)
 
 
-class ZstdPart:
+class ZstdFile:
     """A compressed file of any kind, unpacked to a temporary file while it is read."""
 
     def __init__(self, path: PathLike, name: PathLike | None = None) -> None:
         self.path, self.name = path, path if name is None else name
         self.sha256 = ""
-        self._inner: Part | None = None
+        self._inner: ContainerFile | None = None
 
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages of the file inside."""
         with tempfile.TemporaryDirectory(prefix="inertia-") as folder:
             file = Path(folder, "unpacked")
             self.sha256 = _unpack(self.path, file, self.name)
-            self._inner = part(file, self.name)
+            self._inner = container_file(file, self.name)
             yield from self._inner.batches(definitions, types)
 
     def damage(self, why: str) -> RigError:
@@ -117,7 +117,7 @@ def _unpack(path: PathLike, target: Path, name: PathLike) -> str:
     return digest.hexdigest()
 
 
-def part(path: PathLike, name: PathLike | None = None) -> Part:
+def container_file(path: PathLike, name: PathLike | None = None) -> ContainerFile:
     """The reader of a file, by its first bytes.
 
     Raises:
@@ -128,44 +128,44 @@ def part(path: PathLike, name: PathLike | None = None) -> Part:
         start = stream.read(16)
     shown = path if name is None else name
     if start.startswith(ZSTD):
-        return ZstdPart(path, shown)
+        return ZstdFile(path, shown)
     if start == b"SQLite format 3\0":
-        from rig.bags.sqlite_bag import SqlitePart
+        from rig.bags.sqlite_bag import SqliteFile
 
-        return SqlitePart(path, shown)
+        return SqliteFile(path, shown)
     if start.startswith(b"#ROSBAG V2.0"):
-        from rig.bags.ros1_bag import Ros1Part
+        from rig.bags.ros1_bag import Ros1File
 
-        return Ros1Part(path, shown)
+        return Ros1File(path, shown)
     for first, (kind, cure) in OTHERS.items():
         if start.startswith(first) and not start.startswith(MAGIC):
             raise RigError(f"not an MCAP file {shown} but {kind}: {cure}")
-    return McapPart(path, shown)
+    return McapFile(path, shown)
 
 
-class Source:
+class RecordingFiles:
     """The files of one recording, in order."""
 
-    def __init__(self, parts: list[Part], *, folder: bool) -> None:
-        self.parts, self._folder = parts, folder
+    def __init__(self, files: list[ContainerFile], *, folder: bool) -> None:
+        self.files, self._folder = files, folder
 
-    def batches(self, types: set[str]) -> Iterator[tuple[Part, Definitions, Batch]]:
+    def batches(self, types: set[str]) -> Iterator[tuple[ContainerFile, Definitions, Batch]]:
         """The messages, at least those of these types, chunk by chunk, with their file and its definitions."""
-        for item in self.parts:
+        for file in self.files:
             definitions = Definitions({}, {}, {})
-            for batch in item.batches(definitions, types):
-                yield item, definitions, batch
+            for batch in file.batches(definitions, types):
+                yield file, definitions, batch
 
     @property
     def sha256(self) -> str:
         """The file's hash; of a folder, the hash of its files' hashes, each on a line (``sha256sum`` of these)."""
         if not self._folder:
-            return self.parts[0].sha256
-        return hashlib.sha256("".join(f"{item.sha256}\n" for item in self.parts).encode()).hexdigest()
+            return self.files[0].sha256
+        return hashlib.sha256("".join(f"{file.sha256}\n" for file in self.files).encode()).hexdigest()
 
 
 @contextmanager
-def open_source(path: PathLike) -> Iterator[Source]:
+def open_recording(path: PathLike) -> Iterator[RecordingFiles]:
     """Open a file or a rosbag2 folder.
 
     Raises:
@@ -173,9 +173,9 @@ def open_source(path: PathLike) -> Iterator[Source]:
         OSError: it cannot be opened.
     """
     if os.path.isdir(path):
-        yield Source([part(file) for file in folder_files(Path(path))], folder=True)
+        yield RecordingFiles([container_file(file) for file in folder_files(Path(path))], folder=True)
     else:
-        yield Source([part(path)], folder=False)
+        yield RecordingFiles([container_file(path)], folder=False)
 
 
 NUMBERED = re.compile(r"(?P<stem>.*)_(?P<number>0|[1-9]\d*)\.(mcap|db3)(\.zstd)?")
@@ -196,18 +196,18 @@ def folder_files(folder: Path) -> list[Path]:
             raise RigError(f"no file {missing[0]} in {folder}, which its metadata.yaml names: fetch it")
         if names:
             return [folder / name for name in names]
-    found = sorted(file for file in folder.iterdir() if file.suffix in BAGS)
-    if not found:
+    files = sorted(file for file in folder.iterdir() if file.suffix in BAGS)
+    if not files:
         raise RigError(f"no recording in the folder {folder}: give a rosbag2 folder or a file")
-    if len(found) == 1:
-        return found
-    numbers = {file: NUMBERED.fullmatch(file.name) for file in found}
+    if len(files) == 1:
+        return files
+    numbers = {file: NUMBERED.fullmatch(file.name) for file in files}
     if len({match and match["stem"] for match in numbers.values()}) > 1 or not all(numbers.values()):
         raise RigError(
             f"several runs in the folder {folder}, which has no metadata.yaml: "
-            f"name one of {', '.join(file.name for file in found)}"
+            f"name one of {', '.join(file.name for file in files)}"
         )
-    return sorted(found, key=lambda file: int(match["number"]) if (match := numbers[file]) else 0)
+    return sorted(files, key=lambda file: int(match["number"]) if (match := numbers[file]) else 0)
 
 
 def _listed_files(about: Path) -> list[str]:
@@ -220,9 +220,9 @@ def _listed_files(about: Path) -> list[str]:
             continue
         if inline.strip().startswith("["):
             names = inline.strip(" []").split(",")
-        for item in lines:
-            if not item.strip().startswith("- "):
+        for entry in lines:
+            if not entry.strip().startswith("- "):
                 break
-            names.append(item.strip()[2:])
+            names.append(entry.strip()[2:])
         break
     return [Path(name.strip().strip("'\"")).name for name in names if name.strip()]

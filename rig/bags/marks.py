@@ -4,7 +4,7 @@ import os
 import struct
 from typing import NamedTuple
 
-from rig.bags.containers import open_source
+from rig.bags.containers import open_recording
 from rig.bags.message_batches import MESSAGE
 from rig.mcap.container import Definitions
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT, canonical
@@ -43,8 +43,8 @@ def read_marks(path: str | os.PathLike[str]) -> Notes:
         OSError: the file cannot be opened.
     """
     marks, status = [], []
-    with open_source(path) as source:
-        for part, definitions, batch in source.batches({TEXT, DIAGNOSTICS}):
+    with open_recording(path) as source:
+        for file, definitions, batch in source.batches({TEXT, DIAGNOSTICS}):
             for channel_id, offsets in batch.offsets.items():
                 kind = _kind(definitions, channel_id)
                 if kind not in (TEXT, DIAGNOSTICS):
@@ -55,9 +55,9 @@ def read_marks(path: str | os.PathLike[str]) -> Notes:
                         if kind == TEXT:
                             marks.append(Mark(time, _Reader(data).text()))
                         else:
-                            status += [(time, *one) for one in _status(data)]
+                            status += [(time, *item) for item in _status(data)]
                     except (ValueError, struct.error) as error:
-                        raise part.damage(str(error)) from error
+                        raise file.damage(str(error)) from error
     return Notes(tuple(sorted(marks)), tuple(_flagged(status)))
 
 
@@ -103,23 +103,23 @@ def _status(data: bytes) -> list[tuple[str, dict[str, str]]]:
     reader.number("i")
     reader.number("I")
     reader.text()
-    found = []
+    statuses = []
     for _ in range(reader.number("I")):
         reader.number("B")
         name, _, _ = reader.text(), reader.text(), reader.text()
-        found.append((name, {reader.text(): reader.text() for _ in range(reader.number("I"))}))
-    return found
+        statuses.append((name, {reader.text(): reader.text() for _ in range(reader.number("I"))}))
+    return statuses
 
 
 def _flagged(status: list[tuple[int, str, dict[str, str]]]) -> list[Flagged]:
-    found: list[Flagged] = []
+    flagged: list[Flagged] = []
     last: dict[str, tuple[int, int]] = {}
-    for time, device, values in sorted(status, key=lambda one: one[0]):
+    for time, device, values in sorted(status, key=lambda item: item[0]):
         count = values.get("flagged", "")
         if not count.isdigit():
             continue
         after, before = last.get(device, (0, 0))
         if int(count) > before:
-            found.append(Flagged(device, after, time, int(count) - before))
+            flagged.append(Flagged(device, after, time, int(count) - before))
         last[device] = (time, int(count))
-    return found
+    return flagged

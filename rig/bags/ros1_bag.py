@@ -11,7 +11,7 @@ from rig.mcap.container import Batch, Definitions
 from rig.mcap.message_definitions import canonical
 
 
-class Ros1Part(ForeignFile):
+class Ros1File(ForeignFile):
     """A .bag file."""
 
     def damage(self, why: str) -> RigError:

@@ -19,7 +19,7 @@ from rig.mcap.container import Batch, Definitions
 from rig.mcap.message_definitions import canonical
 
 
-class SqlitePart(ForeignFile):
+class SqliteFile(ForeignFile):
     """A .db3 file."""
 
     def damage(self, why: str) -> RigError:

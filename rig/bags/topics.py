@@ -8,7 +8,7 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from rig.bags import tree_messages
-from rig.bags.containers import open_source
+from rig.bags.containers import open_recording
 from rig.bags.message_batches import unpacked
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError
@@ -20,14 +20,14 @@ from rig.mcap.message_fields import IMU, WRENCH
 PathLike = str | os.PathLike[str]
 
 
-class Pieces:
+class TopicMessages:
     """The messages of one topic as they come, chunk by chunk."""
 
     def __init__(self, type_name: str) -> None:
         self.type_name = type_name
         self.frames: set[str] = set()
         self.joints: set[tuple[str, ...]] = set()
-        self.names = cdr_decode.kept(type_name)
+        self.names = cdr_decode.column_names(type_name)
         self.pieces: dict[str, list[NDArray]] = {name: [] for name in self.names}
 
     def add(self, groups: Sequence["cdr_decode.Group | tree_messages.Group"]) -> None:
@@ -59,7 +59,7 @@ class Contents:
         self.sha256 = ""
         self.metadata: dict[str, dict[str, str]] = {}
         self.types: dict[str, str] = {}
-        self.topics: dict[str, Pieces] = {}
+        self.topics: dict[str, TopicMessages] = {}
 
     def add(self, batch: Batch, definitions: Definitions, only: Mapping[str, str | None]) -> None:
         """Take the messages of one chunk that are of a type in ``only``, from the named topic or from every one."""
@@ -69,7 +69,7 @@ class Contents:
             channel = definitions.channels[channel_id]
             type_name = type_of(channel, definitions)
             if type_name in only and only[type_name] in (None, channel.topic):
-                pieces = self.topics.setdefault(channel.topic, Pieces(type_name))
+                pieces = self.topics.setdefault(channel.topic, TopicMessages(type_name))
                 try:
                     pieces.add(_decoded(batch, offsets, channel, type_name, definitions))
                 except RigError as error:
@@ -180,16 +180,16 @@ def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Con
     """
     contents = Contents(path)
     wanted = {WRENCH: None, IMU: None} if only is None else only
-    with open_source(path) as source:
-        for part in source.parts:
+    with open_recording(path) as recording:
+        for file in recording.files:
             definitions = Definitions({}, {}, {})
-            for batch in part.batches(definitions, set(wanted)):
+            for batch in file.batches(definitions, set(wanted)):
                 try:
                     contents.add(batch, definitions, wanted)
                 except RigError:
                     raise
                 except ValueError as error:
-                    raise part.damage(str(error)) from error
+                    raise file.damage(str(error)) from error
             contents.note(definitions)
-        contents.sha256 = source.sha256
+        contents.sha256 = recording.sha256
     return contents

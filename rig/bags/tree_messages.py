@@ -85,10 +85,10 @@ def _header(tree: Mapping[str, Any]) -> tuple[int, str]:
     frame = header.get("frame_id", "")
     if not isinstance(stamp, Mapping) or not isinstance(frame, str):
         raise ValueError("a message has no header.stamp with seconds and nanoseconds")
-    parts = [next((stamp[name] for name in names if name in stamp), None) for names in (SECONDS, NANOSECONDS)]
-    if not all(isinstance(part, int) and abs(part) < 2**40 for part in parts):
+    numbers = [next((stamp[name] for name in names if name in stamp), None) for names in (SECONDS, NANOSECONDS)]
+    if not all(isinstance(number, int) and abs(number) < 2**40 for number in numbers):
         raise ValueError("a message has no header.stamp with seconds and nanoseconds")
-    return int(parts[0] or 0) * 1_000_000_000 + int(parts[1] or 0), frame
+    return int(numbers[0] or 0) * 1_000_000_000 + int(numbers[1] or 0), frame
 
 
 def _values(tree: Mapping[str, Any], type_name: str) -> tuple[tuple[str, ...], dict[str, list[float]]]:
@@ -113,10 +113,10 @@ def _at(tree: Any, path: str) -> Any:
 
 
 def _numbers(value: Any, item: Field) -> Iterator[float]:
-    parts = [value.get(axis) for axis in AXES[: item.count]] if isinstance(value, Mapping) else value
-    if not isinstance(parts, list) or (item.kind == "doubles" and len(parts) != item.count):
+    numbers = [value.get(axis) for axis in AXES[: item.count]] if isinstance(value, Mapping) else value
+    if not isinstance(numbers, list) or (item.kind == "doubles" and len(numbers) != item.count):
         raise ValueError(f"its field {item.path} has not {item.count} numbers")
-    for part in parts:
-        if isinstance(part, bool) or not isinstance(part, (int, float)):
-            raise ValueError(f"its field {item.path} holds {part!r}, which is no number")
-        yield float(part)
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise ValueError(f"its field {item.path} holds {number!r}, which is no number")
+        yield float(number)

@@ -50,8 +50,8 @@ class Device(ABC):
         for name, value in options.items():
             default = self.OPTIONS.get(name)
             if name not in self.OPTIONS:
-                known = ", ".join(self.OPTIONS) or "none"
-                raise RigError(f"unknown option '{name}' of device kind '{self.KIND}': it takes {known}")
+                accepted = ", ".join(self.OPTIONS) or "none"
+                raise RigError(f"unknown option '{name}' of device kind '{self.KIND}': it takes {accepted}")
             number = isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool)
             if not number and type(value) is not type(default):
                 raise RigError(f"option '{name}' of device kind '{self.KIND}' is {value!r}: give a {_kind(default)}")

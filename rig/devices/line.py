@@ -59,13 +59,13 @@ class LineParser(Parser):
 
     def _drain(self, *, final: bool) -> list[Sample]:
         """A frame is a line here, good or bad: nothing is looked for inside a bad one."""
-        buffer, found, position = self._buffer, list[Sample](), 0
+        buffer, samples, position = self._buffer, list[Sample](), 0
         while (end := buffer.find(b"\n", position)) >= 0:
             length = end + 1 - position
             if not self._at_start:
                 self._skip(length)
             elif self.frame_length(buffer, position) == length:
-                self._accept(bytes(buffer[position : end + 1]), found)
+                self._accept(bytes(buffer[position : end + 1]), samples)
             else:
                 self._reject(length)
             self._at_start = True
@@ -76,7 +76,7 @@ class LineParser(Parser):
             self._at_start = False
             position = len(buffer)
         self._consume(position)
-        return found
+        return samples
 
     def samples(self, frame: bytes) -> list[Sample]:
         """The sample of a line."""
@@ -125,11 +125,11 @@ class Line(Device):
 
     def numbers(self, line: bytes) -> list[float] | None:
         """The numbers of a line, or None when it has not the right form."""
-        parts = line.split(self._separator)
-        if len(parts) != len(self._columns):
+        words = line.split(self._separator)
+        if len(words) != len(self._columns):
             return None
         try:
-            values = [0.0 if name == "_" else float(part) for part, (name, _) in zip(parts, self._columns, strict=True)]
+            values = [0.0 if name == "_" else float(word) for word, (name, _) in zip(words, self._columns, strict=True)]
         except ValueError:
             return None
         return values if all(map(math.isfinite, values)) else None
@@ -151,9 +151,9 @@ class Line(Device):
 
     def text(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
         """The line of one sample."""
-        known = {**dict(zip(self.names, values, strict=True)), "time": time * 1e9, "counter": float(index)}
-        parts = [repr(known.get(name, 0.0) / factor) for name, factor in self._columns]
-        return (str(self.options["separator"]) or " ").join(parts).encode() + b"\n"
+        by_name = {**dict(zip(self.names, values, strict=True)), "time": time * 1e9, "counter": float(index)}
+        words = [repr(by_name.get(name, 0.0) / factor) for name, factor in self._columns]
+        return (str(self.options["separator"]) or " ").join(words).encode() + b"\n"
 
 
 def _column(text: object) -> tuple[str, float]:

@@ -39,14 +39,14 @@ def packet(descriptor_set: int, *fields: bytes) -> bytes:
 
 def fields(data: bytes) -> list[tuple[int, bytes]] | None:
     """The (descriptor, data) pairs of a packet's payload, or None when they do not fill it exactly."""
-    found, position = [], 0
+    pairs, position = [], 0
     while position < len(data):
         length = data[position]
         if length < 2 or position + length > len(data):
             return None
-        found.append((data[position + 1], data[position + 2 : position + length]))
+        pairs.append((data[position + 1], data[position + 2 : position + length]))
         position += length
-    return found
+    return pairs
 
 
 def encode(
@@ -83,8 +83,8 @@ class MipParser(Parser):
 
     def samples(self, frame: bytes) -> list[Sample]:
         """The sample of a data packet."""
-        found = dict(fields(frame[4:-2]) or [])
-        acceleration, rate, time = found.get(ACCELERATION, b""), found.get(RATE, b""), found.get(TIME, b"")
+        data_of = dict(fields(frame[4:-2]) or [])
+        acceleration, rate, time = data_of.get(ACCELERATION, b""), data_of.get(RATE, b""), data_of.get(TIME, b"")
         if frame[2] != DATA or len(acceleration) != 12 or len(rate) != 12:
             return []
         in_g = struct.unpack(">3f", acceleration)
@@ -100,9 +100,9 @@ def find_field(data: bytes, descriptor_set: int, descriptor: int) -> bytes | Non
         end = start + 6 + (data[start + 3] if len(data) > start + 3 else 255)
         whole = data[start:end]
         if len(whole) == end - start and whole[-2:] == checksum(whole[:-2]) and whole[2] == descriptor_set:
-            found = dict(fields(whole[4:-2]) or [])
-            if descriptor in found:
-                return found[descriptor]
+            data_of = dict(fields(whole[4:-2]) or [])
+            if descriptor in data_of:
+                return data_of[descriptor]
         start = data.find(b"\x75\x65", start + 1)
     return None
 

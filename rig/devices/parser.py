@@ -104,12 +104,12 @@ class Parser(ABC):
 
     def finish(self) -> list[Sample]:
         """The stream has ended: give up waiting for the rest of a frame."""
-        found = self._drain(final=True)
+        samples = self._drain(final=True)
         self._synchronised = False
-        return found
+        return samples
 
     def _drain(self, *, final: bool) -> list[Sample]:
-        buffer, found = self._buffer, list[Sample]()
+        buffer, samples = self._buffer, list[Sample]()
         position, end = 0, len(self._buffer)
         while position < end:
             start = self._find(buffer, position)
@@ -121,13 +121,13 @@ class Parser(ABC):
             if length == WAIT and not final:
                 break
             if length > 0:
-                self._accept(bytes(buffer[start : start + length]), found)
+                self._accept(bytes(buffer[start : start + length]), samples)
                 position += length
             else:
                 self._reject(cut=length == WAIT)
                 position += 1
         self._consume(position)
-        return found
+        return samples
 
     def _find(self, buffer: bytearray, position: int) -> int:
         start = buffer.find(self.START, position)
@@ -143,7 +143,7 @@ class Parser(ABC):
         self.counts.failures += self._synchronised and not cut
         self._skip(count)
 
-    def _accept(self, frame: bytes, found: list[Sample]) -> None:
+    def _accept(self, frame: bytes, samples: list[Sample]) -> None:
         counts = self.counts
         self._done += len(frame)
         counts.framed += len(frame)
@@ -155,11 +155,11 @@ class Parser(ABC):
             counts.flagged += sample.flagged
             if sample.counter is not None:
                 number = self._unwrap(sample.counter)
-                found.append(sample._replace(end=self._done, number=number, counter=number))
+                samples.append(sample._replace(end=self._done, number=number, counter=number))
                 continue
             if sample.time is not None and self._period:
                 self._count_missing(sample.time)
-            found.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1))
+            samples.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1))
 
     def _count_missing(self, time: int) -> None:
         if self._time is not None:

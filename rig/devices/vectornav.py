@@ -32,12 +32,12 @@ def sentence(text: str) -> bytes:
 
 def offsets(mask: int) -> dict[int, int]:
     """Where each item of group 1 starts in the payload."""
-    found, position = {}, 0
+    starts, position = {}, 0
     for bit, size in enumerate(SIZES):
         if mask >> bit & 1:
-            found[bit] = position
+            starts[bit] = position
             position += size
-    return found
+    return starts
 
 
 def encode(nanoseconds: int, rate: tuple[float, ...], acceleration: tuple[float, ...]) -> bytes:

@@ -30,12 +30,12 @@ def message(mid: int, payload: bytes = b"") -> bytes:
 
 def items(payload: bytes) -> list[tuple[int, bytes]] | None:
     """The (id, data) pairs of an MTData2 payload, or None when they do not fill it exactly."""
-    found, position, end = [], 0, len(payload)
+    pairs, position, end = [], 0, len(payload)
     while position + 3 <= end:
         identifier, length = payload[position] << 8 | payload[position + 1], payload[position + 2]
-        found.append((identifier, payload[position + 3 : position + 3 + length]))
+        pairs.append((identifier, payload[position + 3 : position + 3 + length]))
         position += 3 + length
-    return found if position == end else None
+    return pairs if position == end else None
 
 
 def numbers(identifier: int, data: bytes) -> tuple[float, ...]:
@@ -46,15 +46,15 @@ def numbers(identifier: int, data: bytes) -> tuple[float, ...]:
     if form == 1:
         return tuple(v / 2**20 for v in struct.unpack(f">{len(data) // 4}i", data))
     if form == 2:
-        return tuple(whole + part / 2**32 for part, whole in struct.iter_unpack(">Ih", data))
+        return tuple(whole + fraction / 2**32 for fraction, whole in struct.iter_unpack(">Ih", data))
     return struct.unpack(f">{len(data) // 8}d", data)
 
 
 _SIZES = (12, 12, 18, 24)
 
 
-def _vector(found: dict[int, bytes], identifier: int) -> tuple[float, ...] | None:
-    for key, data in found.items():
+def _vector(items_by_id: dict[int, bytes], identifier: int) -> tuple[float, ...] | None:
+    for key, data in items_by_id.items():
         if key & 0xFFF0 == identifier and len(data) == _SIZES[key & 3]:
             return numbers(key, data)
     return None
@@ -105,11 +105,11 @@ class XsensParser(Parser):
 
     def samples(self, frame: bytes) -> Iterator[Sample]:
         """The sample of an MTData2 message that carries both rate and acceleration."""
-        found = payload(frame)
-        rate, acceleration = _vector(found, RATE), _vector(found, ACCELERATION)
+        items_by_id = payload(frame)
+        rate, acceleration = _vector(items_by_id, RATE), _vector(items_by_id, ACCELERATION)
         if frame[2] != MTDATA2 or rate is None or acceleration is None:
             return
-        time, counter, status = found.get(TIME_FINE), found.get(COUNTER), found.get(STATUS)
+        time, counter, status = items_by_id.get(TIME_FINE), items_by_id.get(COUNTER), items_by_id.get(STATUS)
         yield Sample(
             rate + acceleration,
             time=self._clock(int.from_bytes(time, "big")) * 100_000 if time and len(time) == 4 else None,

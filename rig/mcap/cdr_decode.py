@@ -4,8 +4,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rig.mcap import cdr_layout
-from rig.mcap.message_fields import columns as kept_columns
+from rig.mcap import cdr_layout, message_fields
 
 # The record of one message up to its data: https://mcap.dev/spec#message-op0x05
 RECORD = [
@@ -77,19 +76,19 @@ def messages(data: bytes, offsets: list[int], type_name: str, encoding: str = "c
             raise ValueError("its frames or names change from message to message")
         first = starts[left[0]]
         shape = cdr_layout.of(data[first + START.itemsize : first + lengths[left[0]]], type_name, encoding)
-        alike = left[lengths[left] == lengths[left[0]]]
-        rows = records(data, starts[alike], np.dtype(RECORD + shape.fields))
+        same_layout = left[lengths[left] == lengths[left[0]]]
+        rows = records(data, starts[same_layout], np.dtype(RECORD + shape.fields))
         same = _same(rows, shape)
         if same is not None:
-            alike, rows = alike[same], rows[same]
-        groups.append(Group(alike, rows, shape))
-        left = np.setdiff1d(left, alike, assume_unique=True) if len(alike) < len(left) else left[:0]
+            same_layout, rows = same_layout[same], rows[same]
+        groups.append(Group(same_layout, rows, shape))
+        left = np.setdiff1d(left, same_layout, assume_unique=True) if len(same_layout) < len(left) else left[:0]
     return groups
 
 
 def _same(rows: NDArray, shape: cdr_layout.Layout) -> NDArray[np.bool_] | None:
     """Which records agree with the first in all that makes their layout; None: all of them."""
-    columns = [rows[name] for name in shape.alike]
+    columns = [rows[name] for name in shape.constant]
     if shape.encoding == "cdr":
         columns.append(rows["encapsulation"][:, :2])
     equal = [values == values[0] for values in columns]
@@ -98,6 +97,6 @@ def _same(rows: NDArray, shape: cdr_layout.Layout) -> NDArray[np.bool_] | None:
     return np.logical_and.reduce([each.all(axis=1) for each in equal])
 
 
-def kept(type_name: str) -> tuple[str, ...]:
+def column_names(type_name: str) -> tuple[str, ...]:
     """The columns of a topic of this type."""
-    return ("log_time", "stamp", "sequence", *kept_columns(type_name))
+    return ("log_time", "stamp", "sequence", *message_fields.columns(type_name))

@@ -26,7 +26,7 @@ class Layout:
     message: bytes
     encoding: str
     fields: list[tuple] = field(default_factory=list)
-    alike: list[str] = field(default_factory=list)
+    constant: list[str] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     """The texts of a sequence of texts: names of joints."""
 
@@ -36,7 +36,7 @@ class Layout:
             order = ENDIANNESS.get(self.message[:2])
             if order is None:
                 raise ValueError(f"the encapsulation {self.message[:2].hex()} is not plain CDR")
-            self._put("encapsulation", "u1", 4, alike=False)
+            self._put("encapsulation", "u1", 4, constant=False)
             self.fields[-1] = ("encapsulation", "u1", (4,))
             self._order, self._origin = order, 4
 
@@ -45,7 +45,7 @@ class Layout:
         """The layout's dtype."""
         return np.dtype(self.fields)
 
-    def _put(self, name: str, form: str, count: int, *, alike: bool) -> int:
+    def _put(self, name: str, form: str, count: int, *, constant: bool) -> int:
         """Add a field of ``count`` numbers; returns where it begins."""
         size = int(form[-1])
         if self.encoding == "cdr" and count and (gap := (self._origin - self._at) % size):
@@ -55,13 +55,13 @@ class Layout:
         if self._at > len(self.message):
             raise ValueError("a message is too short for its type")
         self.fields.append((name, form if size == 1 else self._order + form, (count,)))
-        if alike:
-            self.alike.append(name)
+        if constant:
+            self.constant.append(name)
         return start
 
     def length(self, name: str) -> int:
         """Add a count and return it."""
-        start = self._put(f"{name}_length", "u4", 1, alike=True)
+        start = self._put(f"{name}_length", "u4", 1, constant=True)
         count = int.from_bytes(self.message[start : start + 4], "little" if self._order == "<" else "big")
         if count > len(self.message):
             raise ValueError(f"its {name} is longer than the message")
@@ -70,19 +70,19 @@ class Layout:
     def text(self, name: str) -> str:
         """Add a text and return it."""
         count = self.length(name)
-        start = self._put(name, "u1", count, alike=True)
+        start = self._put(name, "u1", count, constant=True)
         return self.message[start : start + count].rstrip(b"\0").decode()
 
     def doubles(self, name: str, count: int) -> None:
         """Add doubles."""
-        self._put(name, "f8", count, alike=False)
+        self._put(name, "f8", count, constant=False)
 
     def stamp(self) -> None:
         """Add the header up to its frame."""
         if self.encoding == "ros1":
-            self._put("counter", "u4", 1, alike=False)
-        self._put("sec", "u4" if self.encoding == "ros1" else "i4", 1, alike=False)
-        self._put("nanosec", "u4", 1, alike=False)
+            self._put("counter", "u4", 1, constant=False)
+        self._put("sec", "u4" if self.encoding == "ros1" else "i4", 1, constant=False)
+        self._put("nanosec", "u4", 1, constant=False)
 
 
 def of(message: bytes, type_name: str, encoding: str) -> Layout:

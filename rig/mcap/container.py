@@ -208,18 +208,18 @@ def seal(name: str, facts: dict[str, str]) -> dict[str, str]:
 
 
 def _seal(name: str, facts: dict[str, str]) -> str:
-    text = "\0".join([name, *(part for item in facts.items() for part in item)])
+    text = "\0".join([name, *(text for item in facts.items() for text in item)])
     return f"{zlib.crc32(text.encode()):08x}"
 
 
 def metadata(record: Record) -> tuple[str, dict[str, str]]:
     """Name and facts of a metadata record, its seal verified and taken off. Raises ``ValueError`` when it is broken."""
-    found = Metadata.read(ReadDataStream(BytesIO(record.body)))
-    facts = dict(found.metadata)
+    parsed = Metadata.read(ReadDataStream(BytesIO(record.body)))
+    facts = dict(parsed.metadata)
     expected = facts.pop(SEAL, None)
-    if expected not in (None, _seal(found.name, facts)):
+    if expected not in (None, _seal(parsed.name, facts)):
         raise ValueError("a metadata record's checksum is wrong")
-    return found.name, facts
+    return parsed.name, facts
 
 
 def is_sealed(record: Record) -> bool:

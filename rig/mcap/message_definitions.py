@@ -35,8 +35,8 @@ _DEPENDENCIES = {
 
 
 def _with_dependencies(text: str, *names: str) -> str:
-    parts = [f"{'=' * 80}\nMSG: {name}\n{_DEPENDENCIES[name]}" for name in names]
-    return text + "".join(parts)
+    definitions = [f"{'=' * 80}\nMSG: {name}\n{_DEPENDENCIES[name]}" for name in names]
+    return text + "".join(definitions)
 
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
@@ -74,6 +74,6 @@ def canonical(name: str) -> str:
         package, _, rest = name.partition("/")
     else:
         *above, rest = name.split(".")
-        package = next((part for part in reversed(above) if part != "msg"), "")
+        package = next((name for name in reversed(above) if name != "msg"), "")
     full = f"{package.replace('foxglove_msgs', 'foxglove')}/msg/{rest.removeprefix('msg/')}" if package else name
     return FOXGLOVE.get(full, full)

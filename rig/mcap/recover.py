@@ -79,7 +79,7 @@ class Recovery:
 
 
 @dataclass
-class _Found:
+class _IntactRecords:
     """The parts of a damaged file that stand. Chunks by position only: a file may be larger than the memory."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -111,19 +111,19 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
 
 
 def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.PathLike[str]) -> Recovery:
-    found = _find(data)
-    result = Recovery(intact=_is_intact(path), lost_bytes=sum(found.gaps))
-    trusted = result.intact or found.only_cut
-    _summary(data, found, trusted, result)
-    loose = _loose(found, trusted, result)
-    if not found.chunks and not loose:
+    intact = _find_intact(data)
+    result = Recovery(intact=_is_intact(path), lost_bytes=sum(intact.gaps))
+    trusted = result.intact or intact.only_cut
+    _summary(data, intact, trusted, result)
+    loose = _loose(intact, trusted, result)
+    if not intact.chunks and not loose:
         raise RigError(f"nothing to recover in {path}: no intact chunk in {len(data)} bytes")
     with replacing(output) as stream:
         writer = new_writer(stream)
-        for name, facts in _metadata(found, trusted, result):
+        for name, facts in _metadata(intact, trusted, result):
             writer.add_metadata(name, seal(name, facts))
-        copy = _Copy(writer, found)
-        for batch in chain((walk(chunk_data(_record(data, at))) for at in found.chunks), loose):
+        copy = _Copy(writer, intact)
+        for batch in chain((walk(chunk_data(_record(data, at))) for at in intact.chunks), loose):
             result.messages += copy.batch(batch)
             result.chunks += 1
             writer.flush()
@@ -149,19 +149,19 @@ def _is_intact(path: str | os.PathLike[str]) -> bool:
     return True
 
 
-def _find(data: mmap.mmap) -> _Found:
-    found = _Found(finished=data[-len(MAGIC) :] == MAGIC)
+def _find_intact(data: mmap.mmap) -> _IntactRecords:
+    intact = _IntactRecords(finished=data[-len(MAGIC) :] == MAGIC)
     position = len(MAGIC)
     for match in CHUNK_START.finditer(data):
         if match.start() < position or (batch := _chunk_at(data, match.start())) is None:
             continue
-        _between(data, position, match.start(), found)
-        found.chunks.append(match.start())
-        found.schemas |= {schema.id: schema for schema in batch.schemas}
-        found.channels |= {channel.id: channel for channel in batch.channels}
+        _between(data, position, match.start(), intact)
+        intact.chunks.append(match.start())
+        intact.schemas |= {schema.id: schema for schema in batch.schemas}
+        intact.channels |= {channel.id: channel for channel in batch.channels}
         position = match.start() + 9 + len(_record(data, match.start()).body)
-    _between(data, position, len(data) - (len(MAGIC) if found.finished else 0), found)
-    return found
+    _between(data, position, len(data) - (len(MAGIC) if intact.finished else 0), intact)
+    return intact
 
 
 def _record(data: mmap.mmap, start: int) -> Record:
@@ -185,41 +185,41 @@ def _chunk_at(data: mmap.mmap, start: int) -> Batch | None:
         return None
 
 
-def _between(data: mmap.mmap, position: int, end: int, found: _Found) -> None:
+def _between(data: mmap.mmap, position: int, end: int, intact: _IntactRecords) -> None:
     """Take the records between two chunks; behind the first that makes no sense, nothing there is trusted."""
     while position < end:
         opcode, length = RECORD_HEADER.unpack_from(data, position) if position + 9 <= end else (0, 0)
         if opcode not in KNOWN or opcode == Opcode.CHUNK or position + 9 + length > end:
             break
         if opcode not in INDEXES:
-            found.between.append(_record(data, position))
+            intact.between.append(_record(data, position))
         position += 9 + length
-    found.gaps.append(end - position)
+    intact.gaps.append(end - position)
 
 
-def _summary(data: mmap.mmap, found: _Found, trusted: bool, result: Recovery) -> None:
+def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Recovery) -> None:
     """Definitions and counts from outside the chunks, where a checksum or an undamaged file vouches for them."""
-    start = 0 if trusted else _verified_summary(data, found)
-    for record in found.between:
+    start = 0 if trusted else _verified_summary(data, intact)
+    for record in intact.between:
         if start is None or record.position < start:
             continue
         try:
             stream = ReadDataStream(BytesIO(record.body))
             if record.opcode == Opcode.SCHEMA:
                 schema = Schema.read(stream)
-                found.schemas.setdefault(schema.id, schema)
+                intact.schemas.setdefault(schema.id, schema)
             elif record.opcode == Opcode.CHANNEL:
                 channel = Channel.read(stream)
-                found.channels.setdefault(channel.id, channel)
+                intact.channels.setdefault(channel.id, channel)
             elif record.opcode == Opcode.STATISTICS:
                 result.expected = Statistics.read(stream).message_count
         except PARSE_ERRORS:
             continue
 
 
-def _verified_summary(data: mmap.mmap, found: _Found) -> int | None:
+def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int | None:
     """Where the summary starts, if its checksum is there and right."""
-    last = found.between[-1] if found.between else None
+    last = intact.between[-1] if intact.between else None
     if last is None or last.opcode != Opcode.FOOTER or len(last.body) != 20:
         return None
     start, _, expected = FOOTER.unpack(last.body)
@@ -228,9 +228,9 @@ def _verified_summary(data: mmap.mmap, found: _Found) -> int | None:
     return start
 
 
-def _loose(found: _Found, trusted: bool, result: Recovery) -> list[Batch]:
+def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> list[Batch]:
     """The messages outside chunks, where they can be trusted."""
-    records = [record for record in found.between if record.opcode == Opcode.MESSAGE]
+    records = [record for record in intact.between if record.opcode == Opcode.MESSAGE]
     if not records:
         return []
     if not trusted:
@@ -240,8 +240,8 @@ def _loose(found: _Found, trusted: bool, result: Recovery) -> list[Batch]:
     return [walk(b"".join(RECORD_HEADER.pack(r.opcode, len(r.body)) + r.body for r in records))]
 
 
-def _metadata(found: _Found, trusted: bool, result: Recovery) -> Iterator[tuple[str, dict[str, str]]]:
-    for record in found.between:
+def _metadata(intact: _IntactRecords, trusted: bool, result: Recovery) -> Iterator[tuple[str, dict[str, str]]]:
+    for record in intact.between:
         if record.opcode != Opcode.METADATA:
             continue
         try:
@@ -261,8 +261,8 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 class _Copy:
     """Copies messages to a writer, with the channels they need."""
 
-    def __init__(self, writer: Writer, found: _Found) -> None:
-        self._writer, self._found = writer, found
+    def __init__(self, writer: Writer, intact: _IntactRecords) -> None:
+        self._writer, self._intact = writer, intact
         self._channels: dict[int, int] = {}
         self._schemas: dict[int, int] = {}
         self.homeless = 0
@@ -284,8 +284,8 @@ class _Copy:
 
     def _channel(self, number: int) -> int | None:
         if number not in self._channels:
-            channel = self._found.channels.get(number)
-            if channel is None or (channel.schema_id and channel.schema_id not in self._found.schemas):
+            channel = self._intact.channels.get(number)
+            if channel is None or (channel.schema_id and channel.schema_id not in self._intact.schemas):
                 return None
             schema = self._schema(channel.schema_id)
             self._channels[number] = self._writer.register_channel(
@@ -297,6 +297,6 @@ class _Copy:
         if not number:
             return 0
         if number not in self._schemas:
-            schema = self._found.schemas[number]
+            schema = self._intact.schemas[number]
             self._schemas[number] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
         return self._schemas[number]

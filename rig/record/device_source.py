@@ -61,8 +61,8 @@ class Source:
         """The measurements that an event completes; keeps ``state`` up to date."""
         if event.lost:
             self._change("unplugged", event.time)
-        elif event.found is not None:
-            self._reconnect(event.found)
+        elif event.answered is not None:
+            self._reconnect(event.answered)
         else:
             self._bytes_since += len(event.data)
             before = self.parser.counts.bytes

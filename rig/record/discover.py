@@ -16,7 +16,7 @@ BY_ID = Path("/dev/serial/by-id")
 
 
 @dataclass(frozen=True)
-class Found:
+class DiscoveredPort:
     """One port: its stable name, what it is, and the device that answered, or why none could be asked."""
 
     name: str
@@ -29,11 +29,11 @@ class Found:
 def ports() -> list[tuple[str, str]]:
     """(stable name, description) of every serial port that has hardware behind it."""
     stable = {os.path.realpath(link): str(link) for link in BY_ID.iterdir()} if BY_ID.is_dir() else {}
-    known = [(p.device, p.description) for p in list_ports.comports() if p.hwid != "n/a"]
-    return sorted((stable.get(os.path.realpath(device), device), text) for device, text in known)
+    present = [(p.device, p.description) for p in list_ports.comports() if p.hwid != "n/a"]
+    return sorted((stable.get(os.path.realpath(device), device), text) for device, text in present)
 
 
-def discover(names: Sequence[str] | None = None) -> list[Found]:
+def discover(names: Sequence[str] | None = None) -> list[DiscoveredPort]:
     """Ask every port, or those named, for a device of each kind that answers questions.
 
     This sends each kind's identification commands down the port; name ports with ``names`` where other equipment must
@@ -43,7 +43,7 @@ def discover(names: Sequence[str] | None = None) -> list[Found]:
     return [_ask(name, description) for name, description in chosen]
 
 
-def _ask(name: str, description: str) -> Found:
+def _ask(name: str, description: str) -> DiscoveredPort:
     for kind in REGISTRY:
         if kind in ("line", "vectornav-ascii"):
             continue  # a line cannot be asked; the other is the same sensor as `vectornav`
@@ -52,9 +52,9 @@ def _ask(name: str, description: str) -> Found:
         except (NoAnswerError, PortLostError):
             continue
         except RigError as error:
-            return Found(name, description, complaint=str(error))
-        return Found(name, description, kind=kind, identity=identity)
-    return Found(name, description)
+            return DiscoveredPort(name, description, complaint=str(error))
+        return DiscoveredPort(name, description, kind=kind, identity=identity)
+    return DiscoveredPort(name, description)
 
 
 def _identify(name: str, kind: str) -> Identity:
@@ -68,14 +68,14 @@ def _identify(name: str, kind: str) -> Identity:
         port.close()
 
 
-def table(found: Sequence[Found]) -> list[str]:
+def table(discovered: Sequence[DiscoveredPort]) -> list[str]:
     """The findings, a line a port."""
-    if not found:
+    if not discovered:
         return ["no serial ports: plug a device in, or check that the adapter's driver is loaded"]
-    return [f"{item.name}  {_what(item)}" for item in found]
+    return [f"{item.name}  {_what(item)}" for item in discovered]
 
 
-def _what(item: Found) -> str:
+def _what(item: DiscoveredPort) -> str:
     if item.complaint:
         return item.complaint
     if item.identity is None:

@@ -20,7 +20,7 @@ class Event(NamedTuple):
     time: int
     data: bytes = b""
     lost: bool = False
-    found: Identity | None = None
+    answered: Identity | None = None
 
 
 class Reader(threading.Thread):
@@ -92,7 +92,7 @@ class Reader(threading.Thread):
                 port = self._connect()
             except RigError:
                 continue
-            self.events.append(Event(time.monotonic_ns(), found=self.identity))
+            self.events.append(Event(time.monotonic_ns(), answered=self.identity))
             return port
         return None
 

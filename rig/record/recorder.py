@@ -24,7 +24,7 @@ TICK = 0.01  # seconds between two looks at the queues
 FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
 STATUS = 1.0  # seconds between two status messages
 TRIM = 10.0  # seconds between two returns of free memory
-KEPT = 60_000  # samples kept for the delay between a command and the IMU
+DELAY_SAMPLES = 60_000  # samples kept for the delay between a command and the IMU
 ENCODERS = {"wrench": cdr_encode.WrenchEncoder, "imu": cdr_encode.ImuEncoder}
 TYPES = {"wrench": message_definitions.WRENCH, "imu": message_definitions.IMU, "values": message_definitions.VALUES}
 
@@ -172,7 +172,7 @@ class Recorder:
             self._raw[entry.name] = register(self._writer, message_definitions.BYTES, f"/raw/{entry.name}")
             if entry.delay_to:
                 for name in (entry.name, entry.delay_to):
-                    self._signals[name] = deque(maxlen=KEPT)
+                    self._signals[name] = deque(maxlen=DELAY_SAMPLES)
         self._status_channel = register(self._writer, message_definitions.DIAGNOSTICS, "/diagnostics")
         self._mark_channel = register(self._writer, message_definitions.TEXT, "/mark")
 
@@ -189,15 +189,15 @@ class Recorder:
         """Write everything that has arrived."""
         for source in session.sources:
             name = source.entry.name
-            channel, encode, kept = self._channels[name], self._encoders[name], self._signals.get(name)
+            channel, encode, signal = self._channels[name], self._encoders[name], self._signals.get(name)
             for event in session.events(source):
                 if event.data:
                     time_ = event.time + self._epoch
                     self._writer.add_message(self._raw[name], time_, cdr_encode.encode_bytes(event.data), time_)
                 for measurement in source.take(event):
                     self._write(channel, encode, measurement)
-                    if kept is not None:
-                        kept.append((measurement.stamp, measurement.values))
+                    if signal is not None:
+                        signal.append((measurement.stamp, measurement.values))
         self._tell_troubles(session)
         while self._marks:
             time_, text = self._marks.popleft()
@@ -283,15 +283,15 @@ class Recorder:
         for source in session.sources:
             entry = source.entry
             if entry.delay_to:
-                found = command_delay.of_command(
+                delay = command_delay.of_command(
                     getattr(entry.device, "names", ()), self._signals[entry.name], self._signals[entry.delay_to]
                 )
-                if found is None:
+                if delay is None:
                     self._say_all([f"{entry.name}: its delay to {entry.delay_to} cannot be told from this run"])
                 else:
                     self.summary.delays[entry.name] = {
-                        "delay_s": round(found.seconds, 6),
-                        "delay_correlation": round(found.correlation, 4),
+                        "delay_s": round(delay.seconds, 6),
+                        "delay_correlation": round(delay.correlation, 4),
                     }
 
     def _metadata(self, session: Session) -> dict[str, str]:

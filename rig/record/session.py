@@ -161,8 +161,8 @@ class Session:
     @property
     def warnings(self) -> list[str]:
         """What the devices and ports warn of."""
-        found = [f"{s.entry.name}: {text}" for s in self.sources for text in s.identity.warnings]
-        return found + [text for e in self._rig.entries if (text := latency_warning(e.port))]
+        texts = [f"{s.entry.name}: {text}" for s in self.sources for text in s.identity.warnings]
+        return texts + [text for e in self._rig.entries if (text := latency_warning(e.port))]
 
     @property
     def duration(self) -> float | None:

@@ -33,15 +33,15 @@ class Terminal:
 
     def line(self, progress: Progress) -> str:
         """Elapsed time, file size, and per device rate, missing samples and checksum failures."""
-        parts = [f"{progress.seconds:7.1f} s  {progress.bytes / 1e6:.1f} MB"]
+        texts = [f"{progress.seconds:7.1f} s  {progress.bytes / 1e6:.1f} MB"]
         for source in progress.sources:
             counts, name = source.counts, source.entry.name
             seconds, samples = self._last.get(name, (0.0, 0))
             rate = (counts.samples - samples) / max(progress.seconds - seconds, 1e-9)
             self._last[name] = progress.seconds, counts.samples
             trouble = "" if source.state == "ok" else f" {source.state.upper()}"
-            parts.append(f"{name} {rate:.0f} Hz, {counts.missing} missing, {counts.failures} bad{trouble}")
-        return "  |  ".join(parts)
+            texts.append(f"{name} {rate:.0f} Hz, {counts.missing} missing, {counts.failures} bad{trouble}")
+        return "  |  ".join(texts)
 
     def done(self) -> None:
         """Leave the progress line standing."""

@@ -112,7 +112,7 @@ def test_a_source_tells_how_it_fares_and_counts_over_reconnections(entry):
     assert source.state == "silent"
     list(source.take(Event(4 * 10**9, lost=True)))
     assert source.state == "unplugged"
-    list(source.take(Event(5 * 10**9, found=Identity(model="again"))))
+    list(source.take(Event(5 * 10**9, answered=Identity(model="again"))))
     list(source.take(Event(6 * 10**9, frame)))
     assert (source.state, source.reconnects, source.counts.samples) == ("ok", 1, 2)
     assert source.downtime == 6 * 10**9 - 1
