@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atomic_files import replacing
 from rig.bags.topics import Contents, load
 from rig.channels import ImuChannel, Recording, WrenchChannel
 from rig.exceptions import RigError
-from rig.files import replacing
 from rig.mcap import cdr_encode, message_definitions
-from rig.mcap.container import seal
 from rig.mcap.message_fields import MOTIONS, WRENCHES
+from rig.mcap.records import seal
 from rig.mcap.writer import Compression, new_writer, register
 
 __all__ = ["Contents", "load", "read", "read_any", "write"]

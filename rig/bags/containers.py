@@ -17,7 +17,7 @@ import zstandard
 
 from rig.bags.message_batches import ZSTD
 from rig.exceptions import RigError
-from rig.mcap.container import MAGIC, Batch, Definitions, Scanner, batches, damage
+from rig.mcap.records import MAGIC, Batch, Definitions, Scanner, batches, damage
 
 PathLike = str | os.PathLike[str]
 BLOCK = 2**14

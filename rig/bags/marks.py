@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from rig.bags.containers import open_recording
 from rig.bags.message_batches import MESSAGE
-from rig.mcap.container import Definitions
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT, canonical
+from rig.mcap.records import Definitions
 
 ALIGNED = 4  # the encapsulation, after which CDR aligns
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import zstandard
 
-from rig.mcap.container import CHUNK_LIMIT, Batch
+from rig.mcap.records import CHUNK_LIMIT, Batch
 
 MESSAGE = struct.Struct("<BQHIQQ")
 """A message's record up to its data: opcode 5, length, channel, sequence, log time, publish time."""

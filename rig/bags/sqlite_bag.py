@@ -15,8 +15,8 @@ from mcap.records import Channel, Schema
 
 from rig.bags.message_batches import ForeignFile, Packer
 from rig.exceptions import RigError
-from rig.mcap.container import Batch, Definitions
 from rig.mcap.message_definitions import canonical
+from rig.mcap.records import Batch, Definitions
 
 
 class SqliteFile(ForeignFile):

@@ -14,8 +14,8 @@ from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError
 from rig.mcap import cdr_decode, message_definitions
 from rig.mcap.cdr_layout import ENCODINGS
-from rig.mcap.container import Batch, Definitions
 from rig.mcap.message_fields import IMU, WRENCH
+from rig.mcap.records import Batch, Definitions
 
 PathLike = str | os.PathLike[str]
 

@@ -21,9 +21,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 from mcap.writer import Writer
 
+from rig.atomic_files import refuse_existing, replacing
 from rig.exceptions import RigError
-from rig.files import refuse_existing, replacing
-from rig.mcap.container import (
+from rig.mcap.records import (
     KNOWN,
     MAGIC,
     PARSE_ERRORS,

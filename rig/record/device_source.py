@@ -24,7 +24,7 @@ class Measurement(NamedTuple):
     values: tuple[float, ...]
 
 
-class Source:
+class DeviceSource:
     """Follows one device. ``state`` is 'ok', 'unplugged', 'silent' or 'babbling'."""
 
     def __init__(self, entry: Entry, reader: Reader, *, now: int) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rig.record.device_source import Source
+from rig.record.device_source import DeviceSource
 from rig.record.rig_file import Rig
 from rig.record.session import Session
 
@@ -34,7 +34,7 @@ def watch(rig: Rig, stop: Stop, *, seconds: float | None = None) -> Iterator[str
                 rows, last = {name: [] for name in rows}, now
 
 
-def describe(source: Source, rows: list[tuple[float, ...]], seconds: float) -> str:
+def describe(source: DeviceSource, rows: list[tuple[float, ...]], seconds: float) -> str:
     """What a device showed in the last ``seconds``, in one line."""
     name, measures = source.entry.name, source.entry.device.measures
     if not rows:

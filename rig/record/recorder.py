@@ -12,11 +12,11 @@ from pathlib import Path
 
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
-from rig.mcap.container import seal
+from rig.mcap.records import seal
 from rig.mcap.writer import new_writer, register
 from rig.record import command_delay, memory
-from rig.record.device_source import Measurement, Source
-from rig.record.growing_file import Sink
+from rig.record.device_source import DeviceSource, Measurement
+from rig.record.recording_file import Sink
 from rig.record.rig_file import Rig
 from rig.record.session import Session
 
@@ -64,7 +64,7 @@ class Progress:
 
     seconds: float
     bytes: int
-    sources: list[Source]
+    sources: list[DeviceSource]
 
 
 class Recorder:
@@ -176,7 +176,7 @@ class Recorder:
         self._status_channel = register(self._writer, message_definitions.DIAGNOSTICS, "/diagnostics")
         self._mark_channel = register(self._writer, message_definitions.TEXT, "/mark")
 
-    def _encoder(self, source: Source) -> Callable[[int, tuple[float, ...]], bytes]:
+    def _encoder(self, source: DeviceSource) -> Callable[[int, tuple[float, ...]], bytes]:
         entry = source.entry
         measures = entry.device.measures
         if measures == "values":
@@ -229,13 +229,13 @@ class Recorder:
         data = cdr_encode.encode_diagnostics(now + self._epoch, rows)
         self._writer.add_message(self._status_channel, now + self._epoch, data, now + self._epoch)
 
-    def _report(self, level: int, source: Source, text: str) -> None:
+    def _report(self, level: int, source: DeviceSource, text: str) -> None:
         now = time.monotonic_ns() + self._epoch
         data = cdr_encode.encode_diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
         self._writer.add_message(self._status_channel, now, data, now)
 
     @staticmethod
-    def _facts(source: Source) -> dict[str, object]:
+    def _facts(source: DeviceSource) -> dict[str, object]:
         return {
             **asdict(source.counts),
             "overflow_bytes": source.reader.overflow,
@@ -265,7 +265,7 @@ class Recorder:
         self._writer.finish()
         summary.bytes = sink.tell()
 
-    def _device_summary(self, source: Source) -> dict[str, object]:
+    def _device_summary(self, source: DeviceSource) -> dict[str, object]:
         fit = source.clock.fit
         counts = source.counts
         return {

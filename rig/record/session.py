@@ -12,7 +12,7 @@ from pathlib import Path
 from urllib.parse import parse_qsl
 
 from rig.exceptions import RigError
-from rig.record.device_source import Measurement, Source
+from rig.record.device_source import DeviceSource, Measurement
 from rig.record.port import latency_warning
 from rig.record.reader import Event, Reader
 from rig.record.rig_file import Entry, Rig
@@ -100,7 +100,7 @@ class Session:
         self._cancelled = cancelled or threading.Event()
         self._emulators: Emulators | None = None
         self._readers: list[Reader] = []
-        self.sources: list[Source] = []
+        self.sources: list[DeviceSource] = []
 
     def __enter__(self) -> "Session":
         try:
@@ -125,7 +125,7 @@ class Session:
         self._wait(lambda reader: reader.identity is not None, CONNECT_LIMIT, "no answer from")
         self._wait(lambda reader: bool(reader.events) or not reader.entry.required, FIRST_SAMPLE, "no bytes from")
         now = time.monotonic_ns()
-        self.sources = [Source(reader.entry, reader, now=now) for reader in self._readers]
+        self.sources = [DeviceSource(reader.entry, reader, now=now) for reader in self._readers]
         self._check_samples()
 
     def _wait(self, done, seconds: float, complaint: str) -> None:
@@ -180,7 +180,7 @@ class Session:
                 pass
             source.begin(time.monotonic_ns())
 
-    def events(self, source: Source) -> Iterator[Event]:
+    def events(self, source: DeviceSource) -> Iterator[Event]:
         """What has come from a device and was not taken yet."""
         queue = source.reader.events
         for _ in range(len(queue)):
@@ -188,7 +188,7 @@ class Session:
             source.reader.taken += len(event.data)
             yield event
 
-    def measurements(self, source: Source) -> Iterator[Measurement]:
+    def measurements(self, source: DeviceSource) -> Iterator[Measurement]:
         """The measurements that have come from a device and were not taken yet."""
         for event in self.events(source):
             yield from source.take(event)

@@ -51,8 +51,8 @@ def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
 
 def _record(arguments: argparse.Namespace) -> int:
     from rig.record import memory, rig_file
-    from rig.record.growing_file import run_path
     from rig.record.recorder import Recorder
+    from rig.record.recording_file import run_path
     from rig.record.terminal import Keys, Terminal
 
     memory.share_one_arena()

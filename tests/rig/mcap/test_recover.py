@@ -6,7 +6,7 @@ from mcap.opcode import Opcode
 
 from rig import runs
 from rig.exceptions import RigError
-from rig.mcap.container import Scanner
+from rig.mcap.records import Scanner
 from rig.mcap.recover import recover
 from rig.mcap.writer import new_writer, register
 from tests.rig_samples import imu_channel, wrench_channel
@@ -69,7 +69,7 @@ def saved(path, output):
 
 
 def rows_of_chunk(record):
-    from rig.mcap.container import chunk_data, walk
+    from rig.mcap.records import chunk_data, walk
 
     return sum(len(offsets) for offsets in walk(chunk_data(record)).offsets.values())
 

@@ -15,7 +15,7 @@ from rig.devices import bota
 from rig.devices.conversation import Identity
 from rig.exceptions import RigError
 from rig.record import command_delay, device_clock
-from rig.record.device_source import Source
+from rig.record.device_source import DeviceSource
 from rig.record.reader import LIMIT, Event, Reader
 from rig.record.recorder import Progress, Recorder
 from rig.record.rig_file import load_rig
@@ -82,7 +82,7 @@ def test_a_delay_that_cannot_be_told_is_none():
 
 
 def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
-    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    source = DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
     byte_time = 10e9 / 460800
     frames = [bota.encode((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), microseconds=1250 * i) for i in (0, 1, 3)]
     got = list(source.take(Event(10**9, b"".join(frames))))
@@ -98,14 +98,14 @@ def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
 def test_a_source_turns_by_the_rotation_of_the_rig_file(tmp_path):
     (tmp_path / "rig.toml").write_text(RIG + "rotation_to_body = [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]\n")
     entry = load_rig(tmp_path / "rig.toml").entries[0]
-    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    source = DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
     frame = bota.encode((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), microseconds=0)
     (got,) = source.take(Event(1, frame))
     assert got.values == (2.0, -3.0, 1.0, 5.0, -6.0, 4.0)  # minus the rotated: the reading is the wrench on the sensor
 
 
 def test_a_source_tells_how_it_fares_and_counts_over_reconnections(entry):
-    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    source = DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
     frame = bota.encode((0.0,) * 6, microseconds=5)
     list(source.take(Event(1, frame)))
     source.look(3 * 10**9)
@@ -123,7 +123,7 @@ def test_a_source_tells_how_it_fares_and_counts_over_reconnections(entry):
 
 
 def test_silence_just_before_the_end_is_missing_data(entry):
-    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    source = DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
     list(source.take(Event(10**9, bota.encode((0.0,) * 6, microseconds=5))))
     source.look(10**9 + 900_000_000)
     assert source.state == "ok"
@@ -166,7 +166,7 @@ def test_a_queue_that_nobody_empties_is_bounded_and_the_loss_is_counted(entry, m
     reader.halt()
     reader.join()
     assert sum(len(event.data) for event in reader.events) <= LIMIT + 65536
-    source = Source(entry, reader, now=0)
+    source = DeviceSource(entry, reader, now=0)
     assert not source.complete
 
 
@@ -191,7 +191,7 @@ def test_a_recording_whose_reader_fails_is_ended_loudly_and_kept(tmp_path, monke
 
 
 def test_the_terminal_shows_rates_losses_time_and_size(entry):
-    source = Source(entry, Reader(entry, "/dev/none"), now=0)
+    source = DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
     list(source.take(Event(1, b"".join(bota.encode((0.0,) * 6, microseconds=1250 * i) for i in range(800)))))
     text = Terminal(io.StringIO()).line(Progress(1.0, 2_500_000, [source]))
     assert text == "    1.0 s  2.5 MB  |  cell 800 Hz, 0 missing, 0 bad"

@@ -92,8 +92,8 @@ def marked(short, tmp_path_factory):
 def with_notes(path, signals, *, marks, flagged=(), apart=0):
     """Write the run with notes beside its samples; ``apart`` is the log's clock less the stamps' [ns]."""
     from rig.mcap import cdr_encode
-    from rig.mcap.container import seal
     from rig.mcap.message_definitions import IMU, WRENCH
+    from rig.mcap.records import seal
 
     stamp = np.round(signals.t * 1e9).astype(np.int64)
     facts = {"wrench": "on_body", "log_time": "arrival", "cell.topic": "/wrench"}

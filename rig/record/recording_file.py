@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
+from rig.atomic_files import refuse_existing
 from rig.exceptions import RigError
-from rig.files import refuse_existing
 
 
 class Sink:
