@@ -57,7 +57,7 @@ class ImuChannel:
 
 @dataclass(frozen=True, eq=False)
 class MotionChannel:
-    """What another sensor than an IMU tells of the motion, n messages in the order of ``log_time``.
+    """What a sensor other than an IMU measures of the motion, n messages in the order of ``log_time``.
 
     Attributes:
         topic: name of the topic.

@@ -50,7 +50,7 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
 
 
 def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = None) -> Recording:
-    """Read a run's wrench, stamped or not, and whatever tells its motion.
+    """Read a run's wrench, stamped or not, and whatever measures its motion.
 
     Args:
         path: as of :func:`read`.

@@ -1,4 +1,4 @@
-"""What a recording is kept in, told by its first bytes: MCAP, rosbag2's SQLite (.db3), ROS 1 bags, zstd around these.
+"""The containers of recordings, by their first bytes: MCAP, rosbag2's SQLite (.db3), ROS 1 bags, zstd around these.
 
 A rosbag2 folder is one run, its files in the order of ``metadata.yaml`` or of their numbers. Every container gives its
 messages as chunks of MCAP records, a megabyte or a chunk at a time, so that a file of any length takes little memory.
@@ -49,7 +49,7 @@ class ContainerFile(Protocol):
         """The messages, at least those of these types, chunk by chunk; fills ``definitions`` on the way."""
 
     def damage(self, why: str) -> RigError:
-        """The error for what is wrong with the part read last."""
+        """The error for what is wrong with what was read last."""
 
 
 class McapFile:

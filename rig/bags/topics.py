@@ -1,4 +1,4 @@
-"""What a recording holds: the topics that tell force, moment and motion, as arrays; its metadata; its hash."""
+"""The topics of a recording as arrays: force, moment and motion; its metadata; its hash."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -42,7 +42,7 @@ class TopicMessages:
             self.pieces[name].append(values if len(groups) == 1 else values[order])
 
     def arrays(self) -> dict[str, NDArray]:
-        """Every column of the topic in the order of ``log_time``; the pieces are given up one by one."""
+        """Every column of the topic in the order of ``log_time``; the chunks are released one by one."""
         joined = {name: np.concatenate(self.pieces.pop(name)) for name in self.names}
         log_time = joined["log_time"]
         if len(log_time) and (np.diff(log_time) < 0).any():
@@ -52,7 +52,7 @@ class TopicMessages:
 
 
 class Contents:
-    """All that ``load`` found: the topics by name, the metadata and the hash."""
+    """What ``load`` returns: the topics by name, the metadata and the hash."""
 
     def __init__(self, path: PathLike) -> None:
         self.path = path
@@ -127,7 +127,7 @@ class Contents:
         return ImuChannel(topic=topic, frame_id=self._frame(topic), **self.topics[topic].arrays())
 
     def motion(self, topic: str) -> ImuChannel | MotionChannel:
-        """This topic as arrays, whatever of the motion it tells."""
+        """This topic as arrays, with whatever it holds of the motion."""
         pieces = self.topics[topic]
         if pieces.type_name == IMU:
             return self.imu(topic)

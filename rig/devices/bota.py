@@ -81,7 +81,7 @@ class Bota(Device):
         return max(1, min(65535, round(1 / (self.rate * SINC_PERIOD))))
 
     def start(self) -> Conversation:
-        """Configuration mode, binary frames, filter, run; the boot text tells who it is."""
+        """Configuration mode, binary frames, filter, run; the boot text identifies the sensor."""
         if not self.options["configure"]:
             return Identity(settings={"configured": "no"})
         heard = yield from self._configuration_mode()

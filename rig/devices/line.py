@@ -58,7 +58,7 @@ class LineParser(Parser):
         return end + 1 - start if good else NO_FRAME
 
     def _drain(self, *, final: bool) -> list[Sample]:
-        """A frame is a line here, good or bad: nothing is looked for inside a bad one."""
+        """A frame is a line here, good or bad: there is no search for a frame inside a bad line."""
         buffer, samples, position = self._buffer, list[Sample](), 0
         while (end := buffer.find(b"\n", position)) >= 0:
             length = end + 1 - position

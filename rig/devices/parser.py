@@ -91,7 +91,7 @@ class Parser(ABC):
         return len(self._buffer)
 
     def begin(self) -> None:
-        """Count anew from here; what was missing before does not count, device clocks go on."""
+        """Restart the counts here; what was missing before does not count, device clocks go on."""
         self.counts = Counts(bytes=len(self._buffer))
         self._done, self._lost = 0, False
         self._time = self._counter = None

@@ -17,7 +17,7 @@ ENCODINGS = ("cdr", "ros1")
 
 @dataclass
 class Layout:
-    """The fields of one message: a numpy dtype's, and which of them all messages of the layout have alike.
+    """The fields of one message: a numpy dtype's, and which of them have the same bytes in all messages of the layout.
 
     Raises:
         ValueError: the message is not of this type.

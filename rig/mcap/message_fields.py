@@ -13,7 +13,7 @@ JOINTS = VALUES
 
 WRENCHES = (WRENCH, BARE_WRENCH)
 MOTIONS = (IMU, TWIST, ODOMETRY, POSE, JOINTS)
-"""What tells an angular velocity, the most direct first."""
+"""Types from which an angular velocity follows, the most direct first."""
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ class Recovery:
 
 @dataclass
 class _IntactRecords:
-    """The parts of a damaged file that stand. Chunks by position only: a file may be larger than the memory."""
+    """The intact records of a damaged file. Chunks by position only: a file may be larger than the memory."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -127,8 +127,8 @@ def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.Pat
             result.messages += copy.batch(batch)
             result.chunks += 1
             writer.flush()
-        if copy.homeless:
-            result.notes.append(f"{copy.homeless} messages of topics whose definition is lost are left out")
+        if copy.undefined:
+            result.notes.append(f"{copy.undefined} messages of topics whose definition is lost are left out")
         facts = {"source": Path(path).name, "result": str(result)}
         writer.add_metadata("rig.mcap.recover", seal("rig.mcap.recover", facts))
         writer.finish()
@@ -265,7 +265,7 @@ class _Copy:
         self._writer, self._intact = writer, intact
         self._channels: dict[int, int] = {}
         self._schemas: dict[int, int] = {}
-        self.homeless = 0
+        self.undefined = 0
 
     def batch(self, batch: Batch) -> int:
         """Copy one chunk's messages; returns how many."""
@@ -275,7 +275,7 @@ class _Copy:
             _, length, channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(batch.data, position)
             number = self._channel(channel)
             if number is None:
-                self.homeless += 1
+                self.undefined += 1
                 continue
             data = batch.data[position + _MESSAGE.size : position + 9 + length]
             self._writer.add_message(number, log_time, data, publish_time, sequence)

@@ -1,4 +1,4 @@
-"""A device's clock against the host's: the fastest arrivals tell, the delayed ones do not bias the fit."""
+"""A device's clock against the host's, fitted to the fastest arrivals: the delayed ones do not bias the fit."""
 
 from bisect import bisect_left
 from operator import itemgetter
@@ -24,7 +24,7 @@ MINIMUM_SPAN = 2_000_000_000  # ns; over less the skew of a crystal is lost in t
 
 
 class ClockTracker:
-    """The lower convex hull of (arrival - device time) over device time, kept up point by point.
+    """The lower convex hull of (arrival - device time) over device time, updated point by point.
 
     Every arrival is late by a delay of at least some minimum. The hull edge below the middle of the run is the line
     that no arrival undercuts: offset (with the least delay in it) and skew, without the bias of the other delays.

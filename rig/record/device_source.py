@@ -43,7 +43,7 @@ class DeviceSource:
         self.begin(now)
 
     def begin(self, now: int) -> None:
-        """Count anew from here; the fit of the clocks goes on."""
+        """Restart the counts here; the fit of the clocks goes on."""
         self.parser.begin()
         self._last_sample, self._bytes_since, self._before = now, 0, 0
 

@@ -143,7 +143,7 @@ class Line:
         self.pty = Pty(folder / spec["name"])
         self._emulator = self._device.emulator(rate=spec.get("rate") or self._device.rate or 100.0)
         self._zero, self._start = zero, float("inf")
-        self.mood = "heal"
+        self.behaviour = "heal"
         self._opened, self._next_look = False, 0.0
         self._backlog = bytearray()
         self._random = np.random.default_rng(1)
@@ -174,9 +174,9 @@ class Line:
             if self._opened and self._emulator.streaming and self._playing:
                 sending += self._frame()
             self._index += 1
-        if self.mood == "silence":
+        if self.behaviour == "silence":
             sending.clear()
-        if self.mood == "babble" and self._opened:
+        if self.behaviour == "babble" and self._opened:
             sending = bytearray(self._random.bytes(2000))
         self._send(sending)
 
@@ -236,7 +236,7 @@ def obey(command: str, lines: dict[str, Line], zero: float) -> bool:
             line.go(start)
         _answer({"start": start})
     elif verb in ("silence", "babble", "heal"):
-        lines[name].mood = verb
+        lines[name].behaviour = verb
     elif verb == "unplug":
         lines[name].pty.unplug()
     elif verb == "plug":

@@ -53,7 +53,7 @@ class Reader(threading.Thread):
                     port.close()
                     self.events.append(Event(time.monotonic_ns(), lost=True))
                     port = self._find_again() or port
-            self._say_goodbye(port)
+            self._stop_device(port)
         except Exception as error:  # handed to the writer, which raises it
             self.failure = error
 
@@ -96,7 +96,7 @@ class Reader(threading.Thread):
             return port
         return None
 
-    def _say_goodbye(self, port: Port) -> None:
+    def _stop_device(self, port: Port) -> None:
         try:
             port.write(self.entry.device.stop())
         except PortLostError:

@@ -198,7 +198,7 @@ class Recorder:
                     self._write(channel, encode, measurement)
                     if signal is not None:
                         signal.append((measurement.stamp, measurement.values))
-        self._tell_troubles(session)
+        self._report_troubles(session)
         while self._marks:
             time_, text = self._marks.popleft()
             self._writer.add_message(
@@ -210,7 +210,7 @@ class Recorder:
             )
             self.summary.marks += 1
 
-    def _tell_troubles(self, session: Session) -> None:
+    def _report_troubles(self, session: Session) -> None:
         for source in session.sources:
             while source.troubles:
                 self._say(source.troubles[0])
@@ -251,7 +251,7 @@ class Recorder:
         for source in session.sources:
             source.finish(now)
             summary.devices[source.entry.name] = self._device_summary(source)
-        self._tell_troubles(session)
+        self._report_troubles(session)
         self._status(session, now)
         self._estimate_delays(session)
         summary.seconds = (now - start) * 1e-9

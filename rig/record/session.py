@@ -50,7 +50,7 @@ class Emulators:
     def command(self, text: str) -> None:
         """Send one command line (see ``rig.record.emulator``)."""
         assert self.process.stdin is not None  # noqa: S101
-        with suppress(BrokenPipeError):  # the missing answer tells
+        with suppress(BrokenPipeError):  # the missing answer shows it
             self.process.stdin.write(text.encode() + b"\n")
             self.process.stdin.flush()
 
@@ -171,7 +171,7 @@ class Session:
         return None if duration is None else duration + LAST_BYTES
 
     def go(self) -> None:
-        """Forget what came until now and count anew; emulated runs start."""
+        """Discard what came until now and restart the counts; emulated runs start."""
         start = self._emulators.go() if self._emulators else 0.0
         while time.monotonic() < start - 0.005:
             time.sleep(0.001)
