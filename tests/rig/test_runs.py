@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Writer as RosbagWriter
 from rosbags.typesys import Stores, get_typestore
 
 from rig import runs
+from rig.channels import Recording
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.writer import _SpooledIndexes, new_writer, register
@@ -32,6 +33,7 @@ def test_what_is_written_is_read(tmp_path, compression, frame):
     wrench, imu = wrench_channel(frame=frame), imu_channel(77, frame=frame)
     runs.write(path, wrench=wrench, imu=imu, metadata=METADATA, compression=compression)
     got = runs.read(path)
+    assert isinstance(got, Recording)
     assert_same(got.wrench, wrench, WRENCH_COLUMNS)
     assert_same(got.imu, imu, IMU_COLUMNS)
     assert got.metadata == METADATA

@@ -6,6 +6,7 @@ import struct
 import pytest
 
 from rig.devices import REGISTRY, bota, create_device, microstrain, robotous, vectornav, vectornav_ascii, xsens
+from rig.devices.base import Device
 from rig.devices.conversation import Listen, NoAnswerError, Send
 from rig.exceptions import RigError
 from tests.rig_samples import SHARED
@@ -300,3 +301,8 @@ def test_a_device_that_must_not_be_configured_is_sent_nothing(kind):
     with pytest.raises(StopIteration):
         device.start().send(None)
     assert device.stop() == b""
+
+
+def test_every_kind_is_a_device():
+    options = {"line": {"columns": ["force.x"]}}
+    assert all(isinstance(create_device(kind, **options.get(kind, {})), Device) for kind in REGISTRY)

@@ -3,6 +3,7 @@
 import os
 import tty
 
+from rig.record.discover import discover
 from rig.record.emulator import Pty
 from rig.record.port import SerialPort
 
@@ -32,3 +33,9 @@ def test_what_a_reader_left_unread_is_not_heard_by_the_next(tmp_path):
     assert second.read() == b"new"
     second.close()
     line.unplug()
+
+
+def test_a_port_that_cannot_be_opened_is_listed_with_the_reason(tmp_path):
+    (port,) = discover([str(tmp_path / "none")])
+    assert (port.name, port.kind) == (str(tmp_path / "none"), "")
+    assert port.complaint.startswith(f"no port {tmp_path}")
