@@ -4,9 +4,36 @@ import math
 import re
 import unicodedata
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
 FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+)?")
+
+
+@dataclass(frozen=True, repr=False)
+class Table:
+    """A small table of texts, which shows itself aligned in a terminal and as HTML in a notebook."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+    """A line below it in a report."""
+    wrap: bool = False
+    """Whether its cells hold text that may be broken into lines."""
+    long: bool = False
+    """Whether it is too long for a terminal, so that only notebooks and reports show it."""
+
+    @property
+    def numeric(self) -> list[bool]:
+        """Which columns hold figures, to be set to the right."""
+        return [all(is_figure(row[k]) for row in self.rows) for k in range(len(self.head))]
+
+    def __repr__(self) -> str:
+        return "\n".join([*([self.caption] if self.caption else []), text_table(self.head, self.rows)])
+
+    def _repr_html_(self) -> str:
+        return html_table(self.head, self.rows, self.caption)
 
 
 def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

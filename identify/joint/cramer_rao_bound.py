@@ -17,17 +17,19 @@ from identify.joint.gauss_newton import information
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
 from identify.joint.priors import STATIC, Alignment, Known, Prior
 from identify.joint.single_run import REACH, Setting, prepared, whitener
-from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
+from identify.reporting import Result
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS, Body
 from identify.signals.band_limited_run import in_band
 from identify.signals.run import Run
-from identify.text_tables import html_table, text_table
-
-GRAM_METRE = 1e3
+from identify.text_tables import Table
 
 
-@dataclass(frozen=True)
-class Bound:
-    """The least covariance that an unbiased estimate can have."""
+@dataclass(frozen=True, repr=False)
+class Bound(Result):
+    """The least covariance that an unbiased estimate can have.
+
+    Example: ``bound(run, body, ...).to_frame()`` has the least standard uncertainty of each component.
+    """
 
     free: tuple[str, ...]
     """The unknowns that count as free; all others count as known."""
@@ -55,19 +57,19 @@ class Bound:
             "prior_share": {name: share.tolist() for name, share in self.prior_share.items()},
         }
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: three standard uncertainties of the tensor in g·m²."""
-        three = 3 * GRAM_METRE * self.standard_uncertainty("inertia")
-        return ["g·m²", *COMPONENTS], [["3σ at least", *(f"{value:.3f}" for value in three)]]
-
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Return what the table is of."""
         return f"Hybrid Cramér–Rao bound; free: {', '.join(self.free)}"
 
-    def __repr__(self) -> str:
-        return "\n".join([self._title(), text_table(*self.rows())])
+    def tables(self) -> list[Table]:
+        """Return three standard uncertainties of the tensor in g·m²."""
+        three = 3 * GRAM_METRE * self.standard_uncertainty("inertia")
+        return [Table("", ["g·m²", *COMPONENTS], [["3σ at least", *(f"{value:.3f}" for value in three)]])]
 
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption=self._title())
+    def records(self) -> list[dict[str, Any]]:
+        """Return the least standard uncertainty of each component [kg·m²]."""
+        pairs = zip(COMPONENTS, self.standard_uncertainty("inertia"), strict=True)
+        return [{"component": name, "standard_uncertainty": u} for name, u in pairs]
 
 
 def bound(

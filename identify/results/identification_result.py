@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any, Literal
 
 import jax.numpy as jnp
@@ -12,14 +11,17 @@ from identify.diagnostics.consistency import Verdict
 from identify.estimators.admissible import Admissible, finite
 from identify.estimators.offsets import OffsetChoice
 from identify.estimators.repeatability import Pooling
+from identify.reporting import Drawing, Result, Section
+from identify.results import identification_figures as drawn
 from identify.results.alignment import Aligned, alignment_notes
+from identify.results.contributions import contributions
 from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
 from identify.rigid_body.fixture import Tare
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component, principal_axes
 from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.text_tables import decimals, fixed, html_table, text_table
+from identify.text_tables import Table, decimals, fixed
 
 CgMotion = Literal["still"]
 """How the centre of gravity moves, where that is declared."""
@@ -27,9 +29,12 @@ Method = Literal["source", "gls", "joint"]
 """Estimators: the source's, generalised least squares, and the joint estimate."""
 
 
-@dataclass(frozen=True)
-class Identification:
-    """The inertia tensor about the centre of gravity, in the body frame, from one or more runs. SI units."""
+@dataclass(frozen=True, repr=False)
+class Identification(Result):
+    """The inertia tensor about the centre of gravity, in the body frame, from one or more runs. SI units.
+
+    Example: ``identify(runs, ...).to_frame()`` has a row a component; ``.figures()["residuals"]``.
+    """
 
     inertia: np.ndarray
     """Packed tensor [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual variance."""
@@ -49,8 +54,8 @@ class Identification:
     runs: tuple[RunEstimate, ...]
     warnings: tuple[str, ...]
     assumptions: tuple[str, ...]
-    diagnostics: Mapping[str, Any] = field(repr=False)
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    diagnostics: Mapping[str, Any]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
     offsets: OffsetChoice = "estimate"
     """Where the load cell's constant offsets come from."""
     pooling: Pooling | None = None
@@ -69,7 +74,7 @@ class Identification:
     """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
     datum: Datum | None = None
     """A frame in which the result is also wanted."""
-    tare: Tare | None = field(default=None, repr=False)
+    tare: Tare | None = None
     """What was taken off; None: nothing."""
     method: Method = "source"
     """How it was estimated; see :func:`identify`."""
@@ -111,6 +116,13 @@ class Identification:
     def standard_uncertainty(self) -> np.ndarray:
         """Standard uncertainty of each component [kg·m²]."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def contributions(self) -> Mapping[str, np.ndarray]:
+        """Each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known."""
+        whole = None if self.tare is None else self.tare.whole.standard_uncertainty[4:]
+        fixture = None if whole is None else self.standard_uncertainty**2 - whole**2
+        return contributions(self.budget, self.diagnostics, fixture)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
@@ -174,25 +186,32 @@ class Identification:
             "about_datum": None if datum is None else self.parameters.in_datum(datum).to_dict(),
         }
 
+    def tables(self) -> list[Table]:
+        """Return the components in g·m², and what each run says alone."""
+        return [Table("", *self.rows()), self.run_table()]
+
+    def overview(self) -> list[Table]:
+        """Return the components alone."""
+        return self.tables()[:1]
+
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of the summary, in g·m²."""
         head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
         for name, value, bias, uncertainty, (low, high) in columns:
-            digits = max(decimals(1e3 * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
-            figures = [fixed(1e3 * x, digits) for x in (value, bias, uncertainty, low, high)]
+            digits = max(decimals(GRAM_METRE * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
+            figures = [fixed(GRAM_METRE * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
         return head, rows
 
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Return what the table is of."""
         runs = f"{len(self.runs)} run{'s' if len(self.runs) > 1 else ''}"
         return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
 
-    def __repr__(self) -> str:
-        return "\n".join([self._title(), text_table(*self.rows()), *self._notes()])
-
-    def _notes(self) -> list[str]:
+    def notes(self) -> list[str]:
+        """Return what was used, offsets, warnings and assumptions, a line each."""
         used = [run.used for run in self.runs if run.used]
         warnings = [f"warning: {text}" for text in self.warnings]
         axes = principal_axes(self.inertia, self.covariance).note
@@ -206,9 +225,38 @@ class Identification:
             *(f"assumed: {text}" for text in self.assumptions),
         ]
 
-    def _repr_html_(self) -> str:
-        listed = "".join(f"<li>{escape(text)}</li>" for text in self._notes())
-        return f"{html_table(*self.rows(), caption=self._title())}<ul>{listed}</ul>"
+    def run_table(self) -> Table:
+        """Return each run's own estimate, samples, rate, residuals."""
+        head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
+        rows = []
+        for run in self.runs:
+            pairs = zip(run.inertia - self.taken_off, run.standard_uncertainty, strict=True)
+            values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * u)) if run.alone else "–" for x, u in pairs]
+            residual = f"{float(np.sqrt(np.mean(run.residual**2))):.3g}"
+            rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values])
+        return Table("Runs, components in g·m²", head, rows, RUN_NOTE)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return value, bias, standard uncertainty and interval of each component [kg·m²]."""
+        columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, *self.interval95.T, strict=True)
+        names = ("component", "value", "bias", "standard_uncertainty", "low95", "high95")
+        return [dict(zip(names, row, strict=True)) for row in columns]
+
+    def drawings(self) -> list[Drawing]:
+        """Return budget, residuals, coverage of the sphere, runs, and the parts of them that counted."""
+        return [
+            *drawn.budget_drawings(self.contributions, self.standard_uncertainty),
+            *drawn.residual_drawings(self.runs),
+            *drawn.coverage_drawings(self.runs, self.covariance),
+            *drawn.run_drawings(self.runs, self.inertia, self.interval95, self.taken_off),
+        ]
+
+    def section(self) -> Section:
+        """Return its part of a report; :class:`uq.identification.certificate.Certificate` makes it a certificate."""
+        assumptions = [f"{text[0].upper()}{text[1:]}." for text in self.assumptions]
+        return Section(
+            self.title(), (), self.warnings, self.tables(), self.drawings(), (), assumptions, self.provenance
+        )
 
 
 def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
@@ -217,3 +265,6 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
         return {"value": np.eye(3).tolist(), "estimated": False}
     matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
     return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}
+
+
+RUN_NOTE = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."

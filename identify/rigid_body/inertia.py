@@ -13,6 +13,8 @@ from jaxtyping import Array, Bool, Float
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
 PRODUCTS = (1, 2, 4)  # where the products of inertia stand
+GRAM_METRE = 1e3
+"""g·m² in a kg·m²."""
 
 _ROWS, _COLUMNS = np.triu_indices(3)
 

@@ -2,15 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy
 
 from identify.exceptions import RunError
+from identify.reporting import Drawing, Result, Section
 from identify.static.gain_check import GainCheck
-from identify.text_tables import html_table, text_table, with_error
+from identify.text_tables import Table, with_error
 
 PARAMETERS = (
     "mass", "cg_x", "cg_y", "cg_z",
@@ -23,9 +23,12 @@ VERSION = 1
 """Of the content of centre.json."""
 
 
-@dataclass(frozen=True)
-class Centre:
-    """Mass and centre of gravity of a body with its fixture, and the load cell's offsets; SI units, body frame."""
+@dataclass(frozen=True, repr=False)
+class Centre(Result):
+    """Mass and centre of gravity of a body with its fixture, and the load cell's offsets; SI units, body frame.
+
+    Example: ``centre_file("poses.csv", experiment).to_frame().loc["cg_x"]``.
+    """
 
     mass: float
     """Mass [kg]."""
@@ -37,7 +40,7 @@ class Centre:
     """The same of the moment about Q [N·m]."""
     covariance: np.ndarray
     """Of the ten parameters in the order of ``PARAMETERS``, (10, 10)."""
-    residuals: np.ndarray = field(repr=False)
+    residuals: np.ndarray
     """Measured less fitted wrench of each pose, (n, 6) [N, N·m]."""
     degrees_of_freedom: np.ndarray | float
     """Effective, of each standard uncertainty (GUM G.4.1); one for all, or (10,)."""
@@ -47,14 +50,14 @@ class Centre:
     """What the cell reads without a load, in its own sign and axes: Fx Fy Fz [N], Mx My Mz [N·m]."""
     warnings: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
     gain: GainCheck | None = None
     """The load cell's mass beside a scale's; None: no scale."""
     largest_tilt: float | None = None
     """From the poses' mean direction of gravity [rad]."""
     lasting: np.ndarray | None = None
     """What errors do to the ten that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
-    file_name: ClassVar[str] = "centre.json"
+    file_name = "centre.json"
     """The file that holds it."""
 
     @property
@@ -213,12 +216,44 @@ class Centre:
         found = f"{tilt}the centre of gravity is {known}"
         return [found, *([] if self.gain is None else [self.gain.verdict])]
 
-    def __repr__(self) -> str:
-        return "\n".join([self.title(), text_table(*self.rows()), *self.notes()])
+    def tables(self) -> list[Table]:
+        """Return centre of gravity and offsets with their uncertainties."""
+        return [Table("Centre of gravity and offsets", *self.rows())]
 
-    def _repr_html_(self) -> str:
-        listed = "".join(f"<li>{escape(text)}</li>" for text in self.notes())
-        return f"{html_table(*self.rows(), caption=self.title())}<ul>{listed}</ul>"
+    def overview(self) -> list[Table]:
+        """Return the same, below the title."""
+        return [Table("", *self.rows())]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return value, standard uncertainty and interval of each of the ten parameters, in SI."""
+        columns = zip(PARAMETERS, UNITS, self.values, self.standard_uncertainty, *self.interval95.T, strict=True)
+        names = ("parameter", "unit", "value", "standard_uncertainty", "low95", "high95")
+        return [dict(zip(names, row, strict=True)) for row in columns]
+
+    def drawings(self) -> list[Drawing]:
+        """Return the figure of the residuals."""
+
+        def draw():
+            from identify.static.pose_figures import pose_residuals
+
+            return pose_residuals(self.residuals)
+
+        return [Drawing("residuals", "What each pose leaves unexplained.", draw)]
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        return Section(
+            "Mass and centre of gravity of a body",
+            [f"From static poses, by least squares: {self.title()}; local gravity {self.gravity:.6g} m/s². "
+             "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty.",
+             *(f"{text[0].upper()}{text[1:]}." for text in self.findings())],
+            self.warnings,
+            self.tables(),
+            self.drawings(),
+            [Table("Standard uncertainties in SI, and correlations", *self.correlation_rows())],
+            [f"{text[0].upper()}{text[1:]}." for text in self.assumptions],
+            self.provenance,
+        )  # fmt: skip
 
 
 def _cells(values: np.ndarray, errors: np.ndarray) -> list[str]:

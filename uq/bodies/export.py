@@ -1,15 +1,16 @@
 """Inertial parameters as files for simulators, ROS and robot controllers."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from identify.exceptions import RunError
+from identify.reporting import Result, Section
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
-from identify.text_tables import html_table, text_table
+from identify.text_tables import Table
 from uq.bodies import robot_loads as export_loads
 from uq.bodies import simulator_models as export_models
 from uq.bodies.exported_body import ExportedBody, principal_axes
@@ -31,15 +32,18 @@ ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
 
 
-@dataclass(frozen=True)
-class Exported:
-    """Export files, made but not yet written."""
+@dataclass(frozen=True, repr=False)
+class Exported(Result):
+    """Export files, made but not yet written.
+
+    Example: ``export(identification, "urdf,mjcf").write("folder")``.
+    """
 
     contents: Mapping[str, str]
     """Text by file name."""
     formats: tuple[str, ...]
     warnings: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "export"
 
     def files(self) -> dict[str, bytes]:
@@ -56,19 +60,26 @@ class Exported:
 
         place(self.files(), Path(folder))
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the table of files."""
-        return ["format", "file", "what"], [[one, FORMATS[one][0], FORMATS[one][2]] for one in self.formats]
+    def tables(self) -> list[Table]:
+        """Return the files by format."""
+        rows = [[name, FORMATS[name][0], FORMATS[name][2]] for name in self.formats]
+        return [Table("Exported files", ["format", "file", "what"], rows)]
+
+    def overview(self) -> list[Table]:
+        """Return the same without a caption."""
+        return [replace(table, caption="") for table in self.tables()]
+
+    def notes(self) -> list[str]:
+        """Return the warnings, a line each."""
+        return [f"warning: {text}" for text in self.warnings]
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        return Section("Exported files", (), self.warnings, details=self.tables(), provenance=self.provenance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: the files by format."""
         return {one: FORMATS[one][0] for one in self.formats}
-
-    def __repr__(self) -> str:
-        return "\n".join([text_table(*self.rows()), *(f"warning: {text}" for text in self.warnings)])
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption="Exported files")
 
 
 def export(result: Any, formats: str | Sequence[str], folder: str | Path | None = None) -> Exported:

@@ -1,26 +1,29 @@
 """A measured tensor beside an expected one, as a laboratory compares them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from identify.reporting import Result, Section
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import PARAMETERS, Tensor, by_component
-from identify.text_tables import html_table, text_table
+from identify.text_tables import Table
 from uq.bodies.other_conventions import Suspicion, joint, normalised_error, suspicions
 from uq.bodies.reference import Reference
-from uq.campaign.statistics import GRAM_METRE
 
 MOST = 6
 """Uncertain quantities of a reference that its table lists; result.json holds all."""
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """A measured tensor and an expected one, about the centre of gravity, in the body frame."""
+@dataclass(frozen=True, repr=False)
+class Comparison(Result):
+    """A measured tensor and an expected one, about the centre of gravity, in the body frame.
+
+    Example: ``compare(identification, load_reference("body.toml")).to_frame()["normalised_error"]``.
+    """
 
     reference: Reference
     measured: Tensor
@@ -31,7 +34,7 @@ class Comparison:
     """Measured mass and its standard uncertainty [kg]; None: not known."""
     centre: tuple[np.ndarray, np.ndarray] | None = None
     """Measured centre of gravity from Q in B and its standard uncertainty [m]."""
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "expected"
 
     @property
@@ -94,8 +97,12 @@ class Comparison:
         disagree = f"{', '.join(beyond)} differ{'s' * (len(beyond) == 1)} from {self.reference.name} beyond the "
         return [*self.reference.warnings, *([f"{disagree}expanded uncertainties (|E_n| > 1)"] if beyond else []), *said]
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the comparison, in g·m²."""
+    def title(self) -> str:
+        """Return what the table is of."""
+        return f"Expected: {self.reference.name} ({self.reference.kind})"
+
+    def tables(self) -> list[Table]:
+        """Return the comparison, in g·m²."""
         head = [
             "g·m²", "expected", "U (k = 2)", "mean of runs", "standard deviation", "measured", "U (k = 2)", "deviation",
             "relative %", "E_n",
@@ -109,14 +116,52 @@ class Comparison:
             figures = [_significant(GRAM_METRE * column[k]) for column in columns]
             relative, error = _figure(100 * self.relative_error[k], 2), _figure(self.normalised_error[k], 2)
             rows.append([name, *figures, relative, error])
-        return head, rows
+        return [Table(f"Expected: {self.reference.name}, g·m²", head, rows, f"{self.summary()}.")]
 
-    def reference_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of what makes the expected moments uncertain, largest first, in g·m²."""
+    def overview(self) -> list[Table]:
+        """Return the same, below the title."""
+        return [replace(table, caption="") for table in self.tables()]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the figures of each component [kg·m²]."""
+        columns = self._figures()
+        return [
+            {"component": name} | {key: values[k] for key, values in columns.items()}
+            for k, name in enumerate(COMPONENTS)
+        ]
+
+    def _figures(self) -> dict[str, np.ndarray]:
+        return {
+            "value": self.expected.inertia, "standard_uncertainty": self.expected.standard_uncertainty,
+            "mean_of_runs": self.mean, "standard_deviation_of_runs": self.standard_deviation,
+            "deviation": self.deviation, "relative_error": self.relative_error,
+            "normalised_error": self.normalised_error,
+        }  # fmt: skip
+
+    def notes(self) -> list[str]:
+        """Return the joint verdict and the findings, a line each."""
+        return [self.summary(), *(f"warning: {text}" for text in self.findings())]
+
+    def contribution_tables(self) -> list[Table]:
+        """Return what makes the expected moments uncertain, largest first, in g·m²; none where nothing does."""
         parts = self.reference.contributions
         largest = sorted(parts, key=lambda name: -float(parts[name][4:].sum()))[:MOST]
         rows = [[name, *(f"{GRAM_METRE * np.sqrt(max(x, 0.0)):.2g}" for x in parts[name][4:])] for name in largest]
-        return ["quantity", *COMPONENTS], rows
+        title = "What makes the expected tensor uncertain: standard uncertainty, g·m²"
+        return [Table(title, ["quantity", *COMPONENTS], rows)] if parts else []
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        reference = self.reference
+        return Section(
+            "Expected values",
+            [f"Beside what is expected of {reference.name}, from its {reference.kind}. {EXPECTED}"],
+            self.findings(),
+            self.tables(),
+            details=self.contribution_tables(),
+            assumptions=["The errors of the result and of the expected value are independent."],
+            provenance={**self.provenance, "expected": {"file": reference.file, "sha256": reference.sha256}},
+        )
 
     def summary(self) -> str:
         """Return the joint verdict in one line."""
@@ -130,18 +175,12 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says, in kg·m²; what does not exist is null."""
         statistic, freedom, probability = self.joint
-        figures = {
-            "value": self.expected.inertia, "standard_uncertainty": self.expected.standard_uncertainty,
-            "mean_of_runs": self.mean, "standard_deviation_of_runs": self.standard_deviation,
-            "deviation": self.deviation, "relative_error": self.relative_error,
-            "normalised_error": self.normalised_error,
-        }  # fmt: skip
         return {
             "name": self.reference.name,
             "kind": self.reference.kind,
             "file": self.reference.file,
             "sha256": self.reference.sha256,
-            **{key: _nulled(by_component(values)) for key, values in figures.items()},
+            **{key: _nulled(by_component(values)) for key, values in self._figures().items()},
             "chi_squared": {"value": statistic, "degrees_of_freedom": freedom, "probability": probability},
             "normalised_error_of_mass_and_cg": self.other_errors,
             "contributions": {
@@ -154,14 +193,6 @@ class Comparison:
             "warnings": list(self.reference.warnings),
             "document": dict(self.reference.document),
         }
-
-    def __repr__(self) -> str:
-        title = f"Expected: {self.reference.name} ({self.reference.kind})"
-        warnings = [f"warning: {text}" for text in self.findings()]
-        return "\n".join([title, text_table(*self.rows()), self.summary(), *warnings])
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption=f"{self.reference.name}; {self.summary()}")
 
 
 def compare(result: Identification, reference: Reference) -> Comparison:
@@ -196,3 +227,9 @@ def _figure(value: float, digits: int) -> str:
 
 def _nulled(values: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if np.isfinite(value) else None for name, value in values.items()}
+
+
+EXPECTED = (
+    "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
+    "over the root of the sum of squares of both expanded uncertainties (k = 2): satisfactory up to 1 (ISO 13528)."
+)

@@ -1,23 +1,31 @@
 """The outcome of a campaign: tables, findings and the content of result.json."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from html import escape
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import html_table, text_table, with_error
+from identify.figure_style import display_name
+from identify.reporting import Drawing, Result, Section, stem
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.text_tables import Table, with_error
 from uq.campaign.result_coverage import coverage_record, stability_record
-from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics
+from uq.campaign.statistics import Breakdown, Statistics
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
+from uq.report.input_tables import source_tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class MonteCarloResult:
-    """The outcome of a campaign. ``result["T1", "central"]`` is one :class:`Breakdown`."""
+@dataclass(frozen=True, repr=False)
+class MonteCarloResult(Result):
+    """The outcome of a campaign. ``result["T1", "central"]`` is one :class:`Breakdown`.
+
+    Example: ``montecarlo("barreto2016", trials=200).to_frame().loc[("T1", "central", "total")]``.
+    """
 
     trials: int
     seed: int
@@ -26,10 +34,10 @@ class MonteCarloResult:
     breakdowns: Mapping[str, Mapping[str, Breakdown[Statistics]]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
-    provenance: Mapping[str, Any] = field(repr=False)
-    errors: Mapping[str, np.ndarray] = field(repr=False, compare=False)
+    provenance: Mapping[str, Any]
+    errors: Mapping[str, np.ndarray] = field(compare=False)
     """Estimate minus truth of every trial, by trajectory: (trials, estimators, cases, 6) [kg·m²]."""
-    stability: Mapping[str, Mapping[str, Stability]] | None = field(default=None, repr=False, compare=False)
+    stability: Mapping[str, Mapping[str, Stability]] | None = field(default=None, compare=False)
     """What an adaptive campaign reached [kg·m²], by trajectory and estimator; None: the trials were given."""
 
     def __getitem__(self, key: tuple[str, str]) -> Breakdown[Statistics]:
@@ -70,58 +78,17 @@ class MonteCarloResult:
             "provenance": dict(self.provenance),
         }
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the summary: mean error and 3σ of each component with standard errors, in g·m²."""
-        rows = []
-        for trajectory, estimator in self.pairs():
-            s = self[trajectory, estimator].total
-            mean = map(with_error, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
-            sigma = map(with_error, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
-            rows += [[trajectory, estimator, "mean error", *mean], ["", "", "3σ", *sigma]]
-        return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
-
-    def share_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the breakdown: each group's and source's 3σ alone over the total's, per cent."""
-        first = self[self.pairs()[0]]
-        names = [name for name in (*first.groups, *first.sources) if name != "total"]
-        rows = []
-        for trajectory, estimator in self.pairs():
-            with np.errstate(invalid="ignore", divide="ignore"):
-                shares = [100 * self[trajectory, estimator].share(name) for name in names]
-            rows.append([trajectory, estimator, *(f"{round(x, 6):.3g}" if np.isfinite(x) else "–" for x in shares)])
-        return ["3σ alone, % of total", "", *(name.replace("_", " ") for name in names)], rows
-
-    def interval_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the 95 % coverage intervals of the errors with standard errors, in g·m²."""
-        rows = []
-        for pair in self.pairs():
-            for kind in ("symmetric", "shortest"):
-                interval = self.interval(*pair, kind=kind)
-                low = map(with_error, GRAM_METRE * interval.low, GRAM_METRE * interval.low_standard_error)
-                high = map(with_error, GRAM_METRE * interval.high, GRAM_METRE * interval.high_standard_error)
-                rows += [[*(pair if kind == "symmetric" else ("", "")), f"{kind}, from", *low], ["", "", "to", *high]]
-        return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
-
-    def tolerance_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of an adaptive campaign: each component's tolerance and what is reached, in g·m²."""
-        rows = []
-        for trajectory, of_trajectory in (self.stability or {}).items():
-            for estimator, found in of_trajectory.items():
-                tolerance, reached = ([f"{GRAM_METRE * x:.2g}" for x in xs] for xs in (found.tolerance, found.reached))
-                rows += [[trajectory, estimator, "tolerance", *tolerance], ["", "", "reached", *reached]]
-        return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
-
     def pairs(self) -> list[tuple[str, str]]:
         """Return every trajectory with every estimator."""
         return [(trajectory, estimator) for trajectory, of in self.breakdowns.items() for estimator in of]
 
     def findings(self) -> list[str]:
         """Return what a reader must not miss: warnings, failed trials, mean errors larger than their 3σ."""
-        found = list(self.warnings)
+        findings = list(self.warnings)
         for trajectory, estimator in self.pairs():
             breakdown = self[trajectory, estimator]
             if breakdown.failed:
-                found.append(
+                findings.append(
                     f"{trajectory}, {estimator}: {breakdown.failed} of {self.trials} trials failed and are left out."
                 )
             mean, sigma = np.abs(breakdown.total.mean_error), breakdown.total.three_sigma
@@ -131,25 +98,163 @@ class MonteCarloResult:
                 for k in np.flatnonzero(mean > sigma)
             ]
             if excess:
-                found.append(f"{trajectory}, {estimator}: the mean error exceeds 3σ: {', '.join(excess)}.")
-        return found
+                findings.append(f"{trajectory}, {estimator}: the mean error exceeds 3σ: {', '.join(excess)}.")
+        return findings
 
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Return what the tables are of."""
         how = "" if self.stability is None else ", adaptive"
         return f"Monte Carlo{how}, {self.trials:,} trials, seed {self.seed}"
 
-    def _adaptive_tables(self) -> list[tuple[list[str], list[list[str]]]]:
-        return [] if self.stability is None else [self.interval_rows(), self.tolerance_rows()]
+    def tables(self) -> list[Table]:
+        """Return totals, coverage intervals, what an adaptive campaign reached, the true tensor; in g·m²."""
+        adaptive = [] if self.stability is None else [self.tolerance_table()]
+        nominal = Table("True tensor, g·m²", list(COMPONENTS), [[_plain(GRAM_METRE * x) for x in self.nominal]])
+        return [self.summary_table(), self.interval_table(), *adaptive, nominal]
 
-    def __repr__(self) -> str:
-        found = [f"attention: {text}" for text in self.findings()]
-        tables = [text_table(*self.rows()), "", text_table(*self.share_rows())]
-        for table in self._adaptive_tables():
-            tables += ["", text_table(*table)]
-        return "\n".join([self._title(), *tables, *([""] if found else []), *found])
+    def overview(self) -> list[Table]:
+        """Return totals and shares, and of an adaptive campaign intervals and what was reached."""
+        adaptive = [] if self.stability is None else [self.interval_table(), self.tolerance_table()]
+        shown = [replace(table, caption="", head=[*HEAD, *COMPONENTS]) for table in (self.summary_table(), *adaptive)]
+        return [shown[0], self.share_table(), *shown[1:]]
 
-    def _repr_html_(self) -> str:
-        listed = "".join(f"<li>{escape(text)}</li>" for text in self.findings())
-        tables = html_table(*self.rows(), caption=self._title()) + html_table(*self.share_rows())
-        tables += "".join(html_table(*table) for table in self._adaptive_tables())
-        return tables + (f"<ul>{listed}</ul>" if listed else "")
+    def notes(self) -> list[str]:
+        """Return the findings, a line each."""
+        return [f"attention: {text}" for text in self.findings()]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the four statistics of each case and component, in g·m²."""
+        return [
+            {"trajectory": pair[0], "estimator": pair[1], "case": name, "component": component}
+            | {key: values[component] for key, values in statistics.to_dict().items()}
+            for pair in self.pairs()
+            for name, statistics in self[pair].cases.items()
+            for component in COMPONENTS
+        ]
+
+    def summary_table(self) -> Table:
+        """Return mean error and 3σ of each component with standard errors, in g·m²."""
+        rows = [row for pair in self.pairs() for row in _two_rows(pair, self[pair].total)]
+        return Table("All sources together, g·m²", [*HEAD[:2], "", *COMPONENTS], rows)
+
+    def share_table(self) -> Table:
+        """Return the breakdown in short: each group's and source's 3σ alone over the total's, per cent."""
+        first = self[self.pairs()[0]]
+        names = [name for name in (*first.groups, *first.sources) if name != "total"]
+        rows = []
+        for trajectory, estimator in self.pairs():
+            shares = [_percent(self[trajectory, estimator].share(name)) for name in names]
+            rows.append([trajectory, estimator, *shares])
+        return Table("", ["3σ alone, % of total", "", *(name.replace("_", " ") for name in names)], rows)
+
+    def interval_table(self) -> Table:
+        """Return the 95 % coverage intervals of the errors with standard errors, in g·m²."""
+        rows = []
+        for pair in self.pairs():
+            for kind in ("symmetric", "shortest"):
+                interval = self.interval(*pair, kind=kind)
+                low = map(with_error, GRAM_METRE * interval.low, GRAM_METRE * interval.low_standard_error)
+                high = map(with_error, GRAM_METRE * interval.high, GRAM_METRE * interval.high_standard_error)
+                rows += [[*(pair if kind == "symmetric" else ("", "")), f"{kind}, from", *low], ["", "", "to", *high]]
+        note = "symmetric: as much on either side; shortest: JCGM 101, 7.7."
+        return Table("95 % coverage intervals of the error, g·m²", [*HEAD[:2], "", *COMPONENTS], rows, note)
+
+    def tolerance_table(self) -> Table:
+        """Return each component's tolerance in an adaptive campaign and what is reached, in g·m²."""
+        rows = []
+        for trajectory, of_trajectory in (self.stability or {}).items():
+            for estimator, reached in of_trajectory.items():
+                pairs = (reached.tolerance, reached.reached)
+                tolerance, half_width = ([f"{GRAM_METRE * x:.2g}" for x in values] for values in pairs)
+                rows += [[trajectory, estimator, "tolerance", *tolerance], ["", "", "reached", *half_width]]
+        note = "tolerance: half a unit of the last significant digit of u, or as asked; JCGM 101, 7.9."
+        return Table("Adaptive Monte Carlo, g·m²", [*HEAD[:2], "", *COMPONENTS], rows, note)
+
+    def breakdown_table(self, trajectory: str, estimator: str) -> Table:
+        """Return one breakdown: every group and source alone, its mean error, 3σ and share, in g·m²."""
+        breakdown, rows = self[trajectory, estimator], []
+        for name, statistics in breakdown.cases.items():
+            first, second = _two_rows((display_name(name),), statistics)
+            rows += [[*first, ""], [*second, _percent(breakdown.share(name))]]
+        head = ["alone", "", *COMPONENTS, "share %"]
+        note = "share: 3σ alone over the total's, averaged over the components."
+        return Table(f"{trajectory}, {estimator}: groups and sources alone, g·m²", head, rows, note)
+
+    def drawings(self) -> list[Drawing]:
+        """Return two figures of each breakdown: by group, and by source."""
+        return [drawing for pair in self.pairs() for drawing in _drawings(self[pair], *pair)]
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        return Section(
+            "Monte Carlo of an inertia tensor",
+            [self.computed(), INDEX],
+            self.findings(),
+            self.tables(),
+            self.drawings(),
+            self.details(),
+            ASSUMPTIONS,
+            self.provenance,
+        )
+
+    def computed(self) -> str:
+        """Return what was computed, in a paragraph."""
+        names = {estimator: None for of_trajectory in self.breakdowns.values() for estimator in of_trajectory}
+        return (
+            f"{self.trials:,} trials with seed {self.seed}. Trajectories: {', '.join(self.breakdowns)}. "
+            f"Estimators: {', '.join(names)}. In each trial every error source is drawn once; the tensor is then "
+            "estimated with all sources together, with each group alone and with each source alone."
+        )
+
+    def details(self) -> list[Table]:
+        """Return every breakdown, and the sources as declared."""
+        return [*(self.breakdown_table(*pair) for pair in self.pairs()), *source_tables(self.provenance)]
+
+
+def _drawings(breakdown: Breakdown, trajectory: str, estimator: str) -> list[Drawing]:
+    def draw(cases: Mapping[str, Statistics]) -> "Figure":
+        from uq.campaign.campaign_figures import contributions
+
+        return contributions(cases)
+
+    by_source = {"total": breakdown.total, **breakdown.sources}
+    caption = f"{trajectory}, {estimator}: 3σ and mean error of each component, all sources and each {{}} alone."
+    names = (trajectory, estimator)
+    return [
+        Drawing(stem("groups", *names), caption.format("group"), lambda: draw(breakdown.groups)),
+        Drawing(stem("sources", *names), caption.format("source"), lambda: draw(by_source)),
+    ]
+
+
+def _two_rows(names: tuple[str, ...], s: Statistics) -> list[list[str]]:
+    """Mean error and 3σ with standard errors, in g·m²."""
+    mean = map(with_error, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
+    sigma = map(with_error, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
+    return [[*names, "mean error", *mean], [*("" for _ in names), "3σ", *sigma]]
+
+
+def _percent(share: float) -> str:
+    return f"{round(100 * share, 6):.3g}" if np.isfinite(share) else "–"
+
+
+def _plain(value: float) -> str:
+    return f"{value:.6g}".replace("-", "−")
+
+
+HEAD = ("trajectory", "estimator", "g·m²")
+INDEX = (
+    "3σ is three standard deviations of the estimates over the trials, the source's index of uncertainty. It does not "
+    "contain the mean error (mean of estimate minus truth), which therefore stands beside it everywhere. The figure "
+    "after ± is a standard error, from the finite number of trials."
+)
+ASSUMPTIONS = (
+    "The body is rigid. Its mass, the attitude of the load cell's axes and of the gyroscope's, the common clock and "
+    "the sensors' scale factors are exact.",
+    "Every error source is normal, with zero mean, and independent of the others and from axis to axis. A precision "
+    "error is drawn afresh at each sample, white in time; a bias is drawn once an experiment.",
+    "The platform runs the trajectory exactly. The error of the centre of gravity enters through the moment of the "
+    "force that the estimator removes, not through the motion.",
+    "The tensor is estimated by ordinary least squares over all samples; the angular acceleration is the numerical "
+    "derivative of the measured angular velocity.",
+    "“Load cell”, “CG” and “IMU” alone are computed from the same draws as the total; shares need not add up to one.",
+)

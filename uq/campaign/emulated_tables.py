@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.precision import check_precision
-from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from identify.text_tables import html_table, text_table, with_error
-from uq.campaign.statistics import GRAM_METRE
+from identify.reporting import Result
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
+from identify.text_tables import Table, with_error
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
@@ -50,9 +50,12 @@ class Imperfections(NamedTuple):
     """How late the gyro is against the load cell [s]."""
 
 
-@dataclass(frozen=True)
-class EmulatedTables:
-    """Repeats of the source's experiment, with the errors of every run."""
+@dataclass(frozen=True, repr=False)
+class EmulatedTables(Result):
+    """Repeats of the source's experiment, with the errors of every run.
+
+    Example: ``emulated_tables(repeats=10).to_frame().loc["T1", "moments"]``.
+    """
 
     runs: int
     """Runs of each trajectory in a repeat."""
@@ -63,7 +66,7 @@ class EmulatedTables:
     """Estimate minus truth by trajectory, (repeats, runs, 6) [kg·m²]."""
     imperfections: Imperfections
     warnings: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def repeats(self) -> int:
@@ -129,17 +132,28 @@ class EmulatedTables:
             "provenance": dict(self.provenance),
         }
 
-    def _tables(self) -> list[tuple[list[str], list[list[str]]]]:
-        third = [self.rows3()] if "T1" in self.errors and self.runs > 1 else []
-        return [*third, self.rows4(), *([self.gain_rows()] if self.repeats > 1 else [])]
+    def title(self) -> str:
+        """Return what the tables are of."""
+        return f"The source's experiment, emulated {self.repeats} times, {self.runs} runs of each trajectory; g·m²"
 
-    def __repr__(self) -> str:
-        title = f"The source's experiment, emulated {self.repeats} times, {self.runs} runs of each trajectory; g·m²"
-        warnings = [f"warning: {text}" for text in self.warnings]
-        return "\n\n".join([title, *(text_table(*table) for table in self._tables()), *warnings])
+    def tables(self) -> list[Table]:
+        """Return Table 3 of the first repeat, Table 4, and the gain of a centre of gravity that keeps still."""
+        third = [Table("", *self.rows3())] if "T1" in self.errors and self.runs > 1 else []
+        gain = [Table("", *self.gain_rows())] if self.repeats > 1 else []
+        return [*third, Table("", *self.rows4()), *gain]
 
-    def _repr_html_(self) -> str:
-        return "".join(html_table(*table) for table in self._tables())
+    def records(self) -> list[dict[str, Any]]:
+        """Return the average deviations of every repeat, in g·m²."""
+        return [
+            {"trajectory": name, "components": components, "repeat": repeat, "average_deviation": GRAM_METRE * value}
+            for name in self.errors
+            for repeat, row in enumerate(self.average_deviation(name))
+            for components, value in zip(("moments", "products"), row, strict=True)
+        ]
+
+    def notes(self) -> list[str]:
+        """Return the warnings, a line each."""
+        return [f"warning: {text}" for text in self.warnings]
 
 
 def emulated_tables(

@@ -6,12 +6,11 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.gram_sums.setup import Case
 from uq.trials.trial_loop import finite_trials
 
-GRAM_METRE = 1e3
-"""g·m² in a kg·m²."""
+__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown"]
 
 
 @dataclass(frozen=True)
@@ -95,10 +94,16 @@ class Breakdown(Generic[CaseFigures]):
         """All sources together."""
         return self.groups["total"]
 
+    @property
+    def cases(self) -> Mapping[str, CaseFigures]:
+        """``total``, each group alone and each source alone."""
+        return {**self.groups, **self.sources}
+
     def share(self, group: str) -> float:
         """Return a group's (or source's) share: its 3σ alone over the total's, averaged over the components."""
         alone = self.groups[group] if group in self.groups else self.sources[group]
-        return float(np.mean(alone.three_sigma / self.total.three_sigma))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return float(np.mean(alone.three_sigma / self.total.three_sigma))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures of every group and source by component, in g·m²."""

@@ -10,6 +10,7 @@ from uq.bodies.reference import load_reference
 from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
+from uq.identification.certificate import Certificate
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import check_tare, tare_files
 from uq.recorded.mounting import names
@@ -88,5 +89,5 @@ def run(arguments: argparse.Namespace) -> int:
             tare_centre=arguments.tare_centre,
         )
         more = [] if reference is None else [compare(result, reference)]
-        finish(result, out, *more, *([] if formats is None else [export(result, formats)]))
+        finish(Certificate(result), out, *more, *([] if formats is None else [export(result, formats)]))
     return 0

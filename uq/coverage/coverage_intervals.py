@@ -11,7 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.text_tables import html_table, text_table
+from identify.reporting import Result
+from identify.text_tables import Table
 
 Kind = Literal["symmetric", "shortest"]
 Value = Any
@@ -146,9 +147,12 @@ def _shortest_ends(draws: np.ndarray, probability: float) -> tuple[float, float]
     return y[low], y[low + q]
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a law's coverage intervals agree with those of a Monte Carlo (JCGM 101, clause 8), output by output."""
+@dataclass(frozen=True, repr=False)
+class Verdict(Result):
+    """Whether a law's coverage intervals agree with those of a Monte Carlo (JCGM 101, clause 8), output by output.
+
+    Example: ``validate(*law.coverage_interval(), monte_carlo.symmetric, uncertainty=0.1).to_frame()``.
+    """
 
     probability: float
     d_low: np.ndarray
@@ -197,11 +201,15 @@ class Verdict:
         ]
         return ["output", "d_low", "d_high", "δ", "holds", "why"], rows
 
-    def __repr__(self) -> str:
-        return text_table(*self.rows())
+    def tables(self) -> list[Table]:
+        """Return differences, tolerance and verdict, a row an output."""
+        return [Table("", *self.rows())]
 
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows())
+    def records(self) -> list[dict[str, Any]]:
+        """Return differences, tolerance and whether the law holds, in the outputs' unit."""
+        columns = {"d_low": self.d_low, "d_high": self.d_high, "tolerance": self.tolerance, "holds": self.holds}
+        rows = zip(*map(np.ravel, columns.values()), strict=True)
+        return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def validate(

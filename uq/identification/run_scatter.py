@@ -8,8 +8,9 @@ import numpy as np
 import scipy
 
 from identify.estimators.repeatability import Pooling
+from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import html_table, text_table
+from identify.text_tables import Table
 
 BETTER_KNOWN = 10.0
 """Degrees of freedom of a prediction over those of the scatter, from which on it counts as known."""
@@ -17,9 +18,12 @@ LEVEL = 0.01
 """Chance that a true prediction is called false, over all components together."""
 
 
-@dataclass(frozen=True)
-class ScatterVerdict:
-    """The scatter of repeats beside its prediction, component by component; any unit, the same for both."""
+@dataclass(frozen=True, repr=False)
+class ScatterVerdict(Result):
+    """The scatter of repeats beside its prediction, component by component; any unit, the same for both.
+
+    Example: ``scatter_verdict(measured, predicted, repeats=5).to_frame()["ratio"]``.
+    """
 
     measured: np.ndarray
     """Standard deviation of the repeats."""
@@ -82,11 +86,19 @@ class ScatterVerdict:
             },
         }
 
-    def __repr__(self) -> str:
-        return f"{text_table(*self.rows())}\n{self.text}"
+    def tables(self) -> list[Table]:
+        """Return scatter, prediction and verdict of each component."""
+        return [Table("", *self.rows())]
 
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption=self.text)
+    def records(self) -> list[dict[str, Any]]:
+        """Return scatter, prediction, their ratio and its probability, by component."""
+        keys = ("measured", "predicted", "ratio", "probability")
+        rows = zip(self.names, *(getattr(self, key) for key in keys), strict=True)
+        return [dict(zip(("component", *keys), row, strict=True)) for row in rows]
+
+    def notes(self) -> list[str]:
+        """Return the verdict."""
+        return [self.text]
 
 
 def of_runs(pooling: Pooling) -> ScatterVerdict | None:

@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,12 +17,12 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.motion.trajectory import Scalar, Trajectory
-from identify.rigid_body.inertia import COMPONENTS
+from identify.reporting import Drawing, Result, Section
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.rotation import specific_force_at
 from identify.signals.filters import lowpass
 from identify.signals.run import Run
-from identify.text_tables import fixed, html_table, text_table, with_error
-from uq.campaign.statistics import GRAM_METRE
+from identify.text_tables import Table, fixed, with_error
 from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
@@ -30,6 +30,10 @@ from uq.planning.required_duration import average
 from uq.planning.tracking import Followed, follow, plan_at, verdicts
 from uq.propagation.experiment_law import law
 from uq.recorded.load_run import load
+from uq.report.input_tables import source_tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SLOWEST = 0.2
 """Frequency below which no displacement is told from an acceleration [Hz]."""
@@ -80,9 +84,12 @@ class Stillness:
     """Which sensor says so."""
 
 
-@dataclass(frozen=True)
-class Achieved:
-    """A recorded run beside its plan."""
+@dataclass(frozen=True, repr=False)
+class Achieved(Result):
+    """A recorded run beside its plan.
+
+    Example: ``achieved(Experiment.load("designed.toml"), "run.mcap").to_frame()``.
+    """
 
     trajectory: str
     run: str
@@ -96,42 +103,81 @@ class Achieved:
     sources: Mapping[str, np.ndarray]
     """Of what was run, each source alone [kg·m²]."""
     estimator: str
-    trace: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
+    trace: tuple[np.ndarray, np.ndarray, np.ndarray]
     """Instants [s] from the plan's start, planned and measured angular velocity (n, 3) [rad/s], for a figure."""
     warnings: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
     file_name: str = "achieved.json"
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: how each axis followed."""
+    def tables(self) -> list[Table]:
+        """Return how each axis followed, predicted 3σ, and how still the centre of gravity was."""
+        return [self.axis_table(), self.width_table(), *self.stillness_tables()]
+
+    def overview(self) -> list[Table]:
+        """Return the same without captions."""
+        return [dataclasses.replace(table, caption="") for table in self.tables()]
+
+    def axis_table(self) -> Table:
+        """Return how each axis followed."""
         f = self.followed
         gains = map(with_error, f.gain, f.gain_standard_error, [6] * 3)
         lags = map(with_error, 1e3 * f.lag, 1e3 * f.lag_standard_error, [6] * 3)
         others = [[f"{1e3 * x:.3g}".replace("-", "−") for x in pair] for pair in zip(f.offset, f.residual, strict=True)]
         rows = [[f"ω{k + 1}", gain, lag, *others[k]] for k, (gain, lag) in enumerate(zip(gains, lags, strict=True))]
-        return ["axis", "amplitude / planned", "lag, ms", "offset, mrad/s", "residual rms, mrad/s"], rows
+        head = ["axis", "amplitude / planned", "lag, ms", "offset, mrad/s", "residual rms, mrad/s"]
+        return Table("How each axis followed", head, rows, LAG)
 
-    def width_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: predicted 3σ of the plan and of what was run, by component."""
+    def width_table(self) -> Table:
+        """Return predicted 3σ of the plan and of what was run, by component."""
         change = 100 * (self.three_sigma / self.planned_three_sigma - 1)
         rows = [
             ["planned", *(f"{GRAM_METRE * x:.4g}" for x in self.planned_three_sigma)],
             ["what was run", *(f"{GRAM_METRE * x:.4g}" for x in self.three_sigma)],
             ["change, %", *(fixed(x, 1) for x in change)],
         ]
-        return ["3σ, g·m²", *COMPONENTS], rows
+        return Table("Predicted 3σ, g·m²", ["3σ, g·m²", *COMPONENTS], rows, PREDICTED)
 
-    def stillness_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: how the centre of gravity moved."""
+    def stillness_tables(self) -> list[Table]:
+        """Return how the centre of gravity moved, where mass and centre of gravity are stated."""
         still = self.stillness
         if still is None:
-            return ["centre of gravity, rms", "value"], []
-        return ["centre of gravity, rms", "value"], [
+            return []
+        rows = [
             ["acceleration, mm/s²", f"{1e3 * still.acceleration:.3g}"],
             ["planned, mm/s²", f"{1e3 * still.planned:.3g}"],
             ["measured less planned, mm/s²", f"{1e3 * still.apart:.3g}"],
             [f"displacement at {SLOWEST:g} Hz and above, mm", f"{1e3 * still.displacement:.3g}"],
         ]
+        note = f"By the {still.by}, from {SLOWEST:g} Hz to the motion's band."
+        return [Table("How still the centre of gravity was", ["centre of gravity, rms", "value"], rows, note)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return predicted 3σ of the plan and of what was run, by component [kg·m²]."""
+        rows = zip(COMPONENTS, self.planned_three_sigma, self.three_sigma, strict=True)
+        return [dict(zip(("component", "planned", "achieved"), row, strict=True)) for row in rows]
+
+    def drawings(self) -> list[Drawing]:
+        """Return planned and measured angular velocity over some seconds."""
+
+        def draw() -> "Figure":
+            from uq.planning.tracking_figure import followed
+
+            return followed(*self.trace)
+
+        return [Drawing("followed", "Some seconds from the middle of the motion.", draw)]
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        return Section(
+            f"What was run: {self.run} beside {self.trajectory}",
+            [f"{self.summary()[0].upper()}{self.summary()[1:]}.", FOLLOWED],
+            self.warnings,
+            self.tables(),
+            self.drawings(),
+            source_tables(self.provenance),
+            ["The displacement of the platform's centre was that of the plan; the attitude follows the gyro."],
+            self.provenance,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of achieved.json: SI, 3σ in kg·m²."""
@@ -157,15 +203,13 @@ class Achieved:
         said = [f"{name} {GRAM_METRE * a:.3g} g·m² (planned {GRAM_METRE * b:.3g})" for name, a, b in pairs]
         return f"average 3σ of what was run: {', '.join(said)}"
 
-    def __repr__(self) -> str:
-        tables = [text_table(*self.rows()), text_table(*self.width_rows())]
-        if self.stillness is not None:
-            tables.append(text_table(*self.stillness_rows()))
-        lines = [f"{self.run} beside {self.trajectory}", *tables, self.summary()]
-        return "\n\n".join([*lines, *(f"attention: {text}" for text in self.warnings)])
+    def title(self) -> str:
+        """Return which run stands beside which plan."""
+        return f"{self.run} beside {self.trajectory}"
 
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption=f"{self.run} beside {self.trajectory}") + html_table(*self.width_rows())
+    def notes(self) -> list[str]:
+        """Return the averages and the warnings, a line each."""
+        return [self.summary(), *(f"attention: {text}" for text in self.warnings)]
 
 
 def achieved(
@@ -284,3 +328,8 @@ def _trace(run: Run, spec: TrajectorySpec, lag: float) -> tuple[np.ndarray, np.n
     middle = lag + spec.duration / 2
     inside = np.abs(t - middle) <= min(3.0, spec.duration / 2)
     return t[inside] - lag, plan_at(spec, t[inside] - lag)[0], np.asarray(run.omega)[inside]
+
+
+FOLLOWED = "The run's angular velocity is fitted by the planned one: amplitude, lag, and offset of each axis."
+LAG = "lag: counted from the run's first sample; ± is a standard error, from the residuals."
+PREDICTED = "By the law of propagation, the measured angular velocity in place of the planned one."

@@ -16,7 +16,8 @@ import numpy as np
 from identify.motion.leg_limits import platform_motion
 from identify.motion.stewart_platform import Platform, Pose, lengths
 from identify.motion.trajectory import Harmonic, Multisine, Sphere, Trajectory
-from identify.text_tables import html_table, text_table
+from identify.reporting import Result, Section
+from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.planning.motion_formats import (
     CSV_COLUMNS,
@@ -45,9 +46,12 @@ MEANING = {
 }
 
 
-@dataclass(frozen=True)
-class MotionExport:
-    """Files of one motion, read back and checked, not yet written."""
+@dataclass(frozen=True, repr=False)
+class MotionExport(Result):
+    """Files of one motion, read back and checked, not yet written.
+
+    Example: ``export_motion(experiment, experiment.trajectories["T1"]).write("folder")``.
+    """
 
     contents: Mapping[str, bytes]
     """Bytes by file name."""
@@ -60,7 +64,7 @@ class MotionExport:
     seconds: float
     """Duration of what is exported [s]."""
     name: str = "motion"
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def files(self) -> dict[str, bytes]:
         """Return the files' bytes by name."""
@@ -76,8 +80,8 @@ class MotionExport:
 
         place(self.contents, Path(folder))
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: each file, what it is, and how far it is from the motion."""
+    def tables(self) -> list[Table]:
+        """Return each file, what it is, and how far it is from the motion."""
         what = {
             "csv": f"poses and leg lengths, {RATE} Hz",
             "pi.txt": f"PI wave tables 1 to 6 (X Y Z U V W), {RATE} Hz",
@@ -88,7 +92,21 @@ class MotionExport:
             [name, what[name.partition(".")[2]], f"{self.differences[name]:.1e}" if name in self.differences else "–"]
             for name in self.contents
         ]
-        return ["file", "what", "off by, m or rad"], rows
+        return [Table(self._caption(), ["file", "what", "off by, m or rad"], rows, FILES)]
+
+    def overview(self) -> list[Table]:
+        """Return the same without a caption."""
+        return [dataclasses.replace(table, caption="") for table in self.tables()]
+
+    def _caption(self) -> str:
+        parts = f"{100 * self.speed:g} % of the speed, {100 * self.amplitude:g} % of the amplitude"
+        rehearsal = "" if self.speed == self.amplitude == 1 else f"; rehearsal at {parts}"
+        return f"Exported motion, {self.seconds:.4g} s{rehearsal}"
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        meaning = [f"{text[0].upper()}{text[1:]}." for text in (MEANING["frames"], MEANING["rotation"])]
+        return Section(self._caption(), details=self.tables(), assumptions=meaning, provenance=self.provenance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says."""
@@ -96,12 +114,6 @@ class MotionExport:
             "files": list(self.contents), "read_back": dict(self.differences), "speed": self.speed,
             "amplitude": self.amplitude, "seconds": self.seconds,
         }  # fmt: skip
-
-    def __repr__(self) -> str:
-        return text_table(*self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption="Exported motion")
 
 
 def export_motion(
@@ -267,3 +279,6 @@ def _about(
             for file, said in files.items()
         },
     }
+
+
+FILES = "Each file was read back and compared with the motion; JSON says columns, units, rotation order, signs."

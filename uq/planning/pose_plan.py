@@ -1,7 +1,7 @@
 """Static poses for a platform, designed for mass and centre of gravity: a list that ``inertia centre`` reads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import equinox as eqx
@@ -13,10 +13,11 @@ from jaxtyping import Array, Float
 
 from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
 from identify.motion.stewart_platform import Platform, Pose, Twist, lengths
+from identify.reporting import Result, Section
 from identify.rigid_body.rotation import exponential
 from identify.static.centre import PARAMETERS, UNITS, Attitudes, foreseen_covariance
 from identify.static.pose_design import best_poses, log_determinant
-from identify.text_tables import fixed, html_table, text_table
+from identify.text_tables import Table, fixed
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
 from uq.planning.motion_formats import ORDER
@@ -40,9 +41,12 @@ DECLARATION: Mapping[str, Any] = {
 """The table ``[poses]`` that reads the list once force and moment are filled in."""
 
 
-@dataclass(frozen=True)
-class PosePlan:
-    """Static poses to run, and what they promise beside the poses that one would take without thinking."""
+@dataclass(frozen=True, repr=False)
+class PosePlan(Result):
+    """Static poses to run, and what they promise beside the poses that one would take without thinking.
+
+    Example: ``plan_poses(experiment, experiment.trajectories["T1"], limits).to_frame()["designed"]``.
+    """
 
     position: Float[np.ndarray, "n 3"]
     """Of OMB from home, in A [m]."""
@@ -59,7 +63,7 @@ class PosePlan:
     hold: float
     """For how long each is held [s]."""
     name: str = "poses"
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def tilt(self) -> Float[np.ndarray, " n"]:
@@ -83,18 +87,23 @@ class PosePlan:
         lines = [f"{k},{','.join(f'{x + 0.0:.9f}' for x in row)}{',' * 6}" for k, row in enumerate(rows, start=1)]
         return "\n".join([",".join(COLUMNS), *lines, ""])
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: where to go, and the legs' lengths."""
+    def files(self) -> dict[str, bytes]:
+        """Return the list of poses."""
+        return {f"{self.name}.csv": self.csv().encode()}
+
+    def pose_table(self) -> Table:
+        """Return where to go, and the legs' lengths."""
         angles = np.degrees(scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1])
         rows = [
             [f"{k}", *(fixed(1e3 * x, 2) for x in p), *(fixed(a, 3) for a in turn), *(fixed(1e3 * x, 2) for x in legs)]
             for k, (p, turn, legs) in enumerate(zip(self.position, angles, self.length, strict=True), start=1)
         ]
         legs = [f"leg {k}, mm" for k in range(1, 7)]
-        return ["pose", "x, mm", "y, mm", "z, mm", "roll, °", "pitch, °", "yaw, °", *legs], rows
+        head = ["pose", "x, mm", "y, mm", "z, mm", "roll, °", "pitch, °", "yaw, °", *legs]
+        return Table(f"Static poses to run, {self.hold:g} s each", head, rows)
 
-    def promise_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: predicted standard uncertainties beside those of the naive poses."""
+    def tables(self) -> list[Table]:
+        """Return predicted standard uncertainties beside those of the naive poses."""
         rows = []
         for name, unit, own, other in zip(
             PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty, strict=True
@@ -102,7 +111,29 @@ class PosePlan:
             scale, shown = {"m": (1e3, "mm"), "kg": (1e3, "g")}.get(unit, (1.0, unit))
             pair = [f"{scale * own:.3g}", f"{scale * other:.3g}"]
             rows.append([name, shown, *pair, fixed(100 * (own / other - 1), 1)])
-        return ["", "u in", "designed", "naive", "change, %"], rows
+        title = "Static poses for mass and centre of gravity: what they promise"
+        return [Table(title, ["", "u in", "designed", "naive", "change, %"], rows, POSE_NOTE)]
+
+    def overview(self) -> list[Table]:
+        """Return the poses, then what they promise."""
+        return [replace(table, caption="") for table in (self.pose_table(), *self.tables())]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return predicted standard uncertainties of the ten parameters, in SI, designed and naive."""
+        columns = (PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty)
+        names = ("parameter", "unit", "designed", "naive")
+        return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        averaged = "Force and moment of a static pose are averaged; its noise is white and its constant offsets are"
+        return Section(
+            "Static poses",
+            tables=self.tables(),
+            details=[self.pose_table()],
+            assumptions=[f"{averaged} estimated."],
+            provenance=self.provenance,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says, SI."""
@@ -112,12 +143,6 @@ class PosePlan:
             "reach": self.reach.tolist(),
             **{key: dict(zip(PARAMETERS, values.tolist(), strict=True)) for key, values in pairs},
         }  # fmt: skip
-
-    def __repr__(self) -> str:
-        return "\n".join([text_table(*self.rows()), "", text_table(*self.promise_rows())])
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption="Static poses") + html_table(*self.promise_rows())
 
 
 def plan_poses(
@@ -254,3 +279,9 @@ def _worst(experiment: Experiment, limits: Limits) -> str:
 @eqx.filter_jit
 def _lengths(platform: Platform, poses: Pose) -> Array:
     return jax.vmap(lambda pose: lengths(platform, pose))(poses)
+
+
+POSE_NOTE = (
+    "naive: as many poses level and along ±x, ±y. The list, poses.csv, is read by inertia centre once the mean force "
+    "and moment of each pose are filled in."
+)

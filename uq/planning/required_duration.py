@@ -7,16 +7,17 @@ checked, and mended, by the law at the answer itself.
 """
 
 import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.motion.trajectory import Multisine, Sphere
-from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from uq.campaign.statistics import GRAM_METRE
+from identify.reporting import Result
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
+from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.propagation.experiment_law import law
 
@@ -60,9 +61,12 @@ class Growth:
             return np.where(self.variance > 0, self.variance * factor, 0.0)
 
 
-@dataclass(frozen=True)
-class Duration:
-    """What a target takes."""
+@dataclass(frozen=True, repr=False)
+class Duration(Result):
+    """What a target takes.
+
+    Example: ``required_duration(Experiment.load("barreto2016"), 1e-3).seconds``.
+    """
 
     target: float
     """Of the average 3σ [kg·m²]."""
@@ -78,7 +82,7 @@ class Duration:
     """Duration of the trajectory as it is [s]."""
     now: float
     """Its average 3σ by the law [kg·m²]."""
-    growth: Growth = field(repr=False)
+    growth: Growth
     checked: bool = True
     """Whether the law was evaluated at the answer; else it is extrapolated, from two durations."""
 
@@ -92,7 +96,8 @@ class Duration:
         names = ("goal", "target", "seconds", "reached", "forbids", "own", "now", "checked")
         return {name: getattr(self, name) for name in names}
 
-    def __repr__(self) -> str:
+    def title(self) -> str:
+        """Return what the target takes, in a sentence."""
         wanted = f"average 3σ of {GRAM_METRE * self.target:.4g} g·m² ({self.goal})"
         now = f"{GRAM_METRE * self.now:.4g} g·m² at {self.own:g} s"
         if self.seconds is not None:
@@ -102,6 +107,32 @@ class Duration:
             f"{wanted}: no duration reaches it, {GRAM_METRE * self.reached:.4g} g·m² is the least; "
             f"{self.forbids} forbids it, which time does not average (now {now})"
         )
+
+    def tables(self) -> list[Table]:
+        """Return the target, the average 3σ as it is, and the duration."""
+        return [duration_table([self])]
+
+    def overview(self) -> list[Table]:
+        """Return nothing: the title says all."""
+        return []
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return its content, kg·m² and s."""
+        return [self.to_dict()]
+
+
+def duration_table(durations: Sequence[Duration]) -> Table:
+    """Return what each of several targets takes."""
+    rows = []
+    for duration in durations:
+        wanted = [duration.goal, f"{GRAM_METRE * duration.target:.3g}", f"{GRAM_METRE * duration.now:.3g}"]
+        if duration.seconds is None:
+            least = f"{duration.forbids} leaves {GRAM_METRE * duration.reached:.3g} g·m²"
+            rows.append([*wanted, "–", f"out of reach: {least}"])
+        else:
+            rows.append([*wanted, f"{duration.seconds:.4g}", ""])
+    head = ["average 3σ of", "target, g·m²", "now, g·m²", "duration, s", "why"]
+    return Table("How long must I measure?", head, rows, DURATION_NOTE)
 
 
 def required_duration(
@@ -240,3 +271,9 @@ def _floor(growth: Growth, goal: str, spec: TrajectorySpec) -> tuple[float, str]
     k = int(np.argmin(widths))
     shares = (parts[k] / parts[k].sum(axis=0))[:, list(GOALS[goal])].mean(axis=1)
     return float(widths[k]), growth.names[int(np.argmax(shares))]
+
+
+DURATION_NOTE = (
+    "Noise is averaged over time; what is drawn once, such as the centre of gravity's error, is not. Ramps and motion "
+    "stay as they are; each duration is checked by the law at that duration."
+)

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import fixed, html_table, text_table
-from uq.campaign.statistics import GRAM_METRE
+from identify.reporting import Result
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.text_tables import Table, fixed
 from uq.experiment.experiment import Experiment
 from uq.planning.required_duration import average
 from uq.propagation.experiment_law import PreparedLaw, prepare_law
@@ -26,9 +26,12 @@ SCALED = ("step", "white", "flicker", "random_walk")
 """Settings of a source that are sizes of its error."""
 
 
-@dataclass(frozen=True)
-class SensorWorth:
-    """What each source's size does to the 3σ of one trajectory and estimator."""
+@dataclass(frozen=True, repr=False)
+class SensorWorth(Result):
+    """What each source's size does to the 3σ of one trajectory and estimator.
+
+    Example: ``sensor_worth(Experiment.load("barreto2016")).to_frame()["derivative"].unstack()``.
+    """
 
     sources: tuple[str, ...]
     trajectory: str
@@ -40,7 +43,7 @@ class SensorWorth:
     halved: Float[np.ndarray, "sources 6"]
     """3σ with this source's sigma halved [kg·m²]."""
     name: str = "sensors"
-    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def best(self) -> str:
@@ -73,11 +76,18 @@ class SensorWorth:
             },
         }  # fmt: skip
 
-    def __repr__(self) -> str:
-        return text_table(*self.rows())
+    def tables(self) -> list[Table]:
+        """Return what halving each source's sigma does, most worth first."""
+        return [Table("", *self.rows())]
 
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption="What halving each source's sigma does; derivatives of ln 3σ by ln σ")
+    def records(self) -> list[dict[str, Any]]:
+        """Return derivative and 3σ with half the sigma, in g·m², by source and component."""
+        return [
+            {"source": source, "component": component, "derivative": self.derivative[s, k]}
+            | {"three_sigma_if_halved": GRAM_METRE * self.halved[s, k]}
+            for s, source in enumerate(self.sources)
+            for k, component in enumerate(COMPONENTS)
+        ]
 
 
 def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> SensorWorth:

@@ -6,7 +6,7 @@ the coordinates of one input may be correlated.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -16,7 +16,8 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.precision import check_precision
-from identify.text_tables import html_table, text_table
+from identify.reporting import Result
+from identify.text_tables import Table
 
 
 @runtime_checkable
@@ -39,9 +40,12 @@ class Input(Protocol):
 Model = Callable[[dict[str, Array]], Array]
 
 
-@dataclass(frozen=True)
-class LinearLaw:
-    """A measurand by the law of propagation. Matrices are over the measurand's m components, flattened."""
+@dataclass(frozen=True, repr=False)
+class LinearLaw(Result):
+    """A measurand by the law of propagation. Matrices are over the measurand's m components, flattened.
+
+    Example: ``propagate(lambda x: x["a"] * x["b"], {"a": Normal(1.0, 0.1), "b": Normal(2.0, 0.3)}).to_frame()``.
+    """
 
     value: np.ndarray
     """The model at the inputs' estimates (GUM 4.1.4), of the measurand's own shape."""
@@ -67,23 +71,24 @@ class LinearLaw:
         half = k * self.standard_uncertainty
         return np.asarray(self.value - half), np.asarray(self.value + half)
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: estimate, standard uncertainty and each input's contribution to it."""
-        names = list(self.contributions)
+    def tables(self) -> list[Table]:
+        """Return estimate, standard uncertainty, interval and each input's contribution, a row a component."""
+        columns = self._columns()
+        rows = [[f"{x:.6g}" for x in row] for row in zip(*columns.values(), strict=True)]
+        texts = [[x.replace("-", "−").replace("inf", "∞") for x in row] for row in rows]
+        return [Table("", list(columns), texts)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the same as numbers, in the measurand's unit."""
+        columns = self._columns()
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+    def _columns(self) -> dict[str, np.ndarray]:
         low, high = self.coverage_interval()
-        columns = [
-            self.value, self.standard_uncertainty, low, high, self.degrees_of_freedom,
-            *(np.sqrt(np.diag(self.contributions[name])) for name in names),
-        ]  # fmt: skip
-        head = ["estimate", "u", "95 % from", "to", "degrees of freedom", *(f"u from {name}" for name in names)]
-        rows = [[f"{x:.6g}" for x in row] for row in np.stack([np.ravel(column) for column in columns], axis=1)]
-        return head, [[x.replace("-", "−").replace("inf", "∞") for x in row] for row in rows]
-
-    def __repr__(self) -> str:
-        return text_table(*self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows())
+        columns = {"estimate": self.value, "u": self.standard_uncertainty, "95 % from": low, "to": high,
+                   "degrees of freedom": self.degrees_of_freedom}  # fmt: skip
+        parts = {f"u from {name}": np.sqrt(np.diag(part)) for name, part in self.contributions.items()}
+        return {name: np.ravel(values) for name, values in (columns | parts).items()}
 
 
 class Expansion(NamedTuple):

@@ -1,17 +1,17 @@
 """What the law of propagation says of an experiment, for reading: typed results, tables, result.json."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from html import escape
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy
 
-from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import html_table, text_table
+from identify.reporting import Result
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.text_tables import Table
 from uq.campaign.campaign_result import MonteCarloResult
-from uq.campaign.statistics import GRAM_METRE, Breakdown
+from uq.campaign.statistics import Breakdown
 
 
 @dataclass(frozen=True)
@@ -71,16 +71,19 @@ def _by_component(values: np.ndarray) -> dict[str, float | None]:
     }
 
 
-@dataclass(frozen=True)
-class LawResult:
-    """The law of propagation for an experiment. ``result["T1", "central"]`` is one :class:`Breakdown`."""
+@dataclass(frozen=True, repr=False)
+class LawResult(Result):
+    """The law of propagation for an experiment. ``result["T1", "central"]`` is one :class:`Breakdown`.
+
+    Example: ``law("barreto2016").to_frame().loc[("T1", "central", "total")]``.
+    """
 
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
     breakdowns: Mapping[str, Mapping[str, Breakdown[LawStatistics]]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
-    provenance: Mapping[str, Any] = field(repr=False)
+    provenance: Mapping[str, Any]
 
     def __getitem__(self, key: tuple[str, str]) -> Breakdown[LawStatistics]:
         trajectory, estimator = key
@@ -125,14 +128,23 @@ class LawResult:
                 rows.append(["", "", "", "3σ", *_figures(s.three_sigma)])
         return ["trajectory", "estimator", "alone", "g·m²", *COMPONENTS], rows
 
-    def __repr__(self) -> str:
-        lines = ["Law of propagation about the expected sums", text_table(*self.rows())]
-        return "\n".join([*lines, *(f"attention: {text}" for text in self.warnings)])
+    def title(self) -> str:
+        """Return what the tables are of."""
+        return "Law of propagation about the expected sums"
 
-    def _repr_html_(self) -> str:
-        listed = "".join(f"<li>{escape(text)}</li>" for text in self.warnings)
-        tables = html_table(*self.rows(), caption="Law of propagation") + html_table(*self.source_rows())
-        return tables + (f"<ul>{listed}</ul>" if listed else "")
+    def tables(self) -> list[Table]:
+        """Return the summary, and what each group and source does alone."""
+        return [Table("", *self.rows()), Table("", *self.source_rows(), long=True)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return mean error and 3σ of each case and component, and the textbook's, in g·m²."""
+        return [
+            {"trajectory": pair[0], "estimator": pair[1], "case": name, "component": component}
+            | {key: values[component] for key, values in statistics.to_dict().items() if key != "covariance"}
+            for pair in self.pairs()
+            for name, statistics in self[pair].cases.items()
+            for component in COMPONENTS
+        ]
 
 
 def _figures(values: np.ndarray) -> list[str]:

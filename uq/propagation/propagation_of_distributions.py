@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.precision import check_precision
-from identify.text_tables import html_table, text_table
+from identify.reporting import Result
+from identify.text_tables import Table
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.coverage.coverage_intervals import CoverageInterval, Value, shortest_interval, symmetric_interval
 from uq.coverage.coverage_regions import covariance_of
@@ -19,9 +21,12 @@ from uq.sources.source import stream_number
 from uq.trials.trial_loop import TrialLoop, finite_trials
 
 
-@dataclass(frozen=True)
-class Propagation:
-    """A measurand by the propagation of distributions (JCGM 101, 7.6 and 7.7)."""
+@dataclass(frozen=True, repr=False)
+class Propagation(Result):
+    """A measurand by the propagation of distributions (JCGM 101, 7.6 and 7.7).
+
+    Example: ``propagate_distributions(lambda x: x["a"] ** 2, {"a": Normal(1.0, 0.1)}).to_frame()``.
+    """
 
     trials: int
     seed: int
@@ -33,32 +38,38 @@ class Propagation:
     shortest: CoverageInterval
     stability: Stability
     warnings: tuple[str, ...]
-    draws: Float[np.ndarray, "trials *outputs"] = field(repr=False, compare=False)
+    draws: Float[np.ndarray, "trials *outputs"] = field(compare=False)
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
         """Standard deviation of the trials, of the measurand's shape."""
         return np.asarray(np.sqrt(np.diag(self.covariance)).reshape(self.estimate.shape))
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows: estimate, standard uncertainty, both intervals, tolerance."""
-        columns = [
-            self.estimate, self.standard_uncertainty, self.symmetric.low, self.symmetric.high, self.shortest.low,
-            self.shortest.high, self.stability.tolerance.reshape(self.estimate.shape),
-        ]  # fmt: skip
-        percent = f"{100 * self.symmetric.probability:g} %"
-        head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
-        rows = np.stack([np.ravel(column) for column in columns], axis=1)
-        return head, [[f"{x:.6g}".replace("-", "−") for x in row] for row in rows]
-
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Return what the table is of."""
         return f"Monte Carlo, {self.trials:,} trials in {self.stability.blocks} blocks, seed {self.seed}"
 
-    def __repr__(self) -> str:
-        return "\n".join([self._title(), text_table(*self.rows()), *self.warnings])
+    def tables(self) -> list[Table]:
+        """Return estimate, standard uncertainty, both intervals and tolerance, a row a component."""
+        percent = f"{100 * self.symmetric.probability:g} %"
+        head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
+        rows = [[f"{x:.6g}".replace("-", "−") for x in record.values()] for record in self.records()]
+        return [Table("", head, rows)]
 
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), caption=self._title()) + "".join(f"<p>{text}</p>" for text in self.warnings)
+    def records(self) -> list[dict[str, Any]]:
+        """Return the same as numbers, in the measurand's unit."""
+        columns = {
+            "estimate": self.estimate, "standard_uncertainty": self.standard_uncertainty,
+            "low": self.symmetric.low, "high": self.symmetric.high,
+            "shortest_low": self.shortest.low, "shortest_high": self.shortest.high,
+            "tolerance": self.stability.tolerance,
+        }  # fmt: skip
+        rows = zip(*map(np.ravel, columns.values()), strict=True)
+        return [dict(zip(columns, row, strict=True)) for row in rows]
+
+    def notes(self) -> list[str]:
+        """Return the warnings, a line each."""
+        return list(self.warnings)
 
 
 def propagate_distributions(

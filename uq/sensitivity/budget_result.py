@@ -1,165 +1,30 @@
-"""What a budget says: shares, mean errors, the split of the mean square; as tables, CSV and JSON."""
+"""What a budget says: shares, mean errors, the split of the mean square; as tables, figures, CSV and JSON."""
 
 import csv
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from html import escape
+from collections.abc import Mapping
+from dataclasses import dataclass
 from io import StringIO
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import html_table, text_table, with_error
-from uq.campaign.campaign import GRAM_METRE, Statistics
-from uq.sensitivity.variance_shares import Indices
+from identify.reporting import Drawing, Result, Section, stem
+from identify.text_tables import Table
+from uq.report.input_tables import source_tables
+from uq.sensitivity.budget_shares import SourceBudget
 
-TENSOR = "tensor"
-"""Name of the whole tensor among the components."""
-COLUMNS = (*COMPONENTS, TENSOR)
-CLOSURE_LIMIT = 4
-"""Standard errors beyond which a budget's closure is reported as off."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-class Effects(NamedTuple):
-    """What each player (a source or a group) does to each component and to the whole tensor."""
+@dataclass(frozen=True, repr=False)
+class BudgetResult(Result):
+    """Budgets of an experiment. ``result["T1", "central"]`` is one :class:`SourceBudget`.
 
-    players: tuple[str, ...]
-    first: Indices
-    """Share of the variance that the player causes by itself, ``Var E[I | X_p] / Var I``."""
-    total: Indices
-    """The same with its interactions, ``E Var[I | all but X_p] / Var I``."""
-    shapley: Indices
-    """Share that is fairly its own: interactions in equal parts. They add up to one."""
-    alone: Mapping[str, Statistics]
-    """Mean error and 3σ with the others off, by player."""
+    Example: ``budget("barreto2016", trials=100).to_frame().loc[("T1", "central", "source", "r_cg", "tensor")]``.
+    """
 
-
-class MeanSquare(NamedTuple):
-    """All sources together: how much of the mean squared error is bias and how much dispersion."""
-
-    mean_error: np.ndarray
-    """By component [kg·m²]."""
-    mean_error_standard_error: np.ndarray
-    variance: np.ndarray
-    """By component [(kg·m²)²]."""
-    variance_standard_error: np.ndarray
-    bias_share: np.ndarray
-    """Square of the mean error over the mean squared error, by component; the rest is dispersion."""
-    bias_share_standard_error: np.ndarray
-    tensor_bias_share: float
-    """The same of the whole tensor."""
-    tensor_bias_share_standard_error: float
-
-
-@dataclass(frozen=True)
-class SourceBudget:
-    """The budget of one estimator on one trajectory."""
-
-    sources: Effects
-    groups: Effects
-    without: np.ndarray
-    """The estimator's own error, all sources off, by component [kg·m²]."""
-    mean_square: MeanSquare
-    closure: np.ndarray
-    """Variance that the Shapley effects share out over the ordinary sample variance of the estimates, by component."""
-    closure_standard_error: np.ndarray
-    failed: int
-    """Pairs of trials in which some case could not be solved; they are left out."""
-
-    @property
-    def culprit(self) -> str:
-        """The source with the largest Shapley share of the whole tensor."""
-        return self.sources.players[int(np.nanargmax(np.nan_to_num(self.sources.shapley.generalised, nan=-1)))]
-
-    @property
-    def closes(self) -> bool:
-        """Whether the closure is one within :data:`CLOSURE_LIMIT` standard errors on every component."""
-        return not bool((np.abs(self.closure - 1) > CLOSURE_LIMIT * self.closure_standard_error).any())
-
-    def tensor_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the shares of the whole tensor's variance, in per cent."""
-        rows = []
-        for label, effects in self._kinds():
-            kinds = (effects.first, effects.total, effects.shapley)
-            for p, name in enumerate(effects.players):
-                cells = [_percent(i.generalised[p], i.generalised_standard_error[p]) for i in kinds]
-                rows.append([f"{label}{_name(name)}", *cells])
-            if not label:
-                rows.append(["sum of sources", *(_percent(i.sum[1], np.nan) for i in kinds)])
-        return ["% of the tensor's variance", "first order", "total", "Shapley"], rows
-
-    def component_rows(self, quantity: str = "shapley") -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the shares of each component's variance: ``first``, ``total`` or ``shapley``."""
-        rows = []
-        for label, effects in self._kinds():
-            indices = getattr(effects, quantity)
-            for p, name in enumerate(effects.players):
-                cells = map(_percent, indices.value[p], indices.standard_error[p])
-                rows.append([f"{label}{_name(name)}", *cells])
-            if not label:
-                rows.append(["sum of sources", *(_percent(value, np.nan) for value in indices.sum[0])])
-        rows.append(["closure", *map(_percent, self.closure, self.closure_standard_error)])
-        title = {"first": "first order", "total": "total", "shapley": "Shapley"}[quantity]
-        return [f"{title}, % of the variance", *COMPONENTS], rows
-
-    def mean_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the mean errors, g·m²: each source and group alone, and all together."""
-        m = self.mean_square
-        rows = [
-            [f"{label}{_name(name)}", *_grams(s.mean_error, s.mean_error_standard_error), ""]
-            for label, effects in self._kinds()
-            for name, s in effects.alone.items()
-        ]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            spread = np.where(m.variance > 0, 1.5 * m.variance_standard_error / np.sqrt(m.variance), 0.0)
-        shares = [*m.bias_share, m.tensor_bias_share]
-        errors = [*m.bias_share_standard_error, m.tensor_bias_share_standard_error]
-        return ["mean error alone, g·m²", *COLUMNS], [
-            ["no source: the estimator", *_grams(self.without, np.zeros(len(COMPONENTS))), ""],
-            *rows,
-            ["all sources", *_grams(m.mean_error, m.mean_error_standard_error), ""],
-            ["3σ of all sources", *_grams(3 * np.sqrt(m.variance), spread), ""],
-            ["bias, % of the mean square", *map(_percent, shares, errors)],
-        ]
-
-    def _kinds(self) -> tuple[tuple[str, Effects], tuple[str, Effects]]:
-        return ("", self.sources), ("group ", self.groups)
-
-    def figures(self) -> Iterator[tuple[str, str, str, str, float, float, str]]:
-        """Yield kind of player, player, component, quantity, value, standard error and unit of every figure."""
-        for kind, effects in (("source", self.sources), ("group", self.groups)):
-            for quantity in ("first", "total", "shapley"):
-                indices = getattr(effects, quantity)
-                values = np.column_stack([indices.value, indices.generalised])
-                errors = np.column_stack([indices.standard_error, indices.generalised_standard_error])
-                for p, name in enumerate(effects.players):
-                    for column, value, error in zip(COLUMNS, values[p], errors[p], strict=True):
-                        yield kind, name, column, quantity, value, error, "1"
-            for name, s in effects.alone.items():
-                for quantity in ("mean_error", "three_sigma"):
-                    values, errors = (GRAM_METRE * getattr(s, quantity + end) for end in ("", "_standard_error"))
-                    for column, value, error in zip(COMPONENTS, values, errors, strict=True):
-                        yield kind, name, column, f"{quantity}_alone", value, error, "g*m^2"
-        yield from self._of_all()
-
-    def _of_all(self) -> Iterator[tuple[str, str, str, str, float, float, str]]:
-        m, square = self.mean_square, GRAM_METRE**2
-        for k, column in enumerate(COMPONENTS):
-            mean = GRAM_METRE * m.mean_error[k], GRAM_METRE * m.mean_error_standard_error[k]
-            yield "all", "all", column, "mean_error", *mean, "g*m^2"
-            of_variance = square * m.variance[k], square * m.variance_standard_error[k]
-            yield "all", "all", column, "variance", *of_variance, "(g*m^2)^2"
-            yield "all", "all", column, "bias_share", m.bias_share[k], m.bias_share_standard_error[k], "1"
-            yield "all", "all", column, "closure", self.closure[k], self.closure_standard_error[k], "1"
-        yield "all", "all", TENSOR, "bias_share", m.tensor_bias_share, m.tensor_bias_share_standard_error, "1"
-
-
-@dataclass(frozen=True)
-class BudgetResult:
-    """Budgets of an experiment. ``result["T1", "central"]`` is one :class:`SourceBudget`."""
-
-    name: ClassVar[str] = "budget"
+    name = "budget"
     """Stem of its own files, and its key in the result.json of a campaign."""
     trials: int
     """Pairs of trials."""
@@ -169,7 +34,7 @@ class BudgetResult:
     budgets: Mapping[str, Mapping[str, SourceBudget]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
-    provenance: Mapping[str, Any] = field(repr=False)
+    provenance: Mapping[str, Any]
 
     def __getitem__(self, key: tuple[str, str]) -> SourceBudget:
         trajectory, estimator = key
@@ -179,14 +44,16 @@ class BudgetResult:
         """Return every trajectory with every estimator."""
         return [(trajectory, estimator) for trajectory, of in self.budgets.items() for estimator in of]
 
-    def figures(self) -> Iterator[dict[str, Any]]:
-        """Yield every figure as a record; a value that does not exist is None."""
-        for trajectory, estimator in self.pairs():
-            for kind, name, component, quantity, value, error, unit in self[trajectory, estimator].figures():
-                yield {
-                    "trajectory": trajectory, "estimator": estimator, "of": kind, "name": name, "component": component,
-                    "quantity": quantity, "value": _plain(value), "standard_error": _plain(error), "unit": unit,
-                }  # fmt: skip
+    def records(self) -> list[dict[str, Any]]:
+        """Return every figure as a record with its unit; a value that does not exist is None."""
+        return [
+            {
+                "trajectory": trajectory, "estimator": estimator, "of": kind, "name": name, "component": component,
+                "quantity": quantity, "value": _plain(value), "standard_error": _plain(error), "unit": unit,
+            }
+            for trajectory, estimator in self.pairs()
+            for kind, name, component, quantity, value, error, unit in self[trajectory, estimator].values()
+        ]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the budget's part of result.json."""
@@ -194,7 +61,7 @@ class BudgetResult:
             "trials": self.trials,
             "seed": self.seed,
             "choices": self.choices,
-            "figures": list(self.figures()),
+            "figures": self.records(),
             "failed_trials": {f"{t}, {e}": self[t, e].failed for t, e in self.pairs()},
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
@@ -202,78 +69,115 @@ class BudgetResult:
 
     def csv(self) -> str:
         """Return every figure as CSV: one a line, with its standard error and unit."""
-        text, records = StringIO(), list(self.figures())
+        text, records = StringIO(), self.records()
         writer = csv.DictWriter(text, list(records[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(records)
         return text.getvalue()
 
+    def files(self) -> dict[str, bytes]:
+        """Return budget.csv."""
+        return {f"{self.name}.csv": self.csv().encode()}
+
     def verdicts(self) -> list[str]:
         """Return the culprit of each budget, and how much of its error is bias, in a sentence each."""
-        return [f"{', '.join(pair)}: {_verdict(self[pair])}" for pair in self.pairs()]
+        return [f"{', '.join(pair)}: {self[pair].verdict}" for pair in self.pairs()]
 
     def findings(self) -> list[str]:
         """Return what a reader must not miss: warnings, failed trials, shares that do not add up."""
-        found = list(self.warnings)
+        findings = list(self.warnings)
         for pair in self.pairs():
             if self[pair].failed:
-                found.append(
+                findings.append(
                     f"{', '.join(pair)}: {self[pair].failed} of {self.trials} pairs of trials failed and are left out."
                 )
             if not self[pair].closes:
-                found.append(f"{', '.join(pair)}: the shares do not add up to the sample variance: take more trials.")
-        return found
+                findings.append(
+                    f"{', '.join(pair)}: the shares do not add up to the sample variance: take more trials."
+                )
+        return findings
 
-    def _tables(self, pair: tuple[str, str]) -> list[tuple[list[str], list[list[str]]]]:
-        b = self[pair]
-        return [b.tensor_rows(), b.component_rows(), b.mean_rows()]
-
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Return what the tables are of."""
         return f"Budget, {self.trials:,} pairs of trials × {self.choices} choices of draws, seed {self.seed}"
 
-    def __repr__(self) -> str:
-        lines = [self._title()]
-        for pair in self.pairs():
-            lines += ["", ", ".join(pair), *(f"{text_table(*rows)}\n" for rows in self._tables(pair))]
-        return "\n".join([*lines, *self.verdicts(), *(f"attention: {text}" for text in self.findings())])
-
-    def _repr_html_(self) -> str:
-        tables = [
-            html_table(*rows, caption=f"{self._title()}: {', '.join(pair)}")
+    def tables(self) -> list[Table]:
+        """Return each budget's shares of the whole tensor's variance."""
+        return [
+            Table(f"{', '.join(pair)}: shares of the tensor's variance", *self[pair].tensor_rows())
             for pair in self.pairs()
-            for rows in self._tables(pair)
         ]
-        return (
-            "".join(tables)
-            + f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in [*self.verdicts(), *self.findings()])}</ul>"
+
+    def overview(self) -> list[Table]:
+        """Return each budget's shares of the tensor and of the components, and its mean errors."""
+        return [
+            Table("" if k else ", ".join(pair), *rows)
+            for pair in self.pairs()
+            for k, rows in enumerate((self[pair].tensor_rows(), self[pair].component_rows(), self[pair].mean_rows()))
+        ]
+
+    def details(self) -> list[Table]:
+        """Return each budget's shares by component and mean errors, and the sources as declared."""
+        tables = [
+            Table(f"{', '.join(pair)}: {title}", *rows)
+            for pair in self.pairs()
+            for title, rows in [
+                *(("shares by component", self[pair].component_rows(kind)) for kind in ("shapley", "first", "total")),
+                ("mean errors", self[pair].mean_rows()),
+            ]
+        ]
+        return [*tables, *source_tables(self.provenance)]
+
+    def notes(self) -> list[str]:
+        """Return verdicts and findings, a line each."""
+        return [*self.verdicts(), *(f"attention: {text}" for text in self.findings())]
+
+    def drawings(self) -> list[Drawing]:
+        """Return the whole tensor of every pair, then each budget by component."""
+
+        def overview() -> "Figure":
+            from uq.sensitivity.budget_figures import overview
+
+            return overview({pair: self[pair] for pair in self.pairs()})
+
+        caption = "The whole tensor: Shapley shares of its variance, and how much of its mean squared error is bias."
+        return [Drawing("budget", caption, overview), *map(self._shares, self.pairs())]
+
+    def _shares(self, pair: tuple[str, str]) -> Drawing:
+        def draw() -> "Figure":
+            from uq.sensitivity.budget_figures import shares
+
+            return shares(self[pair])
+
+        each = "Shapley shares by component and of the tensor, and bias and dispersion in the mean square."
+        return Drawing(stem("budget", *pair), f"{', '.join(pair)}: {each}", draw)
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        return Section(
+            "Budget of an inertia tensor's uncertainty",
+            [f"{self.trials:,} pairs of trials with seed {self.seed}. {COMPUTED}", " ".join(self.verdicts())],
+            self.findings(),
+            self.tables(),
+            self.drawings(),
+            self.details(),
+            [ASSUMPTION],
+            self.provenance,
         )
-
-
-def _verdict(b: SourceBudget) -> str:
-    shapley, p = b.sources.shapley, b.sources.players.index(b.culprit)
-    share = _percent(shapley.generalised[p], shapley.generalised_standard_error[p])
-    m = b.mean_square
-    bias = _percent(m.tensor_bias_share, m.tensor_bias_share_standard_error)
-    alone = {name: float(np.nansum(s.mean_error**2)) for name, s in b.sources.alone.items()}
-    worst = max(alone, key=lambda name: alone[name])
-    return (
-        f"{_name(b.culprit)} causes {share} % of the tensor's variance; {bias} % of its mean squared error is bias"
-        f"{f', most of it from {_name(worst)}' if m.tensor_bias_share > 0.05 else ''}."
-    )
-
-
-def _name(name: str) -> str:
-    return name.replace("_", " ").replace("omega", "ω").replace("r cg", "r CG")
 
 
 def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _percent(value: float, standard_error: float) -> str:
-    """A share in per cent, to a hundredth at most."""
-    return with_error(100 * value, 100 * standard_error, decimals=2)
-
-
-def _grams(values: np.ndarray, errors: np.ndarray) -> list[str]:
-    return list(map(with_error, GRAM_METRE * values, GRAM_METRE * errors))
+COMPUTED = (
+    "In each pair every source is drawn twice, and the tensor is estimated for every choice of one draw or the other. "
+    "First order: the share of the variance that a source causes by itself; total: with its interactions; Shapley: "
+    "interactions shared in equal parts, so that the shares add up to one. The tensor's variance is the sum over its "
+    "nine entries. Closure: what the shares add up to over the ordinary sample variance. The figure after ± is a "
+    "standard error. Every figure is in budget.csv."
+)
+ASSUMPTION = (
+    "Shares are of the variance, the dispersion about the mean; the mean error (bias) of a source alone stands in a "
+    "table of its own, since biases of several sources need not add up."
+)

@@ -7,19 +7,24 @@ No input is left out, however small.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from identify.text_tables import html_table, text_table, with_error
+from identify.reporting import Result
+from identify.text_tables import Table, with_error
 from uq.sensitivity.redraws import Correlation, Model, correlated, outputs, walks
 from uq.sensitivity.subsets import MOST_PLAYERS, effects_of_costs, effects_of_swaps, masks, walsh
 from uq.sensitivity.variance_shares import Indices, mean, plain_variance, ratio, shares
 from uq.sources.distributions import Distribution
 
 
-@dataclass(frozen=True)
-class Sensitivity:
-    """Indices of every player (an input, or a group of inputs) for every output."""
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Result):
+    """Indices of every player (an input, or a group of inputs) for every output.
+
+    Example: ``sobol(lambda x: x["a"] * x["b"], inputs).to_frame().loc["a"]``.
+    """
 
     players: tuple[str, ...]
     trials: int
@@ -40,29 +45,41 @@ class Sensitivity:
     """The variance that the effects share out over the ordinary sample variance of the outputs, (outputs,): about 1."""
     closure_standard_error: np.ndarray
 
+    @property
+    def indices(self) -> dict[str, Indices]:
+        """First order, total and Shapley, as far as they were computed."""
+        kinds = {"first order": self.first, "total": self.total, "Shapley": self.shapley}
+        return {name: indices for name, indices in kinds.items() if indices is not None}
+
     def rows(self, output: int | None = None) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of a table: indices with standard errors of one output, or of all together (None)."""
-        kinds = {"first order": self.first, "total": self.total, "Shapley": self.shapley}
-        shown = {name: indices for name, indices in kinds.items() if indices is not None}
-        cells = [[*map(with_error, *_column(i, output))] for i in shown.values()]
-        sums = [with_error(float(_column(i, output)[0].sum()), np.nan) for i in shown.values()]
-        return ["input", *shown], [*map(list, zip(self.players, *cells, strict=True)), ["sum", *sums]]
+        cells = [[*map(with_error, *_column(i, output))] for i in self.indices.values()]
+        sums = [with_error(float(_column(i, output)[0].sum()), np.nan) for i in self.indices.values()]
+        return ["input", *self.indices], [*map(list, zip(self.players, *cells, strict=True)), ["sum", *sums]]
 
-    def __repr__(self) -> str:
-        title, closure = self._lines()
-        return "\n".join([title, text_table(*self.rows()), closure])
-
-    def _repr_html_(self) -> str:
-        title, closure = self._lines()
-        return html_table(*self.rows(), caption=title) + f"<p>{closure}</p>"
-
-    def _lines(self) -> tuple[str, str]:
-        closure = ", ".join(map(with_error, self.closure, self.closure_standard_error))
+    def title(self) -> str:
+        """Return what the table is of."""
         failed = f"; {self.failed} failed and are left out" if self.failed else ""
-        return (
-            f"Shares of the variance, {self.trials:,} trials, {self.evaluations:,} evaluations{failed}",
-            f"closure (sum of the effects over the sample variance, by output): {closure}",
-        )
+        return f"Shares of the variance, {self.trials:,} trials, {self.evaluations:,} evaluations{failed}"
+
+    def tables(self) -> list[Table]:
+        """Return the indices of all outputs together."""
+        return [Table("", *self.rows())]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return every index with its standard error, by input and output."""
+        return [
+            {"input": player, "index": name, "output": output}
+            | {"value": indices.value[p, output], "standard_error": indices.standard_error[p, output]}
+            for p, player in enumerate(self.players)
+            for name, indices in self.indices.items()
+            for output in range(indices.value.shape[1])
+        ]
+
+    def notes(self) -> list[str]:
+        """Return what the effects add up to."""
+        closure = ", ".join(map(with_error, self.closure, self.closure_standard_error))
+        return [f"closure (sum of the effects over the sample variance, by output): {closure}"]
 
 
 def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,8 @@ from uq.campaign.trial_setup import prepare_setup
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.setup import Case, Setup
-from uq.sensitivity.budget_result import BudgetResult, Effects, MeanSquare, SourceBudget
+from uq.sensitivity.budget_result import BudgetResult
+from uq.sensitivity.budget_shares import Effects, MeanSquare, SourceBudget
 from uq.sensitivity.variance_shares import mean, plain_variance, ratio, shares
 from uq.sensitivity.walks import Design, PairEffects, walk_variance
 from uq.trials.engines import default_batch, run_trials

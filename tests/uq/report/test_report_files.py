@@ -18,7 +18,7 @@ from tests.browser import Reader, drawn
 from tests.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
-from uq.report.page_parts import inferred
+from uq.report.input_tables import inferred
 from uq.report.report_files import report, write
 
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
@@ -154,9 +154,9 @@ def test_a_failure_leaves_nothing_half_written(where, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     if where == "drawing":
-        monkeypatch.setattr(uq.report.report_files, "_render", fail)
+        monkeypatch.setattr(uq.report.page, "rendered", fail)
     else:
-        monkeypatch.setattr(uq.report.report_files.os, "fsync", fail)
+        monkeypatch.setattr(uq.files.output_folder.os, "fsync", fail)
     with pytest.raises(OSError, match="No space"):
         write(campaign(1, ("T1",)), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]

@@ -19,9 +19,9 @@ from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_setup, true_motion
 from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
-from uq.figures import budget_figures as budget_plot
 from uq.report.report_files import files, report
-from uq.sensitivity.budget_result import COLUMNS
+from uq.sensitivity import budget_figures as budget_plot
+from uq.sensitivity.budget_shares import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.source import Mixing, Source
 from uq.trials.engines import run_trials

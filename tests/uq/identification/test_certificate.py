@@ -12,6 +12,7 @@ import pytest
 
 from identify.estimators.admissible import Admissible
 from identify.estimators.residual_trace import trace
+from identify.results import sphere_axes as sphere
 from identify.results.alignment import Aligned
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.text_tables import decimals, fixed
@@ -21,15 +22,21 @@ from uq.campaign.simulation import simulate
 from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal, of_tensor
 from uq.experiment.conformity import Conformity, decide
 from uq.experiment.experiment import Experiment
-from uq.figures import sphere_axes as sphere
-from uq.figures.contributions import contributions
+from uq.identification import acceptance_checks as checks
+from uq.identification.certificate import Certificate
+from uq.identification.certificate_tables import alignment, bodies
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import tared
-from uq.report import acceptance_checks as checks
 from uq.report.certificate_front import number_of
-from uq.report.certificate_tables import alignment, bodies
-from uq.report.page_parts import input_table, run_table
-from uq.report.report_files import files, report
+from uq.report.input_tables import input_table
+from uq.report.report_files import files
+from uq.report.report_files import report as page
+
+
+def report(result):
+    """The certificate's page."""
+    return page(Certificate(result))
+
 
 HOSTILE = 'A"} </style><script>alert(1)</script>\\'
 
@@ -174,11 +181,11 @@ def test_a_trace_of_a_few_samples_is_small_but_there():
 
 
 def test_contributions_add_up_to_the_variance(plain):
-    squares = sum(np.square(part) for part in contributions(plain).values())
+    squares = sum(np.square(part) for part in plain.contributions.values())
     np.testing.assert_allclose(squares, np.diag(plain.covariance), rtol=0.02)  # 10,000 draws of each source
     without = dataclasses.replace(plain, budget=None)
-    assert set(contributions(without)) <= {"residuals", "scatter between runs", "r_cg"}
-    assert contributions(dataclasses.replace(without, diagnostics={})) == {}
+    assert set(without.contributions) <= {"residuals", "scatter between runs", "r_cg"}
+    assert dataclasses.replace(without, diagnostics={}).contributions == {}
 
 
 @pytest.mark.parametrize(
@@ -209,9 +216,9 @@ def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
     text = " ".join(Reader(report(body)).text)
     assert "Tare: mass, centre of gravity from Q, tensor" in text
     assert "fixture taken off" in text
-    squares = sum(np.square(part) for part in contributions(body).values())
+    squares = sum(np.square(part) for part in body.contributions.values())
     np.testing.assert_allclose(squares, np.diag(body.covariance), rtol=0.02)
-    shown = np.array([float(cell.replace("−", "-")) for cell in run_table(body).rows[0][4:]])
+    shown = np.array([float(cell.replace("−", "-")) for cell in body.run_table().rows[0][4:]])
     off = 1e3 * (plain.inertia - body.inertia)
     assert off[0] > 5
     np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth
@@ -267,7 +274,7 @@ def test_warnings_of_dates_reach_result_and_page(runs):
 
 
 def test_the_number_is_that_of_the_content(plain):
-    content = files(plain)
+    content = files(Certificate(plain))
     number = json.loads(content["result.json"])["certificate"]
     assert number in content["report.html"].decode()
     assert number == number_of(plain.to_dict())

@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from identify.figure_style import COLUMN, PALETTE, STYLE
 from uq.excitation.platform_scene import Scene
-from uq.figures.campaign_figures import COLUMN, PALETTE, STYLE
 
 SIZE = 460
 """Width and height of the drawing [px]."""

@@ -8,13 +8,15 @@ import pytest
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
+from identify.figure_style import display_name
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests.small_campaign import campaign
+from uq import barreto2016_figures as plots
 from uq.barreto2016 import PRINTED
 from uq.campaign.averages import average
 from uq.campaign.campaign import Breakdown, MonteCarloResult, Statistics
+from uq.campaign.campaign_figures import contributions
 from uq.experiment.experiment import Experiment
-from uq.figures import campaign_figures as plots
 
 
 def heights(axes):
@@ -38,10 +40,10 @@ def statistics(mean, sigma):
 @pytest.mark.parametrize("kind", ["groups", "sources"])
 def test_contributions_carry_the_statistics(kind):
     cases = getattr(campaign()["T1", "central"], kind)
-    top, bottom = plots.contributions(cases).axes
-    assert list(heights(top)) == [plots.display_name(name) for name in cases]
+    top, bottom = contributions(cases).axes
+    assert list(heights(top)) == [display_name(name) for name in cases]
     for k, (name, s) in enumerate(cases.items()):
-        np.testing.assert_allclose(heights(top)[plots.display_name(name)], 1e3 * s.three_sigma)
+        np.testing.assert_allclose(heights(top)[display_name(name)], 1e3 * s.three_sigma)
         np.testing.assert_allclose(half_lengths(top)[k], 1e3 * s.three_sigma_standard_error, atol=1e-12)
         np.testing.assert_allclose(markers(bottom)[k], 1e3 * s.mean_error)
         np.testing.assert_allclose(half_lengths(bottom)[k], 1e3 * s.mean_error_standard_error, atol=1e-12)
@@ -50,15 +52,15 @@ def test_contributions_carry_the_statistics(kind):
 
 def test_a_mean_error_beyond_its_dispersion_is_written_out():
     cases = {"total": statistics([0, 0, 0, 0, 0, -30.6], 3), "imu": statistics(0, 1)}
-    bottom = plots.contributions(cases).axes[1]
+    bottom = contributions(cases).axes[1]
     assert [text.get_text() for text in bottom.texts] == ["−30.6"]
     assert bottom.get_yscale() == "symlog"
-    calm = plots.contributions({"total": statistics(0.1, 3)}).axes[1]
+    calm = contributions({"total": statistics(0.1, 3)}).axes[1]
     assert (calm.get_yscale(), len(calm.texts)) == ("linear", 0)
 
 
 def test_every_mark_lies_inside_its_panel():
-    figure = plots.contributions({"total": statistics([0, 0, 0, 0, 0, -30.6], 3)})
+    figure = contributions({"total": statistics([0, 0, 0, 0, 0, -30.6], 3)})
     figure.draw_without_rendering()
     bottom = figure.axes[1]
     low, high = (bottom.transData.transform((0, value))[1] for value in (-30.6, 0.1))
@@ -118,7 +120,7 @@ def every_figure():
     return {
         "spheres": plots.spheres(omega, alpha),
         "angular_velocity": plots.angular_velocity(t, omega),
-        "contributions": plots.contributions(campaign()["T1", "central"].groups),
+        "contributions": contributions(campaign()["T1", "central"].groups),
         "averages": plots.averages(campaign(), "smoothed"),
     }
 
@@ -146,12 +148,12 @@ def test_settings_stay_as_they_were():
 
 @pytest.mark.parametrize("name", ["$\\nonsense{$", "_hidden", "a_b", "<b>"])
 def test_names_are_text_and_not_formulas(name, tmp_path):
-    figure = plots.contributions({name: statistics(0, 1)})
+    figure = contributions({name: statistics(0, 1)})
     figure.savefig(tmp_path / "figure.png")
     assert len(figure.legends[0].get_texts()) == 1
 
 
 def test_one_trial_draws_nothing_but_does_not_fail(tmp_path):
     nothing = Statistics(np.zeros(6), *(np.full(6, np.nan) for _ in range(3)))
-    plots.contributions({"total": nothing}).savefig(tmp_path / "figure.png")
+    contributions({"total": nothing}).savefig(tmp_path / "figure.png")
     plots.averages(campaign(1, ("T1",)), "central").savefig(tmp_path / "average.png")

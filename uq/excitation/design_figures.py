@@ -8,13 +8,13 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from identify.figure_style import AXIS_COLOURS, HATCHES, PAGE, PALETTE, STYLE, display_name, label
 from identify.motion.leg_limits import Effort, Limits
-from uq.campaign.statistics import GRAM_METRE, Breakdown
-from uq.figures.campaign_figures import HATCHES, PAGE, PALETTE, STYLE, display_name
+from identify.rigid_body.inertia import GRAM_METRE
+from uq.campaign.statistics import Breakdown
 from uq.planning.required_duration import Growth, average
 from uq.propagation.law_result import LawStatistics
 
-AXIS_COLOURS = (PALETTE[1], PALETTE[2], PALETTE[3])
 LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
 
 
@@ -34,10 +34,10 @@ def motion(
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
         panels = figure.subplots(3, 1, sharex=True)
-        for panel, (values, label) in zip(panels, rows, strict=True):
+        for panel, (values, quantity) in zip(panels, rows, strict=True):
             for k in range(3):
                 panel.plot(t, values[:, k], color=AXIS_COLOURS[k], label=names[k] if names else f"axis {k + 1}")
-            panel.set_ylabel(label)
+            panel.set_ylabel(quantity)
         panels[0].legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 0.98))
         panels[-1].set(xlabel="time [s]", xlim=(t[0], t[-1]))
         figure.align_ylabels(panels)
@@ -97,11 +97,11 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
                 values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
                 at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
                 colour, hatch = PALETTE[1:][k % 7], HATCHES[k // 7 % len(HATCHES)]
-                panel.bar(at, values, width, color=colour, hatch=hatch, label=trajectory.replace("$", r"\$"))
+                panel.bar(at, values, width, color=colour, hatch=hatch, label=label(trajectory))
             least = bound.get(goal)
             if least is not None:
                 panel.plot([-0.5, 0.5], [GRAM_METRE * least] * 2, color=PALETTE[0], linestyle="--", label="bound")
-            texts = [display_name(name).replace("$", r"\$") for name in names]
+            texts = [label(display_name(name)) for name in names]
             panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
             panel.set_title(goal)
         panels[0].set_ylabel("average 3σ [g·m²]")
@@ -126,7 +126,7 @@ def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
             panel.plot(t, total, color="black", linewidth=1.6, label="total")
             for k, name in enumerate(growth.names):
                 colour, dashes = PALETTE[1:][k % 7], ("-", "--", ":")[k // 7 % 3]
-                text = display_name(name).replace("$", r"\$")
+                text = label(display_name(name))
                 panel.plot(t, GRAM_METRE * average(parts[:, k], goal), color=colour, linestyle=dashes, label=text)
             for target in asked.get(goal, ()):
                 panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
@@ -136,25 +136,4 @@ def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
             panel.set_ylim(bottom=2e-3 * total.max())
         panels[0].set_ylabel("average 3σ [g·m²]")
         panels[1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
-    return figure
-
-
-def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray) -> Figure:
-    """Draw planned and measured angular velocity on each axis.
-
-    Args:
-        t: instants [s].
-        plan: in B [rad/s], (n, 3).
-        measured: alike.
-    """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
-        panels = figure.subplots(3, 1, sharex=True)
-        for k, panel in enumerate(panels):
-            panel.plot(t, measured[:, k], color=AXIS_COLOURS[k], linewidth=1.2, label="measured")
-            panel.plot(t, plan[:, k], color=PALETTE[0], linestyle="--", linewidth=0.8, label="planned")
-            panel.set_ylabel(f"ω{k + 1} [rad/s]")
-        panels[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))
-        panels[-1].set(xlabel="time from the plan's start [s]", xlim=(t[0], t[-1]))
-        figure.align_ylabels(panels)
     return figure

@@ -8,26 +8,15 @@ from matplotlib.axes import Axes as Panel
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from identify.results.identification_result import Identification
-from uq.campaign.campaign import GRAM_METRE
-from uq.figures.campaign_figures import PAGE, PALETTE, STYLE
-from uq.figures.sphere_axes import Axes, motion, rms_about, uncertainty_about
+from identify.figure_style import PAGE, PALETTE, STYLE
+from identify.results.sphere_axes import Axes, rms_about, uncertainty_about
+from identify.rigid_body.inertia import GRAM_METRE
 
 RIM = np.sqrt(2)
 """Radius of a half sphere's disc, in Lambert's azimuthal equal-area projection of the unit sphere."""
 
 
-def coverage(result: Identification) -> Figure | None:
-    """Draw what the motion of an identification's runs covered; see :func:`covered`.
-
-    Args:
-        result: an identification; None is returned where none of its runs kept its motion.
-    """
-    paths = motion(result)
-    return None if paths is None else covered(*paths, result.covariance)
-
-
-def covered(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Figure:
+def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Figure:
     """Draw the directions of angular velocity and acceleration, and acceleration and uncertainty about every axis.
 
     Args:

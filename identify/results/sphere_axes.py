@@ -1,11 +1,12 @@
 """Which directions a motion visited, and how well the moment of inertia about each axis is known."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.results.identification_result import Identification
+from identify.results.run_estimate import RunEstimate
 
 NEAR = np.deg2rad(15)
 """Angle within which a direction counts as visited [rad]."""
@@ -77,9 +78,9 @@ def uncertainty_about(covariance: Float[np.ndarray, "6 6"]) -> Axes:
     return Axes(axes, np.sqrt(np.einsum("ni,ij,nj->n", gradient, covariance, gradient)))
 
 
-def motion(result: Identification) -> tuple[np.ndarray, np.ndarray] | None:
+def motion(runs: Sequence[RunEstimate]) -> tuple[np.ndarray, np.ndarray] | None:
     """Return angular velocity and acceleration of all runs [rad/s, rad/s²], thinned; None where they were not kept."""
-    traces = [run.trace for run in result.runs if run.trace is not None]
+    traces = [run.trace for run in runs if run.trace is not None]
     if not traces:
         return None
-    return np.concatenate([one.omega for one in traces]), np.concatenate([one.alpha for one in traces])
+    return np.concatenate([trace.omega for trace in traces]), np.concatenate([trace.alpha for trace in traces])

@@ -4,20 +4,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from identify.figure_style import display_name
 from identify.results.alignment import Aligned
+from identify.results.contributions import evaluated
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import LARGEST_ANGLE, principal_axes
-from identify.text_tables import decimals, fixed, rounded
-from uq.campaign.campaign import GRAM_METRE
+from identify.text_tables import Table, decimals, fixed, rounded
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_normal
 from uq.experiment.conformity import decide
 from uq.experiment.report_table import Report
-from uq.figures.campaign_figures import display_name
-from uq.figures.contributions import contributions, evaluated
-from uq.report import acceptance_checks as checks
+from uq.identification import acceptance_checks as checks
 from uq.report.certificate_front import INSTRUMENT_HEAD, MISSING, instrument_rows
-from uq.report.page_parts import Table
 
 DEGREE = float(np.degrees(1.0))
 AXES = ("b1", "b2", "b3")
@@ -89,7 +87,7 @@ def instruments(report: Report) -> Table:
 
 def budget(result: Identification) -> list[Table]:
     """Return contributions to the standard uncertainty, and the combined one."""
-    parts = contributions(result)
+    parts = result.contributions
     if not parts:
         return []
     rows = [[display_name(name), evaluated(name), *_two_digits(values)] for name, values in parts.items()]

@@ -1,12 +1,14 @@
 """Figures of a budget: who causes how much of the variance, and how much of the mean square is bias."""
 
+from collections.abc import Mapping
+
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from uq.figures.campaign_figures import HATCHES, PAGE, PALETTE, STYLE, display_name
-from uq.sensitivity.budget_result import COLUMNS, BudgetResult, SourceBudget
+from identify.figure_style import HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 
 BIAS, DISPERSION = PALETTE[0], "#d4d4d4"
 
@@ -32,11 +34,6 @@ def shares(b: SourceBudget) -> Figure:
 
 def _colour(k: int) -> tuple[str, str]:
     return PALETTE[1:][k % (len(PALETTE) - 1)], HATCHES[k // (len(PALETTE) - 1) % len(HATCHES)]
-
-
-def _text(name: str) -> str:
-    """A name as a reader would write it, which matplotlib does not take for a formula."""
-    return display_name(name).replace("$", r"\$")
 
 
 def _stacks(axes: Axes, b: SourceBudget) -> None:
@@ -88,7 +85,7 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     )
     axes.plot(100 * e.first.generalised, y - 0.22, "|", color="black", markersize=5, label="first order")
     axes.plot(100 * e.total.generalised, y + 0.22, "ko", markersize=3, markerfacecolor="white", label="total")
-    axes.set_yticks(y, [_text(name) for name in e.players])
+    axes.set_yticks(y, [label(display_name(name)) for name in e.players])
     axes.tick_params(axis="y", length=0)
     axes.invert_yaxis()
     axes.set(xlabel="share of the tensor's variance [%]", title="the whole tensor")
@@ -97,23 +94,23 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     axes.legend(loc="lower right")
 
 
-def overview(result: BudgetResult) -> Figure:
+def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> Figure:
     """Draw the whole tensor of every trajectory and estimator: Shapley shares, and how much of the error is bias."""
-    pairs = result.pairs()
+    pairs = list(budgets)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 1.1 + 0.24 * len(pairs)), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         base = np.zeros(len(pairs))
-        for k, name in enumerate(result[pairs[0]].sources.players):
-            width = np.array([100 * result[pair].sources.shapley.generalised[k] for pair in pairs])
+        for k, name in enumerate(budgets[pairs[0]].sources.players):
+            width = np.array([100 * budgets[pair].sources.shapley.generalised[k] for pair in pairs])
             colour, hatch = _colour(k)
-            left.barh(range(len(pairs)), width, 0.7, left=base, color=colour, hatch=hatch, label=_text(name),
-                      edgecolor="white", linewidth=0.3)  # fmt: skip
+            left.barh(range(len(pairs)), width, 0.7, left=base, color=colour, hatch=hatch, edgecolor="white",
+                      linewidth=0.3, label=label(display_name(name)))  # fmt: skip
             base = base + width
-        bias = 100 * np.clip([result[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
+        bias = 100 * np.clip([budgets[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
         right.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
         right.barh(range(len(pairs)), 100 - bias, 0.7, left=bias, color=DISPERSION, label="dispersion")
-        left.set_yticks(range(len(pairs)), [_text(", ".join(pair)) for pair in pairs])
+        left.set_yticks(range(len(pairs)), [label(", ".join(pair)) for pair in pairs])
         left.invert_yaxis()
         left.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
         right.set(xlim=(0, 100), xlabel="share of the mean square [%]")

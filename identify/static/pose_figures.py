@@ -5,17 +5,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from identify.static.centre import Centre
-from uq.figures.campaign_figures import COLUMN, PALETTE, STYLE
+from identify.figure_style import COLUMN, PALETTE, STYLE
 
 
-def residuals(result: Centre) -> Figure:
-    """Draw the residual force and moment of each pose, by axis."""
+def pose_residuals(residuals: np.ndarray) -> Figure:
+    """Draw the residual force and moment of each pose, by axis.
+
+    Args:
+        residuals: measured less fitted wrench of each pose, (n, 6) [N, N·m].
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(COLUMN, 3.6), layout="constrained")
         panels = figure.subplots(2, 1, sharex=True)
-        pose = np.arange(1, result.poses + 1)
-        shown = {"force [N]": result.residuals[:, :3], "moment [mN·m]": 1e3 * result.residuals[:, 3:]}
+        pose = np.arange(1, len(residuals) + 1)
+        shown = {"force [N]": residuals[:, :3], "moment [mN·m]": 1e3 * residuals[:, 3:]}
         for axes, (label, values) in zip(panels, shown.items(), strict=True):
             axes.axhline(0, color=PALETTE[0], linewidth=0.6)
             for axis, marker, colour, column in zip("xyz", "os^", PALETTE[1:4], values.T, strict=True):

@@ -1,0 +1,174 @@
+"""What every result tells, of which terminal, notebook, JSON, DataFrame and report are made: tables and figures.
+
+A result is a dataclass that inherits :class:`Result` and says its ``tables()``; it may say its ``drawings()``, its
+``records()`` (the bare numbers) and what its ``section()`` of a report holds beside them.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from html import escape
+from itertools import takewhile
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
+
+from identify.text_tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that is drawn when it is asked for, so that a result costs no matplotlib."""
+
+    name: str
+    """Stem of its files; one result has no two alike."""
+    caption: str
+    draw: Callable[[], "Figure"]
+    animate: Callable[[], bytes] | None = None
+    """Makes an SVG that moves, which a page shows in place of the figure; None: the figure stands for itself."""
+
+
+class Figures(Mapping[str, "Figure"]):
+    """Figures by name: ``result.figures()["budget"]`` is drawn when it is first asked for."""
+
+    def __init__(self, drawings: Sequence[Drawing]) -> None:
+        self.drawings = {drawing.name: drawing for drawing in drawings}
+        self._draw = cache(lambda name: self.drawings[name].draw())
+
+    def __getitem__(self, name: str) -> "Figure":
+        return self._draw(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.drawings)
+
+    def __len__(self) -> int:
+        return len(self.drawings)
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{name}: {drawing.caption}" for name, drawing in self.drawings.items())
+
+
+@dataclass(frozen=True)
+class Section:
+    """A result's part of a report, in the order in which it is read."""
+
+    title: str
+    computed: Sequence[str] = ()
+    """What was computed, a paragraph each."""
+    findings: Sequence[str] = ()
+    """What a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
+    tables: Sequence[Table] = ()
+    drawings: Sequence[Drawing] = ()
+    details: Sequence[Table] = ()
+    """Tables that follow the figures."""
+    assumptions: Sequence[str] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    front: Any = None
+    """Particulars that make it a certificate (:class:`uq.report.certificate_front.Front`); None: another report."""
+
+
+class Result:
+    """The views that all results share; a result says ``tables()`` and overrides what it has more to say of."""
+
+    name: str = ""
+    """Key of its content in the ``result.json`` of another result that it accompanies."""
+    file_name: str = "result.json"
+    """The file that holds its content."""
+
+    def title(self) -> str:
+        """Return the line above the tables in a terminal or notebook; empty for none."""
+        return ""
+
+    def tables(self) -> list[Table]:
+        """Return the tables that answer what was asked."""
+        raise NotImplementedError
+
+    def overview(self) -> list[Table]:
+        """Return the tables that a terminal or notebook shows."""
+        return self.tables()
+
+    def notes(self) -> list[str]:
+        """Return the lines below these tables."""
+        return [f"attention: {text}" for text in getattr(self, "warnings", ())]
+
+    def drawings(self) -> list[Drawing]:
+        """Return the figures, not yet drawn, with their captions."""
+        return []
+
+    def figures(self) -> Figures:
+        """Return the figures by name, each a matplotlib ``Figure`` that is drawn when it is asked for."""
+        return Figures(self.drawings())
+
+    def files(self) -> dict[str, bytes]:
+        """Return the bytes of files that go with it into a folder, by name."""
+        return {}
+
+    def section(self) -> Section:
+        """Return its part of a report."""
+        findings, provenance = getattr(self, "warnings", ()), getattr(self, "provenance", {})
+        title = self.title() or type(self).__name__
+        return Section(title, (), findings, self.tables(), self.drawings(), provenance=provenance)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the bare numbers, one record a row: texts that name the row first, then its figures."""
+        table = self.tables()[0]
+        return [dict(zip(table.head, row, strict=True)) for row in table.rows]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its content as JSON takes it: arrays as lists, what is not finite as None."""
+        return {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self) if f.compare}  # type: ignore[arg-type]
+
+    def to_frame(self) -> "DataFrame":
+        """Return :meth:`records` as a pandas DataFrame, the leading texts as its index.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            raise ModuleNotFoundError("pandas is missing for to_frame(): pip install pandas") from None
+        records = self.records()
+        texts = takewhile(lambda item: isinstance(item[1], str), records[0].items()) if records else ()
+        index = [name for name, _ in texts]
+        return DataFrame.from_records(records, index=index or None)
+
+    def __repr__(self) -> str:
+        tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
+        return "\n".join(part for part in (self.title(), tables, *self.notes()) if part)
+
+    def _repr_html_(self) -> str:
+        caption = self.title()
+        tables = []
+        for table in self.overview():
+            shown = dataclasses.replace(table, caption=": ".join(filter(None, (caption, table.caption))))
+            tables.append(shown._repr_html_())
+            caption = ""
+        notes = "".join(f"<li>{escape(text)}</li>" for text in self.notes())
+        return "".join(tables) + (f"<ul>{notes}</ul>" if notes else "")
+
+
+def stem(*names: str) -> str:
+    """Return a figure's name made of names: no two alike, and no character that leads out of the folder."""
+    return "-".join(quote(name, safe="") for name in names)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON takes it; a number that is not finite is None."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)) or hasattr(value, "tolist"):
+        return plain(np.asarray(value).tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,42 @@
+"""The figure of an identified tensor's budget: each part's share of each component's variance."""
+
+from collections.abc import Mapping
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from identify.figure_style import HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.text_tables import decimals, fixed
+
+
+def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Figure:
+    """Draw each part's share of the parts' variances together, with the standard uncertainty beside it.
+
+    Args:
+        parts: contributions to the standard uncertainty by name [kg·m²], each of six components.
+        standard_uncertainty: the combined one of each component [kg·m²].
+    """
+    variances = np.nan_to_num([np.square(values) for values in parts.values()], posinf=0.0)
+    total = variances.sum(axis=0)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.4), layout="constrained")
+        axes = figure.subplots()
+        base = np.zeros(len(COMPONENTS))
+        for k, (name, variance) in enumerate(zip(parts, variances, strict=True)):
+            width = 100 * variance / np.maximum(total, 1e-300)
+            colour, hatch = PALETTE[1:][k % 7], HATCHES[k // 7 % len(HATCHES)]
+            axes.barh(range(6), width, 0.72, left=base, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3,
+                      label=label(display_name(name)))  # fmt: skip
+            base = base + width
+        for k, value in enumerate(GRAM_METRE * standard_uncertainty):
+            axes.annotate(
+                f"u = {fixed(value, decimals(value))} g·m²", (100, k), (4, 0), textcoords="offset points", va="center"
+            )
+        axes.set_yticks(range(6), COMPONENTS)
+        axes.invert_yaxis()
+        axes.set(xlim=(0, 100), xlabel="share of the variance [%]")
+        axes.tick_params(axis="y", length=0)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure

@@ -1,0 +1,131 @@
+"""Which figures a design has, with their captions: the platform in motion, the legs, the sphere, budgets, durations."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from identify.motion.leg_limits import effort, platform_motion
+from identify.reporting import Drawing
+from identify.results import sphere_axes as sphere
+from uq.campaign.statistics import Breakdown
+from uq.excitation.design import Design
+from uq.excitation.designed_experiment import NAME
+from uq.excitation.platform_scene import FRAMES, Scene, scene
+from uq.experiment.experiment import Experiment
+from uq.planning.required_duration import Duration
+from uq.propagation.law_result import LawStatistics
+
+SHOWN = 10.0
+"""How much of the motion figures show, from its middle [s]."""
+PLAYED = 5.0
+"""How much the moving drawing plays [s]."""
+RATE = 100.0
+"""Of the instants that figures draw [Hz]."""
+
+
+def design_drawings(
+    design: Design,
+    laws: Mapping[str, Breakdown[LawStatistics]],
+    bound: Mapping[str, float | None],
+    durations: Sequence[Duration],
+) -> list[Drawing]:
+    """Return the figures, not yet drawn.
+
+    Args:
+        design: whose motion is drawn.
+        laws: by trajectory, the designed one first.
+        bound: the least average 3σ of moments and products [kg·m²]; None: not known.
+        durations: that targets take.
+    """
+    motion, used = _shown(design)
+    t = np.asarray(motion.t)
+    omega, alpha = np.asarray(motion.twist.omega), np.asarray(motion.twist.alpha)
+    visited = [f"{100 * sphere.visited(path):.0f} %" for path in (omega, alpha)]
+    view = _scene(design.experiment, motion)
+
+    def platform():
+        from uq.excitation.platform_figures import still
+
+        return still(view)
+
+    def animated():
+        from uq.excitation.platform_figures import moving
+
+        return moving(view)
+
+    def motions():
+        from uq.excitation import design_figures
+
+        position = np.asarray(motion.pose.position) - np.asarray(design.experiment.platform.home)
+        return design_figures.motion(t, omega, alpha, position)
+
+    def legs():
+        from uq.excitation import design_figures
+
+        return design_figures.legs(t, used, design.limits)
+
+    def coverage():
+        from identify.results import sphere_figures
+
+        return sphere_figures.coverage(omega, alpha, laws[NAME].total.covariance)
+
+    def budgets():
+        from uq.excitation import design_figures
+
+        return design_figures.budgets(laws, bound)
+
+    def growth():
+        from uq.excitation import design_figures
+
+        goals = {duration.goal for duration in durations}
+        targets = {goal: [each.target for each in durations if each.goal == goal] for goal in goals}
+        return design_figures.durations(durations[0].growth, targets)
+
+    return [
+        Drawing("platform", f"{view.seconds:g} s of the motion, as fast and as large; {VIEW}", platform, animated),
+        Drawing("motion", f"{t[-1] - t[0]:.0f} s from the middle.", motions),
+        Drawing("legs", LEGS, legs),
+        Drawing("coverage", COVERAGE.format(*visited), coverage),
+        Drawing("budgets", BUDGETS, budgets),
+        Drawing("durations", DURATIONS, growth),
+    ]
+
+
+def _shown(design: Design) -> tuple[Any, Any]:
+    """Motion and effort of the design at the instants that figures show."""
+    spec, experiment = design.spec, design.experiment
+    shown = min(SHOWN, spec.duration)
+    last = np.ceil((spec.duration + shown) / 2 * RATE) / RATE
+    t = jnp.arange(0.0, last, 1 / RATE)
+    still = jnp.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else jnp.zeros(3)
+    whole = platform_motion(experiment.platform, spec.trajectory, t, still)
+    motion = jax.tree.map(lambda x: x[len(t) - round(shown * RATE) :], whole)
+    found = effort(
+        experiment.platform, experiment.body, jnp.asarray(experiment.r_cg_from_omb), motion,
+        jnp.asarray(experiment.gravity),
+    )  # fmt: skip
+    return motion, found
+
+
+def _scene(experiment: Experiment, motion: Any) -> Scene:
+    """What the drawing of the platform shows."""
+    step = round(RATE / FRAMES)
+    part = slice(0, round(PLAYED * RATE) + 1, step)
+    position, rotation = (np.asarray(x)[part] for x in motion.pose)
+    seconds = (len(position) - 1) / FRAMES
+    return scene(experiment.platform, experiment.body, experiment.r_cg_from_omb, position, rotation, seconds)
+
+
+VIEW = "grey box: a cuboid of the body's mass and tensor; red dot: its centre of gravity."
+COVERAGE = (
+    "Directions in the body frame that the same seconds visit: within 15° of {} of all axes the angular velocity comes "
+    "with half its largest magnitude or more, the angular acceleration within 15° of {}."
+)
+LEGS = "The legs over the same seconds, each against its own limit; dashed: the limit."
+BUDGETS = (
+    "Average 3σ of moments and of products, all sources and each alone; dashed: what no motion can beat, if known."
+)
+DURATIONS = "Average 3σ over the duration; grey: the duration as designed; dotted: the targets."

@@ -1,1 +1,0 @@
-"""Figures: functions that return a matplotlib figure."""

@@ -1,0 +1,127 @@
+"""The certificate of an identified tensor, as far as the table ``[report]`` makes its report one."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from identify.reporting import Drawing, Result, Section
+from identify.results.identification_result import Identification
+from identify.text_tables import Table
+from uq.coverage.expanded_uncertainty import Expanded, of_tensor
+from uq.experiment.conformity import RULES
+from uq.experiment.report_table import Report, read
+from uq.identification import certificate_tables as tables
+from uq.report.certificate_front import front
+from uq.report.input_tables import source_tables
+
+TITLE = "Inertia tensor of a body"
+
+
+@dataclass(frozen=True, repr=False)
+class Certificate(Result):
+    """An identification with what a laboratory's report adds: expanded uncertainties, conformity, particulars, checks.
+
+    Example: ``write(Certificate(identify_files(["run.mcap"], experiment)), Path("folder"))``.
+    """
+
+    identification: Identification
+
+    @cached_property
+    def report(self) -> Report:
+        """What the table ``[report]`` states."""
+        return read(self.identification.provenance)
+
+    @cached_property
+    def tensor(self) -> Expanded:
+        """The components with their expanded uncertainty [kg·m²]."""
+        report = self.report
+        return of_tensor(self.identification, factor=report.coverage_factor, probability=report.coverage_probability)
+
+    def title(self) -> str:
+        """Return the identification's."""
+        return self.identification.title()
+
+    def tables(self) -> list[Table]:
+        """Return tensor, mass and centre, principal moments, conformity, instruments."""
+        result, report = self.identification, self.report
+        return [
+            tables.tensor(result, self.tensor),
+            tables.mass_and_centre(result, report),
+            *tables.principal(result, report),
+            *tables.conformity(report, self.tensor),
+            tables.instruments(report),
+        ]
+
+    def overview(self) -> list[Table]:
+        """Return the identification's."""
+        return self.identification.overview()
+
+    def notes(self) -> list[str]:
+        """Return the identification's."""
+        return self.identification.notes()
+
+    def drawings(self) -> list[Drawing]:
+        """Return the identification's."""
+        return self.identification.drawings()
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the identification's."""
+        return self.identification.records()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the identification's content; a file adds the certificate's number."""
+        return self.identification.to_dict()
+
+    def details(self) -> list[Table]:
+        """Return budget, scatter, alignment, tare, checks, other points and frames, runs, sources."""
+        result = self.identification
+        return [
+            *tables.budget(result),
+            *tables.scatter(result),
+            *tables.bodies(result),
+            *tables.alignment(result),
+            *tables.tare(result),
+            tables.checked(result),
+            *tables.elsewhere(result),
+            result.run_table(),
+            *source_tables(result.provenance),
+        ]
+
+    def section(self) -> Section:
+        """Return the certificate."""
+        result, report = self.identification, self.report
+        return Section(
+            report.texts.get("title", TITLE),
+            [f"{TYPE_A.get(result.method, '')} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
+            result.warnings,
+            self.tables(),
+            self.drawings(),
+            self.details(),
+            [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
+            result.provenance,
+            front(report, result.provenance),
+        )
+
+
+def _decision_rule(report: Report) -> list[str]:
+    rule = report.conformity
+    return [] if rule is None else [f"Decision rule for conformity with {rule.specification}: {RULES[rule.rule]}."]
+
+
+TYPE_A = {
+    "source": "What the runs show, residuals correlated in time and scatter between runs, is evaluated as type A.",
+    "gls": "What the runs show is evaluated as type A: generalised least squares with the residuals' covariance across "
+    "axes and in time, and the scatter between runs.",
+    "joint": "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
+    "noise and from what was declared of them beforehand; where the runs scatter more, that counts.",
+}
+"""How an estimator's uncertainty comes about, by method."""
+UNCERTAINTY = (
+    "What is declared and stays constant through the runs, the centre of gravity among it, is type B (GUM 4.2, 4.3, "
+    "5.1). The coverage interval is from the distributions of both: k = 1.96 where they are normal, larger where few "
+    "runs tell the scatter."
+)
+BIAS = (
+    "The bias is the expected mean error from the gyro's noise in the regressor and from the declared sources. It is "
+    "stated, not subtracted from the value; the interval allows for that of the sources, not for that of the noise."
+)

@@ -1,0 +1,114 @@
+"""A report's page: sections of results laid out as one HTML file that loads nothing from elsewhere."""
+
+import json
+from base64 import b64encode
+from collections.abc import Mapping
+from dataclasses import replace
+from io import BytesIO
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import matplotlib
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from identify.figure_style import COLUMN
+from identify.reporting import Drawing, Section
+from uq.report.certificate_front import number_of
+from uq.report.input_tables import input_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 300
+"""Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
+ELSEWHERE = ("experiment", "resolved", "report", "inputs", "experiment_file", "centre", "others")
+"""Parts of the provenance that stand in other places of a page."""
+
+
+class Drawn(NamedTuple):
+    """A figure as a page shows it."""
+
+    name: str
+    caption: str
+    figure: "Figure"
+    svg: bytes
+
+    @property
+    def wide(self) -> bool:
+        """Whether it takes the width of a page rather than of a column."""
+        return bool(self.figure.get_figwidth() > COLUMN)
+
+    @property
+    def source(self) -> str:
+        """The picture as an address that holds it."""
+        return f"data:image/svg+xml;base64,{b64encode(self.svg).decode()}"
+
+
+def drawn(drawing: Drawing) -> Drawn:
+    """Draw a figure."""
+    figure = drawing.draw()
+    svg = rendered(figure, "svg") if drawing.animate is None else drawing.animate()
+    return Drawn(drawing.name, drawing.caption, figure, svg)
+
+
+def joined(first: Section, *others: Section) -> Section:
+    """Return one section with the content of several; title and front stand as the first has them."""
+    sections = (first, *others)
+    parts: dict[str, Any] = {}
+    for name in ("computed", "findings", "tables", "drawings", "details", "assumptions"):
+        items = [item for section in sections for item in getattr(section, name)]
+        parts[name] = [item for k, item in enumerate(items) if item not in items[:k]]
+    if others:
+        parts["provenance"] = {**first.provenance, "others": [section.provenance for section in others]}
+    return replace(first, **parts)
+
+
+def number(section: Section, content: Mapping[str, Any]) -> str:
+    """Return the number of a certificate: as stated, or made of its content; empty for any other report."""
+    return "" if section.front is None else section.front.number or number_of(content)
+
+
+def html(section: Section, figures: list[Drawn], name: str) -> str:
+    """Return the page.
+
+    Args:
+        section: what it says.
+        figures: its figures, drawn.
+        name: number of a certificate; empty: it is none.
+    """
+    environment = Environment(
+        loader=PackageLoader("uq"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["css_text"] = _css_text
+    record = {key: _words(value) for key, value in section.provenance.items() if key not in ELSEWHERE}
+    experiment = json_text(section.provenance.get("experiment") or section.provenance.get("resolved") or {})
+    template = environment.get_template("certificate.html" if section.front else "report.html")
+    return template.render(
+        page=section, figures=figures, provenance=record, experiment=experiment,
+        inputs=input_table(section.provenance), number=name, footer=name or section.title,
+    )  # fmt: skip
+
+
+def rendered(figure: "Figure", kind: str) -> bytes:
+    """Return a figure's file; the same figure gives the same bytes. Its parts then stay where they are."""
+    buffer = BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "inertia-uq"}):
+        figure.savefig(buffer, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
+    figure.set_layout_engine("none")  # laying it out takes longer than drawing it
+    return buffer.getvalue()
+
+
+def json_text(content: object) -> str:
+    """Return content as JSON for people to read, never with NaN."""
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _css_text(text: str) -> Markup:
+    """A string of CSS in which nothing can end it."""
+    return Markup('"' + "".join(c if c.isalnum() and c.isascii() else f"\\{ord(c):06x}" for c in text) + '"')  # noqa: S704
+
+
+def _words(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name}: {item}" for name, item in value.items())
+    return "–" if value is None else str(value)
