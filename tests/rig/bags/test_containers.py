@@ -190,15 +190,19 @@ def test_any_cut_of_a_protobuf_message_is_refused_or_has_other_fields():
             continue
 
 
-def test_mcap_in_protobuf_is_read(tmp_path):
+def write_protobuf(path):
     write_mcap(
-        tmp_path / "r.mcap",
+        path,
         [(50, "/wrench", "ros.geometry_msgs.WrenchStamped", None), (51, "/imu", "sensor_msgs/msg/Imu", None)],
         encoding="protobuf",
         schema_encoding="protobuf",
         encode=lambda _, kind: MESSAGE,
         schema=DESCRIPTORS,
     )
+
+
+def test_mcap_in_protobuf_is_read(tmp_path):
+    write_protobuf(tmp_path / "r.mcap")
     with pytest.raises(RigError, match=r"topic /imu in .* its schema does not define sensor_msgs/msg/Imu"):
         runs.read(tmp_path / "r.mcap")
     wrench_of = runs.load(tmp_path / "r.mcap", only={"geometry_msgs/msg/WrenchStamped": None}).wrench("/wrench")
@@ -297,11 +301,15 @@ def test_folders_that_are_no_run(tmp_path):
     refuse(folder, r"no file gone.mcap in .*metadata.yaml")
 
 
-def test_without_the_extra_its_name_is_told(tmp_path):
-    write_ros1(tmp_path / "run.bag", merged(WRENCH, IMU, store=ROS1))
-    code = "import sys; sys.modules['rosbags'] = None; from uq.cli.main import main; sys.exit(main(sys.argv[1:]))"
+@pytest.mark.parametrize("package", ["rosbags", "mcap_protobuf"])
+def test_without_the_extra_its_name_is_told(tmp_path, package):
+    if package == "rosbags":
+        write_ros1(tmp_path / "run", merged(WRENCH, IMU, store=ROS1))
+    else:
+        write_protobuf(tmp_path / "run")
+    code = f"import sys; sys.modules['{package}'] = None; from uq.cli.main import main; sys.exit(main(sys.argv[1:]))"
     done = subprocess.run(
-        [sys.executable, "-c", code, "inspect", str(tmp_path / "run.bag")], capture_output=True, text=True, check=False
+        [sys.executable, "-c", code, "inspect", str(tmp_path / "run")], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
     assert "pip install inertia-uq[bags]" in done.stderr
