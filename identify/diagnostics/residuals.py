@@ -13,8 +13,8 @@ from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import gaussian, motion_band
+from identify.signals.gravity_direction import upward
 from identify.signals.run import Run
-from identify.signals.weight_removal import upward
 
 OVER_BAND = 2.0
 """Cut-off of the smoothing of explanatory signals over the motion's highest frequency."""

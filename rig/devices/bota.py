@@ -6,11 +6,11 @@ Byte 0 AA; 1 u16 status (bit 0 throttled, 1 overrange, 2 invalid); 3 six f32 Fx 
 
 import re
 import struct
-from binascii import crc_hqx
 from collections.abc import Generator
 from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
+from rig.devices.checksums import crc16_x25
 from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
 from rig.exceptions import RigError
@@ -20,19 +20,12 @@ LENGTH = 37
 SINC_PERIOD = 19.53125e-6  # output period per unit of the filter length [s]
 OVERRANGE, INVALID = 2, 4
 UNKNOWN = "it did not boot when its port was opened, and only then says its model and serial number: name it in --note"
-_REVERSED = bytes(int(f"{i:08b}"[::-1], 2) for i in range(256))
-
-
-def crc(data: bytes | bytearray) -> int:
-    """CRC-16/X-25: polynomial 0x1021 reflected, start and final XOR 0xFFFF. ``123456789`` gives 0x906E."""
-    plain = crc_hqx(data.translate(_REVERSED), 0xFFFF) ^ 0xFFFF
-    return _REVERSED[plain & 0xFF] << 8 | _REVERSED[plain >> 8]
 
 
 def encode(values: tuple[float, ...], *, microseconds: int, temperature: float = 25.0, status: int = 0) -> bytes:
     """One frame: six values [N, N·m], device time [µs], temperature [°C] and status bits."""
     body = FRAME.pack(status, *values, microseconds % 2**32, temperature)
-    return b"\xaa" + body + crc(body).to_bytes(2, "little")
+    return b"\xaa" + body + crc16_x25(body).to_bytes(2, "little")
 
 
 class BotaParser(Parser):
@@ -49,7 +42,7 @@ class BotaParser(Parser):
         if len(buffer) - start < LENGTH:
             return WAIT
         body = buffer[start + 1 : start + 35]
-        return LENGTH if crc(body) == buffer[start + 35] | buffer[start + 36] << 8 else NO_FRAME
+        return LENGTH if crc16_x25(body) == buffer[start + 35] | buffer[start + 36] << 8 else NO_FRAME
 
     def samples(self, frame: bytes) -> list[Sample]:
         """The one sample of a frame."""

@@ -5,10 +5,10 @@ A field is ``length (its own two bytes included) | descriptor | data``, big-endi
 """
 
 import struct
-from itertools import accumulate
 from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
+from rig.devices.checksums import fletcher
 from rig.devices.conversation import Conversation, Identity, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.exceptions import RigError
@@ -20,11 +20,6 @@ MESSAGE_FORMAT, BASE_RATE, STREAM = 0x0F, 0x0E, 0x11
 ACCELERATION, RATE, TIME, STEP, ACK = 0x04, 0x05, 0xD5, 0xD6, 0xF1
 
 
-def checksum(data: bytes | bytearray) -> bytes:
-    """The two sums over all bytes before them: the bytes, and their running sums, each modulo 256."""
-    return bytes([sum(data) & 0xFF, sum(accumulate(data)) & 0xFF])
-
-
 def field(descriptor: int, data: bytes = b"") -> bytes:
     """A field."""
     return bytes([len(data) + 2, descriptor]) + data
@@ -34,7 +29,7 @@ def packet(descriptor_set: int, *fields: bytes) -> bytes:
     """A packet with its sums."""
     body = b"".join(fields)
     head = bytes([0x75, 0x65, descriptor_set, len(body)]) + body
-    return head + checksum(head)
+    return head + fletcher(head)
 
 
 def fields(data: bytes) -> list[tuple[int, bytes]] | None:
@@ -77,7 +72,7 @@ class MipParser(Parser):
         end = start + 4 + buffer[start + 3]
         if len(buffer) < end + 2:
             return WAIT
-        if buffer[end : end + 2] != checksum(buffer[start:end]) or fields(bytes(buffer[start + 4 : end])) is None:
+        if buffer[end : end + 2] != fletcher(buffer[start:end]) or fields(bytes(buffer[start + 4 : end])) is None:
             return NO_FRAME
         return end + 2 - start
 
@@ -99,7 +94,7 @@ def find_field(data: bytes, descriptor_set: int, descriptor: int) -> bytes | Non
     while start >= 0:
         end = start + 6 + (data[start + 3] if len(data) > start + 3 else 255)
         whole = data[start:end]
-        if len(whole) == end - start and whole[-2:] == checksum(whole[:-2]) and whole[2] == descriptor_set:
+        if len(whole) == end - start and whole[-2:] == fletcher(whole[:-2]) and whole[2] == descriptor_set:
             data_of = dict(fields(whole[4:-2]) or [])
             if descriptor in data_of:
                 return data_of[descriptor]
@@ -197,7 +192,7 @@ class MicroStrainEmulator(Emulator):
             if len(self._heard) - start < length:
                 break
             whole = bytes(self._heard[start : start + length])
-            intact = whole[-2:] == checksum(whole[:-2])
+            intact = whole[-2:] == fletcher(whole[:-2])
             del self._heard[: start + (length if intact else 1)]
             for descriptor, body in (fields(whole[4:-2]) or []) if intact else []:
                 answer += self._answer(whole[2], descriptor, body)

@@ -1,5 +1,6 @@
 """Expanded uncertainty: the coverage factor for a probability, or the probability of a factor (GUM, 6 and annex G)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,6 +105,22 @@ def _factor(freedom: np.ndarray, factor: float | None, probability: float | None
         return np.full(len(freedom), factor), 2 * scipy.stats.t.cdf(factor, freedom) - 1
     wanted = USUAL if probability is None else probability
     return scipy.stats.t.ppf((1 + wanted) / 2, freedom), np.full(len(freedom), wanted)
+
+
+def welch_satterthwaite(
+    variance: Float[np.ndarray, " m"], contributions: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> Float[np.ndarray, " m"]:
+    """Return the effective degrees of freedom ``u⁴ / Σ u_i⁴ / ν_i`` of each quantity (GUM G.4.1).
+
+    Args:
+        variance: combined variance u² of each of m quantities.
+        contributions: variances u_i² (m, k) of some inputs and their degrees of freedom ν_i (k,), for every input.
+    """
+    total = np.zeros(len(variance))
+    for squares, freedom in contributions:
+        total += np.sum(squares**2 / freedom, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(total > 0, variance**2 / total, np.inf)
 
 
 def degrees_of_freedom(factor: float) -> float:

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from identify.precision import check_precision
 from identify.reporting import Result
 from identify.text_tables import Table
+from uq.coverage.expanded_uncertainty import welch_satterthwaite
 
 
 @runtime_checkable
@@ -160,7 +161,7 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
         expansion.value,
         first,
         contributions,
-        _welch_satterthwaite(first, zip(inputs.values(), parts, strict=True)),
+        _degrees_of_freedom(first, zip(inputs.values(), parts, strict=True)),
         np.asarray(expansion.value + expansion.shift.reshape(expansion.value.shape)),
         first + np.asarray(higher_order(expansion)),
     )
@@ -208,12 +209,11 @@ def _joint(given: Input) -> np.ndarray | None:
     return getattr(given, "covariance", None)
 
 
-def _welch_satterthwaite(covariance: np.ndarray, parts) -> np.ndarray:
-    """``u⁴ / Σ u_i⁴ / ν_i`` for each component; correlated coordinates count as one input."""
-    total = np.zeros(len(covariance))
+def _degrees_of_freedom(covariance: np.ndarray, parts) -> np.ndarray:
+    """Effective degrees of freedom of each component; correlated coordinates count as one input."""
+    contributions = []
     for given, part in parts:
         squares = part**2 if _joint(given) is None else np.sum(part**2, axis=1, keepdims=True)
         freedom = np.broadcast_to(np.asarray(given.degrees_of_freedom, float), _shape(given)).ravel()
-        total += np.sum(squares**2 / freedom[: squares.shape[1]], axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(total > 0, np.diag(covariance) ** 2 / total, np.inf)
+        contributions.append((squares, freedom[: squares.shape[1]]))
+    return welch_satterthwaite(np.diag(covariance), contributions)

@@ -7,9 +7,9 @@ import numpy as np
 
 from identify.estimators.offsets import rest_of
 from identify.rigid_body.rotation import moment_about
+from identify.signals.gravity_direction import UP, upward
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Stretch
-from identify.signals.weight_removal import UP, upward
 from uq.experiment.experiment import Experiment
 
 LEVEL = 0.02

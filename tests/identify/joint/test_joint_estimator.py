@@ -27,7 +27,7 @@ from uq.cli.main import main
 from uq.experiment.recording_table import Recording
 from uq.files.document import ExperimentError
 from uq.files.schema import declared_table
-from uq.planning.cramer_rao_bound import bound as uq_bound
+from uq.planning.experiment_bound import bound as uq_bound
 from uq.sources.source import Source
 
 DELAY, ROTATION = 7e-3, np.array([0.02, -0.03, 0.015])

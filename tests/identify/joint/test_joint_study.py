@@ -7,7 +7,7 @@ from identify.joint.joint_model import SLICES
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests import joint_studies as studies
 from tests.joint_lab import BAND, SIGMA_MASS, shortened
-from uq.planning.cramer_rao_bound import bound
+from uq.planning.experiment_bound import bound
 
 TRIALS = 4_000
 PAIRED = 200

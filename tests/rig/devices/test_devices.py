@@ -7,6 +7,7 @@ import pytest
 
 from rig.devices import REGISTRY, bota, create_device, microstrain, robotous, vectornav, vectornav_ascii, xsens
 from rig.devices.base import Device
+from rig.devices.checksums import crc16_x25
 from rig.devices.conversation import Listen, NoAnswerError, Send
 from rig.exceptions import RigError
 from tests.rig_samples import SHARED
@@ -22,7 +23,7 @@ def only(parser, data):
 def test_bota_vector():
     data = bytes.fromhex("aa00000000c03f000010c00ae81c410000003e000080bd0000003d15cd5b070000fc419e4b")
     values = (1.5, -2.25, 9.80665, 0.125, -0.0625, 0.03125)
-    assert bota.crc(b"123456789") == 0x906E
+    assert crc16_x25(b"123456789") == 0x906E
     assert bota.encode(values, microseconds=123456789, temperature=31.5) == data
     sample = only(bota.BotaParser(), data)
     assert sample.values == struct.unpack("<6f", struct.pack("<6f", *values))

@@ -1,0 +1,18 @@
+"""Checksums of the devices' frames: CRC-16/X-25 and the Fletcher sum of MIP. Plain sums stay with their devices."""
+
+from binascii import crc_hqx
+from itertools import accumulate
+
+_REVERSED = bytes(int(f"{i:08b}"[::-1], 2) for i in range(256))
+"""Each byte with its bits in the other order."""
+
+
+def crc16_x25(data: bytes | bytearray) -> int:
+    """CRC-16/X-25: polynomial 0x1021 reflected, start and final XOR 0xFFFF. ``123456789`` gives 0x906E."""
+    plain = crc_hqx(data.translate(_REVERSED), 0xFFFF) ^ 0xFFFF
+    return _REVERSED[plain & 0xFF] << 8 | _REVERSED[plain >> 8]
+
+
+def fletcher(data: bytes | bytearray) -> bytes:
+    """The two sums over all bytes before them: the bytes, and their running sums, each modulo 256."""
+    return bytes([sum(data) & 0xFF, sum(accumulate(data)) & 0xFF])
