@@ -9,7 +9,7 @@ import pytest
 from jupyter_client.kernelspec import KernelSpecManager
 from nbclient import NotebookClient
 
-from uq.cli.compilation_cache import cache_folder
+from uq.files.compilation_cache import cache_folder
 
 NOTEBOOKS = sorted(Path(__file__).parent.glob("*.ipynb"))
 FEW = 20

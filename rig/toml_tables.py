@@ -66,7 +66,7 @@ def written(read: Callable[[str, Any], Any], schema: Mapping[str, Any]) -> msgsp
             what is to follow the path.
         schema: the JSON Schema of what is written.
     """
-    return msgspec.Meta(extra={"read": read}, extra_json_schema=dict(schema))
+    return msgspec.Meta(extra={"read": read}, extra_json_schema={"written": dict(schema)})
 
 
 def read_table(where: str, raw: object, table: type[T]) -> T:
@@ -200,7 +200,7 @@ def _label(index: int, item: object) -> str:
 
 def _plain(path: str, raw: object, hint: Any, plain: Any) -> Any:
     """A string, a finite number, a truth value, one of several words."""
-    if plain is int and isinstance(raw, int) and abs(raw) > LARGEST:
+    if hint is int and isinstance(raw, int) and abs(raw) > LARGEST:
         raise TomlError(f"{path} is out of range: write a smaller number")
     try:
         value = msgspec.convert(raw, hint)

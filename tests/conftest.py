@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from uq.cli.compilation_cache import keep_compiled
+from uq.files.compilation_cache import keep_compiled
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
     os.environ["INERTIA_CACHE"] = os.environ.get("INERTIA_TEST_CACHE") or tempfile.mkdtemp(prefix="inertia-tests-")

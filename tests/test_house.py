@@ -13,7 +13,6 @@ from benchmarks import house
 ROOT = Path(__file__).parent.parent
 LARGE = {  # to be divided; nothing may be added here
     "uq/campaign/campaign.py",
-    "uq/experiment/experiment.py",
     "uq/identification/systematic.py",
 }
 

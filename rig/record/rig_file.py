@@ -2,29 +2,74 @@
 
 import os
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from rig.devices import create_device
+import msgspec
+
+from rig.devices import REGISTRY, create_device
 from rig.devices.base import Device
 from rig.exceptions import RigError
+from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
 
 Matrix = tuple[tuple[float, float, float], ...]
-IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-CONVENTIONS = {"on_body": 1.0, "on_sensor": -1.0}
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 DEFAULT_TOPIC = {"wrench": "/wrench", "imu": "/imu"}
-KEYS = {
-    "name": str,
-    "kind": str,
-    "port": str,
-    "baudrate": int,
-    "topic": str,
-    "frame_id": str,
-    "wrench": str,
-    "rotation_to_body": list,
-    "delay_to": str,
-    "options": dict,
-}
+Row = tuple[float, float, float]
+Text = Annotated[str, msgspec.Meta(min_length=1)]
+
+
+class DeviceTable(TomlTable, frozen=True, kw_only=True):
+    """``[[device]]``: a sensor, or the platform's command."""
+
+    name: Text
+    """Of letters, digits and underscores; unique."""
+    kind: Annotated[Text, msgspec.Meta(extra_json_schema={"enum": list(REGISTRY)})]
+    """The family of devices."""
+    port: Text
+    """A serial port, best by /dev/serial/by-id/...; udp:NUMBER; or emulator:RUN.mcap."""
+    baudrate: Annotated[int, msgspec.Meta(ge=1, le=100_000_000)] | None = None
+    """Missing: the device's own."""
+    topic: str | None = None
+    """Missing: /wrench, /imu, or the device's name."""
+    frame_id: str = "body"
+    """The frame that the messages name."""
+    wrench: Literal["on_body", "on_sensor"] | None = None
+    """Of a load cell: whether its reading is the wrench on the body, or that on the sensor."""
+    rotation_to_body: tuple[Row, Row, Row] = IDENTITY
+    """R with body = R · sensor."""
+    delay_to: str = ""
+    """Name of the IMU that follows this device's columns omega_x, omega_y, omega_z."""
+    options: Mapping[str, Any] = {}
+    """Of the kind; see docs/rig.md."""
+
+    def __post_init__(self) -> None:
+        """Refuse a name, a port or a rotation that is none."""
+        if not self.name.isidentifier():
+            raise WrongKeyError("name", "use letters, digits and underscores")
+        number = self.port.removeprefix("udp:")
+        if number != self.port and not (number.isdigit() and 0 < int(number) < 65536):
+            raise WrongKeyError("port", "write udp:NUMBER, for example udp:5005")
+        rows = self.rotation_to_body
+        products = [sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows]
+        (a, b, c), (d, e, f), (g, h, i) = rows
+        determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+        if any(abs(v - (k % 4 == 0)) > 1e-3 for k, v in enumerate(products)) or determinant < 0:
+            raise WrongKeyError("rotation_to_body", "its rows must be orthonormal, right-handed", "is no rotation")
+
+
+class RigFile(TomlTable, frozen=True, kw_only=True):
+    """A rig file: a table for each device."""
+
+    device: tuple[DeviceTable, ...] = ()
+    """Load cells, IMUs and the platform's command."""
+
+    def __post_init__(self) -> None:
+        """Refuse a file without devices."""
+        if not self.device:
+            raise WrongKeyError("device", "describe each sensor in a table [[device]]", "holds nothing")
 
 
 @dataclass(frozen=True)
@@ -72,91 +117,44 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
         OSError: it cannot be opened.
     """
     try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RigError(f"not a TOML file {path} ({error}): see docs/rig.md for the format") from error
-    unknown = sorted(set(tables) - {"device"})
-    devices = tables.get("device")
-    if unknown or not isinstance(devices, list) or not devices:
-        what = f"unknown key '{unknown[0]}' in" if unknown else "no [[device]] in"
-        raise RigError(f"{what} rig file {path}: describe each sensor in a table [[device]]")
-    entries = tuple(_entry(table, f"[[device]] number {i} of {path}") for i, table in enumerate(devices, 1))
+    try:
+        tables = read_table("", document, RigFile).device
+        written = [{key: str(value) for key, value in table.items()} for table in document["device"]]
+        entries = tuple(_entry(table, settings) for table, settings in zip(tables, written, strict=True))
+    except (TomlError, RigError) as error:
+        raise RigError(f"{error} (in {path})") from error
     _check_unique(entries, path)
     return Rig(Path(path), entries)
 
 
-def _entry(table: object, where: str) -> Entry:
-    table = table if isinstance(table, dict) else {}
-    for key, value in table.items():
-        if key not in KEYS:
-            raise RigError(f"unknown key '{key}' in {where}: it takes {', '.join(KEYS)}")
-        if type(value) is not KEYS[key]:
-            raise RigError(f"key '{key}' in {where} is {value!r}: give a {KEYS[key].__name__}")
-    for key in ("name", "kind", "port"):
-        if not table.get(key):
-            raise RigError(f"no key '{key}' in {where}: every device needs name, kind and port")
-    if not str(table["name"]).isidentifier():
-        raise RigError(f"name '{table['name']}' in {where}: use letters, digits and underscores")
-    return _checked(table, where)
-
-
-def _checked(table: dict, where: str) -> Entry:
-    options = dict(table.get("options", {}))
-    port = _port(table["port"], where)
-    if port.startswith("udp:") and table["kind"] == "line":
-        options["whole_lines"] = True
-    try:
-        device = create_device(table["kind"], **options)
-    except RigError as error:
-        raise RigError(f"{error} (in {where})") from error
-    sign = _sign(table, device, where)
-    rotation = _rotation(table.get("rotation_to_body"), where)
+def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
+    lines = {"whole_lines": True} if table.port.startswith("udp:") and table.kind == "line" else {}
+    device = create_device(table.kind, **{**table.options, **lines})
+    sign = _sign(table, device)
     return Entry(
-        name=table["name"],
-        kind=table["kind"],
-        port=port,
+        name=table.name,
+        kind=table.kind,
+        port=table.port,
         device=device,
-        baudrate=table.get("baudrate", device.BAUDRATE),
-        topic=table.get("topic", DEFAULT_TOPIC.get(device.measures, f"/{table['name']}")),
-        frame_id=table.get("frame_id", "body"),
-        matrix=tuple((sign * a, sign * b, sign * c) for a, b, c in rotation),
-        settings={key: str(value) for key, value in table.items() if key not in ("name", "port")},
-        delay_to=table.get("delay_to", ""),
+        baudrate=device.BAUDRATE if table.baudrate is None else table.baudrate,
+        topic=DEFAULT_TOPIC.get(device.measures, f"/{table.name}") if table.topic is None else table.topic,
+        frame_id=table.frame_id,
+        matrix=tuple((sign * a, sign * b, sign * c) for a, b, c in table.rotation_to_body),
+        settings={key: text for key, text in settings.items() if key not in ("name", "port")},
+        delay_to=table.delay_to,
     )
 
 
-def _port(text: str, where: str) -> str:
-    if text.startswith("udp:") and not (text[4:].isdigit() and 0 < int(text[4:]) < 65536):
-        raise RigError(f"port '{text}' in {where}: write udp:NUMBER, for example udp:5005")
-    return text
-
-
-def _sign(table: dict, device: Device, where: str) -> float:
-    convention = table.get("wrench")
-    if device.measures != "wrench":
-        if convention is not None:
-            raise RigError(f"key 'wrench' in {where} is for load cells: remove it")
-        return 1.0
-    if convention not in CONVENTIONS:
-        raise RigError(
-            f"key 'wrench' in {where} is {convention!r}: say whether the reading is the wrench 'on_body' or 'on_sensor'"
-        )
-    return CONVENTIONS[convention]
-
-
-def _rotation(rows: list | None, where: str) -> Matrix:
-    if rows is None:
-        return IDENTITY
-    numbers = [v for row in rows if isinstance(row, list) for v in row if type(v) in (int, float)]
-    if len(rows) != 3 or len(numbers) != 9:
-        raise RigError(f"key 'rotation_to_body' in {where}: give three rows of three numbers")
-    matrix = tuple((float(a), float(b), float(c)) for a, b, c in rows)
-    products = [sum(x * y for x, y in zip(p, q, strict=True)) for p in matrix for q in matrix]
-    (a, b, c), (d, e, f), (g, h, i) = matrix
-    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    if any(abs(v - (k % 4 == 0)) > 1e-3 for k, v in enumerate(products)) or determinant < 0:
-        raise RigError(f"key 'rotation_to_body' in {where} is no rotation: its rows must be orthonormal, right-handed")
-    return matrix
+def _sign(table: DeviceTable, device: Device) -> float:
+    where = f"device[{table.name}].wrench"
+    if device.measures == "wrench" and table.wrench is None:
+        raise RigError(f"missing key {where}: say whether the reading is the wrench 'on_body' or 'on_sensor'")
+    if device.measures != "wrench" and table.wrench is not None:
+        raise RigError(f"{where} is for load cells: remove it")
+    return -1.0 if table.wrench == "on_sensor" else 1.0
 
 
 def _check_unique(entries: tuple[Entry, ...], path: str | os.PathLike[str]) -> None:

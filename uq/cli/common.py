@@ -14,8 +14,8 @@ from tqdm import tqdm
 
 from identify.signals.run import RunError
 from rig.exceptions import RigError
-from uq.cli.compilation_cache import keep_compiled
 from uq.experiment.experiment import ExperimentError
+from uq.files.compilation_cache import keep_compiled
 
 ERRORS = (ExperimentError, RunError, RigError)
 

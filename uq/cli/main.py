@@ -20,6 +20,7 @@ COMMANDS = {
     "simulate": "write a synthetic recorded run with the experiment's errors",
     "centre": "mass, centre of gravity and the load cell's offsets from static poses",
     "design": "the best trajectory this platform can run, as poses and leg lengths",
+    "schema": "the JSON Schema of a TOML file, for editors",
     "identify": "identify the inertia tensor from recorded runs",
 }
 

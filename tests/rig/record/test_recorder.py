@@ -264,11 +264,11 @@ def test_list_names_the_devices_that_answer(tmp_path, capsys):
     ("text", "words"),
     [
         ("x", "not a TOML file"),
-        ("", "no [[device]]"),
-        ("speed = 3", "unknown key 'speed'"),
-        ("[[device]]\nname = 'a'", "no key 'kind'"),
+        ("", "device holds nothing: describe each sensor in a table [[device]]"),
+        ("speed = 3", "unknown key speed: the keys here are device"),
+        ("[[device]]\nname = 'a'", "missing key device[a].kind: add it"),
         ("[[device]]\nname = 'a'\nkind = 'bota'\nport = '/dev/x'", "say whether the reading is"),
-        ("[[device]]\nname = 'a'\nkind = 'bota'\nport = 3", "give a str"),
+        ("[[device]]\nname = 'a'\nkind = 'bota'\nport = 3", "device[a].port is 3: write a string"),
         ("[[device]]\nname = 'a b'\nkind = 'xsens'\nport = '/dev/x'", "use letters"),
         (
             "[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\nrotation_to_body = [[1,0,0],[0,1,0],[0,0,2]]",

@@ -8,8 +8,8 @@ import pytest
 
 from tests.small_campaign import document
 from uq.campaign.campaign import montecarlo
-from uq.cli.compilation_cache import cache_folder, keep_compiled
 from uq.experiment.experiment import Experiment
+from uq.files.compilation_cache import cache_folder, keep_compiled
 from uq.propagation.experiment_law import law, prepare_law
 
 EVENT = "/jax/core/compile/backend_compile_duration"

@@ -1,0 +1,33 @@
+"""``inertia schema``: the JSON Schema of a TOML file, by which editors complete and check it."""
+
+import argparse
+import json
+from typing import Any
+
+ERRORS = ()
+FILES = ("experiment", "rig", "map")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument(
+        "file", nargs="?", choices=FILES, default=FILES[0], help="which kind of file (default: %(default)s)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the schema."""
+    print(json.dumps(file_schema(arguments.file), indent=1, ensure_ascii=False))
+    return 0
+
+
+def file_schema(file: str) -> dict[str, Any]:
+    """Return the JSON Schema of a kind of file: one of ``FILES``."""
+    from rig.record.rig_file import RigFile
+    from uq.experiment.experiment_file import ExperimentFile
+    from uq.experiment.platform_table import Ring
+    from uq.files.json_schema import json_schema
+    from uq.recorded.import_table import Map
+
+    tables = {"experiment": (ExperimentFile, Ring), "rig": (RigFile,), "map": (Map,)}
+    return json_schema(*tables[file])

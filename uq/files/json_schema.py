@@ -1,0 +1,79 @@
+"""The JSON Schema of a TOML file from its declared tables, by which editors complete and check it."""
+
+import ast
+import inspect
+import re
+import textwrap
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+
+from rig.toml_tables import TomlTable
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def json_schema(table: type[TomlTable], *parts: type[TomlTable]) -> dict[str, Any]:
+    """Return the JSON Schema of a file: types, words to choose from, units by example, and what each key means.
+
+    Args:
+        table: the file's declaration.
+        parts: tables that are written where an annotation's own schema refers to them.
+    """
+    _, definitions = msgspec.json.schema_components((table, *parts), schema_hook=lambda _: {})
+    classes = {each.__name__: each for each in _with_bases(TomlTable)}
+    for name, definition in definitions.items():
+        definition["description"] = definition.get("description", "").replace("``", "")
+        meanings = {key: text for base in reversed(classes[name].__mro__) for key, text in _meanings(base).items()}
+        for key, value in definition.get("properties", {}).items():
+            definition["properties"][key] = _described(value, meanings.get(key, ""))
+    definition = definitions.pop(table.__name__)
+    return {"$schema": DIALECT, **_plain(definition), "$defs": _plain(definitions)}
+
+
+def _with_bases(table: type[TomlTable]) -> list[type[TomlTable]]:
+    return [table, *(below for each in table.__subclasses__() for below in _with_bases(each))]
+
+
+def _meanings(table: type) -> dict[str, str]:
+    """The docstrings below the fields of a class, by the fields' names."""
+    if not issubclass(table, TomlTable) or table is TomlTable:
+        return {}
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
+    body = tree.body if isinstance(tree, ast.ClassDef) else []
+    return {
+        field.target.id: re.sub(r"\s+", " ", doc.value.value).replace("``", "")
+        for field, doc in pairwise(body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        and isinstance(doc, ast.Expr) and isinstance(doc.value, ast.Constant) and isinstance(doc.value.value, str)
+    }  # fmt: skip
+
+
+def _described(value: dict[str, Any], meaning: str) -> dict[str, Any]:
+    """A key's schema with its meaning, how its unit is written, and a default that stands in a file as it does here."""
+    default = value.pop("default", None)
+    if isinstance(default, (str, bool, int)) and "written" not in value:
+        value["default"] = default
+    example = re.search(r"'examples': \['([^']+)'\]", str(value))
+    with_unit = f'With its unit, such as "{example[1]}".' if example and "quantity" in str(value) else ""
+    description = " ".join(text for text in (meaning, with_unit) if text)
+    return {**value, "description": description} if description else value
+
+
+def _plain(schema: Any) -> Any:
+    """The same without null, which TOML does not have, and with what is written for values of a form of their own."""
+    if isinstance(schema, list):
+        return [_plain(item) for item in schema if item != {"type": "null"}]
+    if not isinstance(schema, Mapping):
+        return schema
+    if "written" in schema:
+        return _plain({**schema["written"], **{key: schema[key] for key in ("description",) if key in schema}})
+    plain = {key: _plain(value) for key, value in schema.items() if key != "title"}
+    if "prefixItems" in plain and all(item == plain["prefixItems"][0] for item in plain["prefixItems"]):
+        plain["items"] = plain.pop("prefixItems")[0]
+    if len(plain.get("anyOf", ())) == 1:
+        (only,) = plain.pop("anyOf")
+        return {**only, **plain}
+    return plain
