@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what editors and type checkers see
     from uq.barreto2016 import paper as paper
+    from uq.bodies.comparison import compare as compare
     from uq.bodies.export import export as export
-    from uq.bodies.normalised_error import compare as compare
     from uq.bodies.reference import load_reference as load_reference
     from uq.campaign.campaign import montecarlo as montecarlo
     from uq.campaign.simulation import simulate as simulate
@@ -41,7 +41,7 @@ _ROOMS = {
     "achieved": "uq.planning.achieved_motion",
     "budget": "uq.sensitivity.source_budget",
     "centre_file": "uq.identification.static_centre",
-    "compare": "uq.bodies.normalised_error",
+    "compare": "uq.bodies.comparison",
     "design": "uq.excitation.design",
     "design_report": "uq.excitation.design_report",
     "export": "uq.bodies.export",

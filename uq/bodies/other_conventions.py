@@ -8,11 +8,11 @@ from itertools import permutations, product
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array
 
 from identify.rigid_body.inertia import parallel_axis
 from identify.rigid_body.inertial_parameters import Tensor
+from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.reference import SIGNS, Reference
 
 REJECTED = 0.01
@@ -75,39 +75,9 @@ def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
     return _simplest(found)
 
 
-def normalised_error(measured: Tensor, expected: Tensor) -> np.ndarray:
-    """Return E_n of each component, ``d / √(U² + U_ref²)`` with U = 2 u (ISO 13528:2022, 9.7); infinite if U is zero.
-
-    Args:
-        measured: a tensor.
-        expected: what it should be; its errors are independent of the measurement's.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        both = 2 * np.sqrt(np.diag(measured.covariance + expected.covariance))
-        ratio = (measured.inertia - expected.inertia) / both
-    return np.where(np.isnan(ratio), 0.0, ratio)
-
-
-def joint(measured: Tensor, expected: Tensor) -> tuple[float, int, float]:
-    """Return ``dᵀ (V + V_ref)⁻¹ d`` of all six components, its degrees of freedom and its probability (chi-squared).
-
-    Directions in which neither is uncertain, and components that are not determined, are left out.
-    """
-    deviation, covariance = measured.inertia - expected.inertia, measured.covariance + expected.covariance
-    scale = np.sqrt(np.diag(covariance))
-    kept = (scale > 0) & np.isfinite(scale)
-    if not kept.any():
-        return 0.0, 0, 1.0
-    correlation = covariance[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept])
-    values, vectors = np.linalg.eigh(correlation)
-    told = values > 1e-10
-    squares = (vectors.T @ (deviation[kept] / scale[kept]))[told] ** 2 / values[told]
-    return float(squares.sum()), int(told.sum()), float(scipy.stats.chi2.sf(squares.sum(), told.sum()))
-
-
 def _rejected(measured: Tensor, expected: Tensor) -> bool:
     beyond = (np.abs(normalised_error(measured, expected)) > 1).any()
-    return bool(beyond and (joint(measured, expected)[2] < REJECTED or _exact(measured, expected)))
+    return bool(beyond and (joint_chi_squared(measured, expected)[2] < REJECTED or _exact(measured, expected)))
 
 
 def _exact(measured: Tensor, expected: Tensor) -> bool:

@@ -4,8 +4,8 @@ import argparse
 from typing import get_args
 
 from identify.results.identification_result import Method
+from uq.bodies.comparison import compare
 from uq.bodies.export import FORMATS, export, formats_of
-from uq.bodies.normalised_error import compare
 from uq.bodies.reference import load_reference
 from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment

@@ -15,7 +15,8 @@ from identify.rigid_body.inertial_parameters import InertialParameters, Tensor
 from identify.rigid_body.rotation import from_axes
 from identify.signals.estimator_spec import EstimatorSpec
 from uq import compare, load_reference
-from uq.bodies.other_conventions import joint, normalised_error, suspicions
+from uq.bodies.normalised_error import joint_chi_squared, normalised_error
+from uq.bodies.other_conventions import suspicions
 from uq.bodies.reference import reference
 from uq.identification.tare import tared
 
@@ -223,7 +224,7 @@ def test_what_leaves_more_than_a_third_of_the_deviation_is_not_named():
     figures = 1e-3 * np.array([380.0, 0, 0, 382.8, 0, 381.4])
     one = Tensor(figures + [4.2e-3, 0, 0, 0, 0, 0], 1e-6 * np.eye(6))
     report = cad(figures, frame=False)
-    assert joint(one, report.parameters.tensor)[2] < 0.01
+    assert joint_chi_squared(one, report.parameters.tensor)[2] < 0.01
     assert suspicions(one, report) == ()
 
 
@@ -240,7 +241,7 @@ def test_exact_figures_on_both_sides():
     plain, other = cad(TENSOR, frame=False), cad(written("CG", "integral"), frame=False)
     assert suspicions(one, plain) == ()
     assert [s.cause for s in suspicions(one, other)] == ["products"]
-    assert joint(one, plain.parameters.tensor) == (0.0, 0, 1.0)
+    assert joint_chi_squared(one, plain.parameters.tensor) == (0.0, 0, 1.0)
 
 
 def test_without_mass_and_centre_the_tensor_is_still_compared(generator):
@@ -315,7 +316,7 @@ def test_joint_chi_squared_has_its_distribution(generator):
     probabilities = []
     for _ in range(2000):
         off = roots[0] @ generator.normal(size=6) + roots[1] @ generator.normal(size=6)
-        statistic, freedom, probability = joint(Tensor(TENSOR + off, own), expected)
+        statistic, freedom, probability = joint_chi_squared(Tensor(TENSOR + off, own), expected)
         assert freedom == 6
         assert probability == pytest.approx(chi2.sf(statistic, 6))
         probabilities.append(probability)
