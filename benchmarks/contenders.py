@@ -15,8 +15,8 @@ from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_setup
 from uq.experiment.experiment import Experiment
+from uq.sources.draws import BLOCK
 from uq.sources.random_normals import normal_pairs
-from uq.sources.source import BLOCK
 from uq.trials.engines import AnySetup, default_batch, run_trials
 from uq.trials.trial_loop import stretch_of
 

@@ -22,7 +22,9 @@ from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.setup import Case
-from uq.sources.source import Index, Source, draw_constants
+from uq.sources.draws import draw_constants
+from uq.sources.random_normals import Index
+from uq.sources.source import Source
 from uq.trials.samplewise import SampledSetup, prepare_samples, sampled_trial
 from uq.trials.trial_loop import all_trials
 
@@ -217,14 +219,14 @@ def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: 
         motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted
     )
     together = Case("total", frozenset(source.name for source in setup.sources))
-    centre = tuple(source for source in experiment.sources if source.target == "r_cg")
+    centre = tuple(source for source in experiment.sources if source.perturbs == "r_cg")
     return _Rig(replace(setup, cases=(together,)), centre, jnp.asarray(float(spec.still == "cg")), jnp.asarray(runs))
 
 
 def _sources(experiment: Experiment, imperfections: Imperfections) -> list[Source]:
     zero, still = np.zeros(3), np.full(3, imperfections.still_point)
     return [
-        *(source for source in experiment.sources if source.target != "r_cg"),
+        *(source for source in experiment.sources if source.perturbs != "r_cg"),
         Source("shared r_cg", "r_cg", "bias", "rig", zero, mean=jnp.zeros(3)),
         Source("still point", "r_cg_from_omb", "bias", "rig", still, mean=jnp.zeros(3)),
         Source("delay", "omega", "delay", "rig", np.array(imperfections.delay)),

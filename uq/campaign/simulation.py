@@ -20,7 +20,7 @@ from rig.runs import write
 from uq.campaign.trial_setup import platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import errors_of
-from uq.sources.source import draw_constants
+from uq.sources.draws import draw_constants
 from uq.trials.samplewise import Record, SampledSetup, draw_noise, prepare_samples, sensed, smooth_signals
 
 NANOSECONDS = 1_000_000_000
@@ -96,8 +96,9 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
 @eqx.filter_jit
 def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
     """What the sensors say, the true specific force at Q, and the true attitude."""
-    errors = errors_of(setup.sources, draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype))
-    record = sensed(setup, smooth_signals(setup, errors), draw_noise(setup, key, trial), [True] * len(setup.sources))
+    draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)
+    errors, draws = errors_of(setup.sources, draws), draws | draw_noise(setup, key, trial)
+    record = sensed(setup, smooth_signals(setup, errors), draws, [True] * len(setup.sources))
     rotation = exponential(errors.tilt) @ motion.rotation
     q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
     turning = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)

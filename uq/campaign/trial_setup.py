@@ -13,7 +13,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, samples
 from uq.gram_sums.error_maps import Platform
 from uq.gram_sums.setup import Estimator, Sampling
-from uq.sources.source import BLOCK
+from uq.sources.draws import BLOCK
 from uq.trials.engines import AnySetup, prepare_any
 
 

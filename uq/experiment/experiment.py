@@ -31,7 +31,8 @@ from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.files.document import ExperimentError, Table, in_file, read_document
 from uq.files.schema import declared_table
-from uq.sources.source import Mixing, Source
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
 from uq.sources.source_table import parse_sources
 
 PRESETS = ("barreto2016",)
@@ -215,7 +216,7 @@ class Experiment:
     @property
     def sigma_r_cg(self) -> np.ndarray:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
-        squares = [np.square(source.standard_deviation) for source in self.sources if source.target == "r_cg"]
+        squares = [np.square(source.standard_deviation) for source in self.sources if source.perturbs == "r_cg"]
         return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
 
 

@@ -11,7 +11,8 @@ from identify.estimators.gram import Sums
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import ALPHA
 from uq.gram_sums.error_maps import Columns, Platform
-from uq.sources.source import Mixing, Source
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
 
 Sampling = Literal["conditioned", "samples", "collapsed"]
 SHARED = ALPHA.start

@@ -55,7 +55,7 @@ def known_by(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[
 
 def instead(experiment: Experiment, mass: float, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str) -> Experiment:
     """Return the experiment with another mass [kg] and centre of gravity with its standard uncertainty [m]."""
-    others = tuple(one for one in experiment.sources if one.target != "r_cg")
+    others = tuple(source for source in experiment.sources if source.perturbs != "r_cg")
     kept = {one.name for one in others}
     mixing = tuple(mixed for mixed in experiment.mixing if kept.issuperset(mixed.names))
     of_centre = Source("r_cg", "r_cg", "bias", "cg", sigma_r_cg, source)

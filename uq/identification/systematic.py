@@ -28,7 +28,8 @@ from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
 from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
 from uq.sources.constant_errors import Errors, errors_of_cases
-from uq.sources.source import Kind, Mixing, Source, Target, draw_constants
+from uq.sources.draws import Mixing, draw_constants
+from uq.sources.source import Source
 from uq.trials.trial_loop import all_trials
 
 TRIALS = 10_000
@@ -36,13 +37,10 @@ TRIALS = 10_000
 BATCH = 100
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
-"""Targets whose error a recorded wrench holds already: (10) takes the force as measured."""
-ESTIMATED: Mapping[str, frozenset[tuple[Target, Kind]]] = {
-    "joint": frozenset(
-        {("F", "bias"), ("M", "bias"), ("omega", "bias"), ("omega", "delay"), ("omega", "misalignment"),
-         ("wrench", "misalignment")}
-    )
-}  # fmt: skip
+"""Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
+ESTIMATED: Mapping[str, frozenset[str]] = {
+    "joint": frozenset({"cell_bias", "cell_misalignment", "gyro_bias", "gyro_misalignment", "gyro_delay"})
+}
 """Errors that a method estimates along with the tensor, so that its covariance holds what is known of them."""
 Name = str
 
@@ -225,19 +223,17 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
 
     The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
     """
-    estimated = ESTIMATED.get(result.method, frozenset())
-    sources = [
-        s for s in experiment.sources if s.constant and s.target not in HELD and (s.target, s.kind) not in estimated
-    ]
+    elsewhere = HELD | ESTIMATED.get(result.method, frozenset())
+    sources = [source for source in experiment.sources if source.constant and source.perturbs not in elsewhere]
     mixing = list(experiment.mixing)
     if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already
-        sources = [s for s in sources if s.target != "r_cg"]
+        sources = [s for s in sources if s.perturbs != "r_cg"]
         names = {source.name for source in sources}
         return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
     covariance = result.cg_covariance
     same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
     if covariance is not None or not same:
-        sources = [s for s in sources if s.target != "r_cg"]
+        sources = [s for s in sources if s.perturbs != "r_cg"]
         if np.any(result.sigma_r_cg > 0):
             source, mix = _of_centre(result.sigma_r_cg, covariance)
             sources, mixing = [*sources, source], [*mixing, *mix]
@@ -273,7 +269,7 @@ def _check_anew(anew: Collection[str], sources: Sequence[Source], mixing: Sequen
 
 
 def _nodes(sources: Sequence[Source]) -> np.ndarray:
-    delays = [source for source in sources if source.kind == "delay"]
+    delays = [source for source in sources if source.perturbs == "gyro_delay"]
     mean = float(sum(np.sum(source.mean) for source in delays))
     sigma = float(np.sqrt(sum(np.sum(np.square(source.standard_deviation)) for source in delays)))
     return delay_nodes(mean, sigma)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 
 from identify.joint.cramer_rao_bound import Bound
@@ -11,7 +12,7 @@ from identify.joint.priors import Alignment
 from identify.signals.filters import motion_band
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.sources.source import Kind, Target
+from uq.sources.constant_errors import effect, no_errors
 
 UNKNOWN_MASS = 1e3
 """Standard uncertainty of a mass that nothing is known of [kg]."""
@@ -47,25 +48,32 @@ def bound(
     run = simulate(replace(experiment, sources=(), mixing=()), name).run
     static = np.concatenate(
         [[UNKNOWN_MASS if sigma_mass is None else sigma_mass]]
-        + [_sigma(experiment, *key) for key in (("r_cg", "bias"), ("F", "bias"), ("M", "bias"))]
+        + [_sigma(experiment, field) for field in ("r_cg", "cell_bias")]
     )
     alignment = Alignment(
-        sigma_delay=float(_sigma(experiment, "omega", "delay")[0]),
-        sigma_rotation=_each(_sigma(experiment, "omega", "misalignment")),
-        sigma_gyro_bias=_each(_sigma(experiment, "omega", "bias")),
+        sigma_delay=float(_sigma(experiment, "gyro_delay")),
+        sigma_rotation=_each(_sigma(experiment, "gyro_misalignment")),
+        sigma_gyro_bias=_each(_sigma(experiment, "gyro_bias")),
     )
     return bound_of_run(
         run, experiment.body, band=motion_band(run.omega, run.rate) if band is None else band,
-        noise=np.concatenate([_sigma(experiment, "F", "precision"), _sigma(experiment, "M", "precision")]),
-        gyro_noise=_sigma(experiment, "omega", "precision"), static_covariance=np.diag(static**2), alignment=alignment,
+        noise=np.concatenate([_noise(experiment, 0), _noise(experiment, 1)]),
+        gyro_noise=_noise(experiment, 2), static_covariance=np.diag(static**2), alignment=alignment,
         specific_force=specific_force or ("still" if spec.still == "cg" else "none"), gravity=experiment.gravity,
     )  # fmt: skip
 
 
-def _sigma(experiment: Experiment, target: Target, kind: Kind) -> np.ndarray:
-    """Standard deviation of all sources of a kind on a quantity together, on each axis."""
-    found = [s.standard_deviation for s in experiment.sources if (s.target, s.kind) == (target, kind)]
-    return np.sqrt(sum((np.broadcast_to(one, 3) ** 2 for one in found), np.zeros(3)))
+def _sigma(experiment: Experiment, field: str) -> np.ndarray:
+    """Standard deviation of one field of the errors, of all sources that set it together."""
+    sources = [source for source in experiment.sources if source.perturbs == field]
+    effects = [getattr(effect(s, jnp.asarray(s.standard_deviation)), field) for s in sources]
+    return np.sqrt(sum((np.square(one) for one in effects), np.zeros(getattr(no_errors(), field).shape)))
+
+
+def _noise(experiment: Experiment, signal: int) -> np.ndarray:
+    """Standard deviation of the white noise of force (0), moment (1) or angular velocity (2), on each axis."""
+    white = [source for source in experiment.sources if source.white and source.signal == signal]
+    return np.sqrt(sum((source.error_kind.added_variance(source) for source in white), np.zeros(3)))
 
 
 def _each(sigma: np.ndarray) -> tuple[float, float, float]:

@@ -25,8 +25,8 @@ GOALS: Mapping[str, tuple[int, ...]] = {
     "moments": tuple(MOMENTS), "products": tuple(PRODUCTS), **{name: (k,) for k, name in enumerate(COMPONENTS)},
 }  # fmt: skip
 """Whose average 3σ is meant."""
-AVERAGED = ("precision", "coloured", "quantisation")
-"""Kinds of sources that time averages."""
+DRIFTS = ("cell_drift", "gyro_drift")
+"""Errors whose effect grows with time."""
 LONGEST = 1e6
 """Durations of the trajectory beyond which none is looked for."""
 MOST_POWER = 4.0
@@ -190,12 +190,12 @@ def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: 
     name, spec = experiment.select(trajectory)
     T = spec.duration
     one, two = (_variances(experiment, name, spec, duration, estimator) for duration in (T, 2 * T))
-    averaged = np.array([source.kind in AVERAGED for source in experiment.sources])[:, None]
+    averaged = np.array([source.error_kind.averages_out for source in experiment.sources])[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where((one > 0) & (two > 0), one / two, 1.0)
         lost = np.where(averaged & (ratio > 1), (ratio - 2) / (ratio - 1) * T, np.nan)
         power = np.where(np.isnan(lost), -np.log2(ratio), 0.0)
-    drifts = np.array([source.kind == "drift" for source in experiment.sources])[:, None]
+    drifts = np.array([source.perturbs in DRIFTS for source in experiment.sources])[:, None]
     power = np.clip(power, -MOST_POWER, np.where(drifts, MOST_POWER, 0.0))
     return Growth(tuple(source.name for source in experiment.sources), T, one, lost, power)
 

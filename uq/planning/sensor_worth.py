@@ -4,7 +4,6 @@ The derivative is that of ``ln 3σ`` by ``ln sigma``: 0.8 says that one per cent
 cent less of the 3σ. Where sources add in squares, the derivatives of all of them add up to one.
 """
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,8 +21,6 @@ from uq.sources.source import Source
 
 STEP = 0.01
 """Part of a sigma over which derivatives are taken; the error is of its square."""
-SCALED = ("step", "white", "flicker", "random_walk")
-"""Settings of a source that are sizes of its error."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,15 +120,7 @@ def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: s
 
 
 def _with(sources: Sequence[Source], which: int, factor: float) -> tuple[Source, ...]:
-    return tuple(resized(source, factor) if k == which else source for k, source in enumerate(sources))
-
-
-def resized(source: Source, factor: float) -> Source:
-    """Return a source whose error is ``factor`` times as large; its expectation stays."""
-    settings = {
-        name: factor * np.asarray(value) if name in SCALED else value for name, value in source.settings.items()
-    }
-    return dataclasses.replace(source, sigma=factor * np.asarray(source.sigma), settings=settings)
+    return tuple(s.error_kind.resized(s, factor) if k == which else s for k, s in enumerate(sources))
 
 
 def _signed(value: float) -> str:

@@ -21,7 +21,7 @@ from identify.rigid_body.inertia import Body
 from uq.gram_sums.error_maps import Columns, Platform, element_map
 from uq.gram_sums.gram_moments import GramMoments, unpack
 from uq.sources.constant_errors import Errors, no_errors
-from uq.sources.source import Index
+from uq.sources.random_normals import Index
 
 OF_NOISE = (0, 1, 2, 3, 10)
 """Elements that multiply the noise in other elements: 1, omega and t, among those of ``true_elements``."""

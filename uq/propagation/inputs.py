@@ -18,12 +18,8 @@ from uq.files.document import ExperimentError
 from uq.gram_sums.setup import Case
 from uq.sources.constant_errors import errors_of, no_errors
 from uq.sources.distributions import Empirical, StudentT
-from uq.sources.source import SIGNALS, Mixing, Source
-
-ENOUGH_STEPS = 1.0
-"""Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
-MANY_SIGMA = 6.0
-"""Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
+from uq.sources.draws import Mixing
+from uq.sources.source import SIGNALS, SignalRange, Source
 
 
 class Peaks(NamedTuple):
@@ -164,8 +160,10 @@ def inputs_of_cases(
 def _noise_covariance(sources: Sequence[Source], mixing: Sequence[Mixing], rate: float) -> np.ndarray:
     """Covariance of all white noise at one sample: nine rows a source, three for each of F, M, omega."""
     matrix = np.zeros((9 * len(sources), 9 * len(sources)))
-    place = {s.name: 9 * k + 3 * SIGNALS.index(s.target) + np.arange(3) for k, s in enumerate(sources) if _noisy(s)}
-    sigma = {s.name: np.sqrt(_variance(s, rate)) for s in sources if _noisy(s)}
+    variance = {s.name: s.error_kind.white_variance(s, rate) for s in sources}
+    sigma = {name: np.sqrt(value) for name, value in variance.items() if value is not None}
+    first = {source.name: 9 * k for k, source in enumerate(sources)}
+    place = {s.name: first[s.name] + 3 * SIGNALS.index(s.target) + np.arange(3) for s in sources if s.name in sigma}
     for name, where in place.items():
         matrix[where, where] = sigma[name] ** 2
     for mix in mixing:
@@ -176,47 +174,17 @@ def _noise_covariance(sources: Sequence[Source], mixing: Sequence[Mixing], rate:
     return matrix
 
 
-def _noisy(source: Source) -> bool:
-    return source.noise or source.kind == "quantisation"
-
-
-def _variance(source: Source, rate: float) -> np.ndarray:
-    if source.kind == "quantisation":
-        return np.square(source.settings["step"]) / 12
-    if source.kind == "coloured":
-        return np.square(source.settings["white"]) * rate
-    return np.square(np.broadcast_to(np.asarray(source.standard_deviation, float), (3,)))
-
-
 def _check(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> None:
     """Refuse what the law cannot take."""
-    advice = "leave it out, or use the Monte Carlo"
-    if source.kind == "coloured" and any(np.any(source.settings[name]) for name in ("flicker", "random_walk")):
-        raise ExperimentError(
-            f"source '{source.name}' is noise that is not white, which the law does not take: {advice}"
-        )
-    if source.kind == "quantisation" and np.any(
-        (step := np.asarray(source.settings["step"])) * ENOUGH_STEPS > peaks.moves[source.target]
-    ):
-        axis = int(np.argmax(step / np.maximum(peaks.moves[source.target], 1e-300)))
-        raise ExperimentError(
-            f"source '{source.name}' rounds axis {axis + 1} to {step[axis]:g}, but from sample to sample it moves by "
-            f"{peaks.moves[source.target][axis]:.2g} only, so that the rounding is no white noise: {advice}"
-        )
-    if source.kind == "saturation":
-        spread = MANY_SIGMA * np.sqrt(sum((_spread(s) for s in sources if s.target == source.target), np.zeros(3)))
-        if np.any(peaks.largest[source.target] + spread > np.asarray(source.settings["limit"])):
-            raise ExperimentError(f"source '{source.name}' cuts its signal off, which the law does not take: {advice}")
-    if source.kind == "precision" and source.target == "omega":
-        for mix in mixing:
-            if source.name in mix.names and not np.array_equal(mix.correlation, np.eye(len(mix.correlation))):
-                raise ExperimentError(
-                    f"source '{source.name}' is gyro noise with correlations, no input of the law: {advice}"
-                )
-
-
-def _spread(source: Source) -> np.ndarray:
-    """Variance that a noise or a bias adds to its signal."""
-    if source.kind in ("precision", "bias"):
-        return np.square(np.broadcast_to(np.asarray(source.standard_deviation, float), (3,)))
-    return np.zeros(3)
+    if source.signal is None:
+        return
+    here = [other.error_kind.added_variance(other) for other in sources if other.signal == source.signal]
+    of_source = [mix.correlation for mix in mixing if source.name in mix.names]
+    signal = SignalRange(
+        peaks.largest[source.target],
+        peaks.moves[source.target],
+        np.sum(here, axis=0),
+        any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in of_source),
+    )
+    if reason := source.error_kind.beyond_the_law(source, signal):
+        raise ExperimentError(f"source '{source.name}' {reason}: leave it out, or use the Monte Carlo")

@@ -17,7 +17,7 @@ from uq.coverage.coverage_intervals import CoverageInterval, Value, shortest_int
 from uq.coverage.coverage_regions import covariance_of
 from uq.propagation.law_of_propagation import Model
 from uq.sources.distributions import Distribution
-from uq.sources.source import stream_number
+from uq.sources.draws import stream_number
 from uq.trials.trial_loop import TrialLoop, finite_trials
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from identify.signals.filters import motion_band
 from identify.signals.run import Run
-from uq.sources.source import SIGNALS, TARGET_UNITS, Source, Target
+from uq.sources.source import SIGNAL_UNITS, SIGNALS, Source
 
 FAR = 2.0
 """Ratio of measured to declared noise, or the inverse, that is worth a word."""
@@ -47,16 +47,13 @@ def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> 
     return np.sqrt(np.median(density[usable], axis=0) * rate / 2)
 
 
-def declared_level(sources: Sequence[Source], target: Target, rate: float) -> Float[np.ndarray, "3"] | None:
+def declared_level(sources: Sequence[Source], target: str, rate: float) -> Float[np.ndarray, "3"] | None:
     """Return the standard deviation of the white noise that sources declare of a signal; None: none does."""
-    squares = [
-        np.square(s.standard_deviation) * np.ones(3) for s in sources if (s.target, s.kind) == (target, "precision")
-    ]
-    squares += [np.square(s.settings["white"]) * rate for s in sources if (s.target, s.kind) == (target, "coloured")]
-    if not squares or not np.sum(squares) > 0:
+    here = [source for source in sources if source.signal == SIGNALS.index(target)]
+    variances = [(source.noise, source.error_kind.white_variance(source, rate)) for source in here]
+    if not any(np.sum(variance) > 0 for noise, variance in variances if noise and variance is not None):
         return None
-    squares += [np.square(s.settings["step"]) / 12 for s in sources if (s.target, s.kind) == (target, "quantisation")]
-    return np.sqrt(np.sum(squares, axis=0))
+    return np.sqrt(np.sum([variance for _, variance in variances if variance is not None], axis=0))
 
 
 def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
@@ -79,8 +76,8 @@ def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
     return warnings
 
 
-def _line(run: Run, target: Target, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:
-    unit = TARGET_UNITS[target].replace("*", "·")
+def _line(run: Run, target: str, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:
+    unit = SIGNAL_UNITS[target].replace("*", "·")
     return (
         f"{run.name}: {target} has noise of {shown[axis]:.2g} {unit} a sample on b{axis + 1}, "
         f"its sources declare {declared[axis]:.2g} {unit}: check the figure, or what shakes the rig"

@@ -8,6 +8,8 @@ from typing import Any
 
 from identify.text_tables import Table
 from uq.experiment.experiment import PRESETS
+from uq.sources.source import KINDS
+from uq.sources.source_width import WIDTHS
 
 
 def input_table(provenance: Mapping[str, Any]) -> Table:
@@ -26,10 +28,8 @@ def _named_files(content: object) -> Iterator[tuple[str, str]]:
             yield from _named_files(item)
 
 
-SIZES = (
-    "sigma", "half_width", "scale", "datasheet", "samples", "white", "flicker", "random_walk", "limit", "step",
-    "distribution", "degrees_of_freedom", "mean",
-)  # fmt: skip
+OF_KINDS = dict.fromkeys(key for kind in KINDS.values() for key in kind.sizes)
+SIZES = (*WIDTHS, *OF_KINDS, "distribution", "degrees_of_freedom", "mean")
 """Keys of a source that say how large it is."""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from uq.sources.distributions import Distribution, Normal
-from uq.sources.source import stream_number
+from uq.sources.draws import stream_number
 from uq.trials.trial_loop import all_trials
 
 Values = dict[str, Array]

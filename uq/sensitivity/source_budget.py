@@ -67,7 +67,7 @@ def budget(
     """
     if trials < 2:
         raise ExperimentError(f"{trials} trials of a budget: ask for two or more")
-    if not any(source.smooth for source in experiment.sources):
+    if not any(source.drawn for source in experiment.sources):
         raise ExperimentError("no [[source]] in the experiment from which anything is drawn: add one")
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
@@ -123,7 +123,7 @@ def twinned(setup: AnySetup) -> Twinned:
     groups = _players({s.name: s.group for s in setup.sources}, setup, draws)
     design = Design.of(len(draws), [[p.draws for p in sources], [p.draws for p in groups]])
     alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *sources))]
-    fixed = {source.name for source in setup.sources if not source.smooth}
+    fixed = {source.name for source in setup.sources if not source.drawn}
 
     def choice(w: int) -> Case:
         own = [n if w >> k & 1 else n + mark for k, names in enumerate(draws) for n in names]
@@ -141,7 +141,7 @@ def twinned(setup: AnySetup) -> Twinned:
 def _independent(setup: AnySetup) -> list[frozenset[str]]:
     """The sources that are drawn, each with those that are correlated with it."""
     joint = {name: frozenset(mix.names) for mix in setup.mixing for name in mix.names}
-    return list(dict.fromkeys(joint.get(s.name, frozenset([s.name])) for s in setup.sources if s.smooth))
+    return list(dict.fromkeys(joint.get(s.name, frozenset([s.name])) for s in setup.sources if s.drawn))
 
 
 def _players(label: Mapping[str, str], setup: AnySetup, draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:

@@ -10,8 +10,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from identify.rigid_body.inertia import parallel_axis
 from uq.sources.source import Source
+
+CELL_CHANNELS = {"F": 0, "M": 3}
+"""Where force and moment begin among the load cell's channels."""
 
 Vector = Float[Array, "*cases 3"]
 Wrench = Float[Array, "*cases 6"]
@@ -59,27 +61,16 @@ def no_errors() -> Errors:
     return Errors(*(jnp.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
 
 
+def of_channels(target: str, draw: Float[Array, "3"]) -> Float[Array, "..."]:
+    """Return three values of the force or the moment among the load cell's six channels; of the gyro, the three."""
+    first = CELL_CHANNELS.get(target)
+    return draw if first is None else jnp.concatenate([jnp.zeros(first), draw, jnp.zeros(3 - first)])
+
+
 def effect(source: Source, draw: Float[Array, "..."]) -> Errors:
     """Return what a constant source's draw [SI] amounts to: linear in it."""
-    return no_errors()._replace(**{_slot(source): _value(source, draw)})
-
-
-def _slot(source: Source) -> str:
-    sensor = {"F": "cell", "M": "cell", "wrench": "cell", "omega": "gyro"}.get(source.target)
-    return f"{sensor}_{source.kind}" if sensor else source.target
-
-
-def _value(source: Source, draw: Array) -> Array:
-    if source.target in ("F", "M"):
-        return jnp.concatenate([draw, jnp.zeros(3)] if source.target == "F" else [jnp.zeros(3), draw])
-    if source.target == "displaced_air":
-        return draw * jnp.concatenate([jnp.ones(1), source.settings["centre"]])
-    if source.target == "entrained_air":
-        centre = jnp.asarray(source.settings["centre"])
-        x, y, z = jnp.asarray(source.settings["radii_of_gyration"]) ** 2
-        own = jnp.stack([x, jnp.zeros(()), jnp.zeros(()), y, jnp.zeros(()), z])
-        return draw * jnp.concatenate([jnp.ones(1), centre, parallel_axis(own, jnp.ones(()), centre)])
-    return draw
+    nothing = no_errors()
+    return nothing._replace(**{source.perturbs: source.error_kind.value(source, draw)}) if source.perturbs else nothing
 
 
 def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
@@ -100,4 +91,4 @@ def errors_of(sources: Sequence[Source], draws: Mapping[str, Array]) -> Errors:
 
 def perturbed(sources: Sequence[Source]) -> frozenset[str]:
     """Return the names of the fields of :class:`Errors` that some source sets."""
-    return frozenset(_slot(source) for source in sources if source.constant)
+    return frozenset(source.perturbs for source in sources if source.perturbs)

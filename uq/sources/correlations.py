@@ -7,7 +7,8 @@ import numpy as np
 
 from uq.files.document import ExperimentError, Table
 from uq.sources.distributions import Normal
-from uq.sources.source import Mixing, Source
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
 
 
 class Entry(NamedTuple):
@@ -64,7 +65,7 @@ def check_correlated(where: str, source: Source) -> None:
     Raises:
         ExperimentError: the source is not drawn, or not normal.
     """
-    if not (source.constant or source.kind == "precision"):
+    if not (source.constant or source.white):
         raise ExperimentError(f"{where}: '{source.name}' is {source.kind}, which cannot be correlated; leave it out")
     if not isinstance(source.shape, Normal):
         raise ExperimentError(f"{where}: '{source.name}' is not normal, so it cannot be correlated; leave it out")

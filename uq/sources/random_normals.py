@@ -14,6 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Int, Key, UInt32
 
+Index = Int[Array, ""] | int
+"""Number of a trial, of a block, of an estimator."""
+
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 PARITY = 0x1BD11BDA
 SERIES = {"float32": 5, "float64": 9}

@@ -1,63 +1,32 @@
-"""Error sources as data: what they perturb, how, and in which group they count; their draws.
+"""Error sources as data, and the kinds of error that they are of.
 
-A source is *constant* (one draw an experiment: a bias, a scale factor, a delay …), *noise* (fresh at each sample) or
-*fixed* (saturation, quantisation: nothing to draw). A draw depends on (seed, source name, trial, block) alone: never on
-the batch size, the number of devices, the other sources, or where a run was resumed; but sources declared correlated
-are drawn together.
+A :class:`Source` holds the figures of one cause of error. Everything that depends on its kind (its unit and shape, its
+keys in ``[[source]]``, its effect on a sample or on the sums, its part in the law of propagation) stands in one
+:class:`ErrorKind`, one file a kind in :mod:`uq.sources.kinds`. A kind is *constant* (one draw an experiment: a bias, a
+scale factor, a delay …), *noise* (fresh at each sample), or nothing of it is drawn (saturation, quantisation).
 """
 
-import zlib
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Inexact, Int, Key
+from jaxtyping import Array, Float, Key
 
-from uq.sources.distributions import Distribution, Empirical, Normal
-from uq.sources.random_normals import in_order, normal_pairs, normals
+from uq.files.document import Table
+from uq.sources.distributions import Distribution, Normal
+from uq.sources.random_normals import Index
+from uq.sources.source_figures import Figures
+from uq.sources.source_width import Width, width_of
 
-Target = Literal[
-    "F", "M", "wrench", "omega", "r_cg", "gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"
-]
-Kind = Literal[
-    "precision", "bias", "drift", "scale", "cross_talk", "misalignment", "delay", "coloured", "saturation",
-    "quantisation",
-]  # fmt: skip
-Index = Int[Array, ""] | int
-
-BLOCK = 1200
-"""Samples in a block of draws; always this, since the draws depend on it."""
-
-TARGET_UNITS = {
-    "F": "N", "M": "N*m", "omega": "rad/s", "r_cg": "m", "gravity": "m/s^2", "r_cg_from_omb": "m", "tilt": "rad",
-    "displaced_air": "kg", "entrained_air": "kg",
-}  # fmt: skip
-"""Unit of each target's bias."""
-
-SIGNALS: tuple[Target, ...] = ("F", "M", "omega")
-"""The measured signals; the other targets are constants of the rig, of the body or of the whole load cell."""
-
-NOISE: tuple[Kind, ...] = ("precision", "coloured")
-"""Fresh at each sample."""
-FIXED: tuple[Kind, ...] = ("saturation", "quantisation")
-"""Nothing is drawn, and the signals are no smooth function of them."""
-CONSTANT: Mapping[tuple[Target, Kind], tuple[int, ...]] = {
-    **{(target, kind): (3,) for target in SIGNALS for kind in ("bias", "drift", "scale")},
-    ("wrench", "cross_talk"): (6, 6),
-    ("wrench", "misalignment"): (3,),
-    ("omega", "misalignment"): (3,),
-    ("omega", "delay"): (),
-    ("r_cg", "bias"): (3,),
-    ("gravity", "bias"): (),
-    ("r_cg_from_omb", "bias"): (3,),
-    ("tilt", "bias"): (3,),
-    ("displaced_air", "bias"): (),
-    ("entrained_air", "bias"): (),
-}  # fmt: skip
-"""What is drawn once an experiment, and the shape of its draw."""
+SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
+"""The measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
+SIGNALS = tuple(SIGNAL_UNITS)
+SENSOR: Mapping[str, str] = MappingProxyType({"F": "cell", "M": "cell", "wrench": "cell", "omega": "gyro"})
+"""Which sensor measures a target."""
 
 
 class Source(eqx.Module):
@@ -65,9 +34,9 @@ class Source(eqx.Module):
 
     name: str = eqx.field(static=True)
     """Its name, from which its random stream is keyed."""
-    target: Target = eqx.field(static=True)
+    target: str = eqx.field(static=True)
     """The quantity that errs."""
-    kind: Kind = eqx.field(static=True)
+    kind: str = eqx.field(static=True)
     """How: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see docs/sources.md."""
     group: str = eqx.field(static=True)
     """The group it counts in, such as ``load_cell``."""
@@ -83,6 +52,11 @@ class Source(eqx.Module):
     """Figures that are not drawn, in SI: Allan parameters, a limit, a step, where the air's centre is."""
 
     @property
+    def error_kind(self) -> "ErrorKind":
+        """What its kind does on its target."""
+        return kind_of(self.target, self.kind)
+
+    @property
     def standard_deviation(self) -> Any:
         """Standard deviation of the draw on each axis, in SI."""
         return self.sigma * self.shape.standard_deviation
@@ -90,152 +64,177 @@ class Source(eqx.Module):
     @property
     def constant(self) -> bool:
         """Whether it is drawn once an experiment."""
-        return (self.target, self.kind) in CONSTANT
+        return self.error_kind.constant
 
     @property
     def noise(self) -> bool:
         """Whether it is fresh at each sample."""
-        return self.kind in NOISE
+        return self.error_kind.noise
 
     @property
-    def smooth(self) -> bool:
-        """Whether the signals are a smooth function of what it draws: all but saturation and quantisation."""
-        return self.kind not in FIXED
+    def white(self) -> bool:
+        """Whether it is noise whose samples are independent, of the source's distribution."""
+        return self.error_kind.white
+
+    @property
+    def drawn(self) -> bool:
+        """Whether anything of it is drawn: all but saturation and quantisation."""
+        return self.constant or self.noise
+
+    @property
+    def perturbs(self) -> str | None:
+        """The field of :class:`uq.sources.constant_errors.Errors` that its draw sets."""
+        return self.error_kind.perturbs.get(self.target)
+
+    @property
+    def signal(self) -> int | None:
+        """Which of :data:`SIGNALS` it acts on by itself; None: on the rig, the body or the whole load cell."""
+        return dict(zip(SIGNALS, range(3), strict=True)).get(self.target)
+
+    @property
+    def of_gyro(self) -> bool:
+        """Whether it is an error of the gyro."""
+        return SENSOR.get(self.target) == "gyro"
 
 
-class Mixing(eqx.Module):
-    """Normal sources that are correlated: axes of one, or several."""
+class SignalRange(NamedTuple):
+    """What a kind may ask of the signal that its source acts on, axis by axis, to say whether the law takes it."""
 
-    names: tuple[str, ...] = eqx.field(static=True)
-    axes: tuple[int, ...] = eqx.field(static=True)
-    """How many numbers each source draws."""
-    correlation: Float[Array | np.ndarray, "k k"]
-    """Between all these numbers, in the order of the names."""
-
-    def mixed(self, drawn: Mapping[str, Inexact[Array, "..."]]) -> dict[str, Inexact[Array, "..."]]:
-        """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are.
-
-        Two draws may come in a complex number's parts.
-        """
-        here = [name for name in self.names if name in drawn]
-        if not here:
-            return dict(drawn)
-        rows = [drawn[name].reshape(axes, -1) for name, axes in zip(self.names, self.axes, strict=True) if name in here]
-        joint = self._root(here).astype(rows[0].dtype) @ jnp.concatenate(rows)
-        parts = jnp.split(joint, np.cumsum([len(row) for row in rows])[:-1])
-        return {**drawn, **{name: part.reshape(drawn[name].shape) for name, part in zip(here, parts, strict=True)}}
-
-    def _root(self, here: Sequence[str]) -> Float[Array, "k k"]:
-        """The triangular root of the correlations of those that are here; nearly so if some go together wholly."""
-        ends = np.cumsum(self.axes)
-        kept = [np.arange(e - n, e) for name, n, e in zip(self.names, self.axes, ends, strict=True) if name in here]
-        index = np.concatenate(kept)
-        small = 16 * float(jnp.finfo(float).eps)
-        root = jnp.linalg.cholesky(jnp.asarray(self.correlation)[np.ix_(index, index)] + small * jnp.eye(len(index)))
-        return root / jnp.linalg.norm(root, axis=1, keepdims=True)
+    largest: Float[np.ndarray, "3"]
+    """How far the noise-free signal goes from zero."""
+    moves: Float[np.ndarray, "3"]
+    """How far it goes from one sample to the next (rms)."""
+    variance: Float[np.ndarray, "3"]
+    """Of noise and biases together."""
+    correlated: bool
+    """Whether the source's draws are correlated, among one another or with those of other sources."""
 
 
-def mixed(drawn: dict[str, Array], mixing: Sequence[Mixing]) -> dict[str, Array]:
-    """Return draws by name, correlated as declared."""
-    for mix in mixing:
-        drawn = mix.mixed(drawn)
-    return drawn
+class ErrorKind:
+    """One kind of error on the targets that it can act on.
 
-
-def stream_number(name: str) -> int:
-    """Return the number of a source's random stream: a hash of its name that never changes (CRC-32)."""
-    return zlib.crc32(name.encode())
-
-
-def block_key(number: Index | Array, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
-    """Return the key of one block of a trial, in the stream of this number: seed, stream, trial, block folded in."""
-    return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, number), trial), block)
-
-
-def draw_constants(
-    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, dtype: Any
-) -> dict[str, Float[Array, "..."]]:
-    """Return the one draw of each constant source of a trial, in SI, by name."""
-    constant = [source for source in sources if source.constant]
-    drawn: dict[str, Array] = {}
-    for alike in _alike(constant):  # drawn in one go: the same numbers as one by one, compiled once
-        numbers = jnp.asarray([stream_number(s.name) for s in alike], jnp.uint32)
-        keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
-        values = jax.vmap(lambda one, s=alike[0]: s.shape.draw(one, np.shape(s.sigma), dtype))(keys)
-        drawn |= {source.name: value for source, value in zip(alike, values, strict=True)}
-    drawn = mixed(drawn, mixing)
-    return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
-
-
-def _alike(sources: Sequence[Source]) -> list[list[Source]]:
-    """Sources whose draws have one distribution and one shape, together."""
-    groups: dict[Any, list[Source]] = {}
-    for source in sources:
-        figures = jax.tree.leaves(source.shape)
-        same = tuple(figures) if all(isinstance(figure, float) for figure in figures) else source.name
-        groups.setdefault((type(source.shape), same, np.shape(source.sigma)), []).append(source)
-    return list(groups.values())
-
-
-def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> Float[Array, "..."]:
-    """Return the one draw of a constant source that is correlated with no other."""
-    return draw_constants([source], (), key, trial, dtype)[source.name]
-
-
-def noise_streams(sources: Sequence[Source], key: Key[Array, ""], trial: Index) -> list[Key[Array, ""]]:
-    """Return the key of each source's noise in a trial: to be derived once, not for every block."""
-    return [jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial) for source in sources]
-
-
-def draw_pairs(
-    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
-) -> list[Complex[Array, "3 600"]]:
-    """Return the draws of precision sources for one block of samples of a trial, component first, as complex numbers.
-
-    Real parts are the first half of the block, imaginary parts the second: what the generator makes, not yet in order.
+    To define a subclass with a ``name`` is to register it: experiment files know it from then on. Kinds have no state;
+    their methods take one source (or all sources of the kind on a signal) and are pure functions of arrays.
     """
-    pairs = {s.name: _standard_pairs(s, one, block, dtype) for s, one in zip(sources, streams, strict=True)}
-    drawn = mixed(pairs, mixing)
-    return [_scaled(drawn[s.name], s.sigma) for s in sources]
+
+    name: ClassVar[str] = ""
+    """``kind`` in ``[[source]]``."""
+    targets: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What errs, and the unit in which the figures are read; of per cent the draw is in parts of one."""
+    shape: ClassVar[tuple[int, ...]] = (3,)
+    """Shape of the draw."""
+
+    constant: ClassVar[bool] = False
+    """Whether it is drawn once an experiment."""
+    noise: ClassVar[bool] = False
+    """Whether it is fresh at each sample."""
+    white: ClassVar[bool] = False
+    """Whether it is noise whose samples are independent, of the source's distribution: what sums can tell of noise."""
+    needs_samples: ClassVar[bool] = False
+    """Whether sums over samples do not tell what it does, so that every sample of every case must be computed."""
+    averages_out: ClassVar[bool] = False
+    """Whether its effect falls with the length of the run, as noise does."""
+    sizes: ClassVar[tuple[str, ...]] = ()
+    """Settings that say how large it is, each by its key in ``[[source]]``."""
+    perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
+    stage: ClassVar[int | None] = None
+    """Where in a sensor's chain, after noise, :meth:`sensed` changes its samples; None: it does not."""
+
+    def __init_subclass__(cls) -> None:
+        """Freeze the kind's tables and register it on each of its targets."""
+        cls.targets, cls.perturbs = MappingProxyType(dict(cls.targets)), MappingProxyType(dict(cls.perturbs))
+        if cls.name:
+            KINDS.update(dict.fromkeys(((target, cls.name) for target in cls.targets), cls()))
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        """Refuse: a kind has no state."""
+        raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
+
+    def figures(self, table: Table, target: str) -> Figures:
+        """Return what reads the figures of a ``[[source]]`` in SI."""
+        return Figures(table, self.shape, self.targets[target])
+
+    def width(self, table: Table, target: str, folder: Path) -> Width:
+        """Return how the draw is distributed, from the keys of a ``[[source]]``; nothing where nothing is drawn.
+
+        Args:
+            table: the ``[[source]]``.
+            target: what errs.
+            folder: where files of samples are.
+
+        Raises:
+            ExperimentError: a mistake in the keys.
+        """
+        if not (self.constant or self.white):
+            return Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
+        return width_of(table, self.figures(table, target), folder, centred=self.noise)
+
+    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+        """Return the figures that are not drawn, in SI, from the keys of a ``[[source]]``.
+
+        Raises:
+            ExperimentError: a mistake in the keys.
+        """
+        return {}
+
+    def resized(self, source: Source, factor: float) -> Source:
+        """Return a source whose error is ``factor`` times as large; its expectation stays."""
+        sizes = {name: np.asarray(factor * source.settings[name]) for name in self.sizes}
+        return replace(source, sigma=np.asarray(factor * source.sigma), settings={**source.settings, **sizes})
+
+    def value(self, source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it."""
+        return draw
+
+    def noise_samples(
+        self, source: Source, key: Key[Array, ""], trial: Index, n: int, rate: Float[Array, ""], dtype: Any
+    ) -> Float[Array, "3 n"]:
+        """Return ``n`` samples of noise that is not white in one trial, at a sample rate [Hz], component first."""
+        raise NotImplementedError(f"{self.name} draws no samples")
+
+    def sensed(
+        self,
+        signal: Float[Array, "3 n"],
+        sources: Sequence[Source],
+        acting: Sequence[Any],
+        draws: Mapping[str, Array],
+    ) -> Float[Array, "3 n"]:
+        """Return what all sources of this kind on one signal make of its samples.
+
+        Args:
+            signal: with constant errors and noise, and what kinds of a lower stage made of it.
+            sources: of this kind, on this signal.
+            acting: of each, whether it acts in the case that is computed: a truth value, often traced.
+            draws: what constant sources drew in this trial [SI], by name.
+        """
+        return signal
+
+    def white_variance(self, source: Source, rate: float) -> Float[np.ndarray, "3"] | None:
+        """Return the variance of the white noise that the law takes it for, at a sample rate [Hz]; None: for none."""
+        return None
+
+    def added_variance(self, source: Source) -> Float[np.ndarray, "3"]:
+        """Return the variance that it adds to its signal itself, whatever the motion."""
+        return np.zeros(3)
+
+    def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
+        """Return what the law of propagation cannot take of a source on a measured signal; None: it takes it."""
+        if self.noise and self.white_variance(source, 1.0) is None:
+            return "is noise that is not white, which the law does not take"
+        return None if self.stage is None else "changes every sample, which the law does not take"
 
 
-def draw_blocks(
-    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
-) -> list[Float[Array, "3 1200"]]:
-    """Return the draws of precision sources for one block of samples of a trial, component first."""
-    return [in_order(pairs) for pairs in draw_pairs(sources, mixing, streams, block, dtype)]
+KINDS: dict[tuple[str, str], ErrorKind] = {}
+"""Every kind by target and name; filled by :mod:`uq.sources.kinds`, and by whatever else defines a kind."""
 
 
-def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 1200"]:
-    """Return one block of a precision source that is correlated with no other."""
-    return draw_blocks([source], (), noise_streams([source], key, trial), block, dtype)[0]
+def kind_of(target: str, name: str) -> ErrorKind:
+    """Return a kind of error on a target.
 
-
-def _standard_pairs(source: Source, stream: Key[Array, ""], block: Index, dtype: Any) -> Complex[Array, "3 600"]:
-    if not isinstance(source.shape, Normal):
-        drawn = _standard_block(source, jax.random.fold_in(stream, block), dtype)
-        return jax.lax.complex(drawn[:, : BLOCK // 2], drawn[:, BLOCK // 2 :])
-    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, BLOCK // 2), axis) for axis in (0, 1))
-    pairs = normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + column, dtype)
-    mean = jnp.broadcast_to(jnp.asarray(source.shape.mean, dtype), (3,))[:, None]
-    return _scaled(pairs, source.shape.standard_deviation) + jax.lax.complex(mean, mean)
-
-
-def _scaled(pairs: Complex[Array, "3 n"], by: Any) -> Complex[Array, "3 n"]:
-    factor = jnp.broadcast_to(jnp.asarray(by, pairs.real.dtype), (3,))[:, None]
-    return jax.lax.complex(factor * pairs.real, factor * pairs.imag)
-
-
-def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 1200"]:
-    if isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2:  # rows: axes that go together
-        return source.shape.draw(key, (BLOCK, 3), dtype).T
-    return source.shape.draw(key, (3, BLOCK), dtype)
-
-
-def draw_sums(
-    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, size: int
-) -> list[Float[Array, "{size} 3"]]:
-    """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
-    keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
-    drawn = mixed({name: normals(one, (size, 3), jnp.result_type(float)).T for name, one in keys.items()}, mixing)
-    return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]
+    Raises:
+        ValueError: there is none of this name.
+    """
+    if kind := KINDS.get((target, name)):
+        return kind
+    raise ValueError(f"Argument `kind` must be a kind of error on {target}, but is {name!r}.")

@@ -1,18 +1,11 @@
 """``[[source]]`` of an experiment file -> sources, and with ``[[correlation]]`` what is correlated."""
 
 from pathlib import Path
-from typing import get_args
-
-import numpy as np
 
 from uq.files.document import ExperimentError, Table
 from uq.sources.correlations import Entry, check_correlated, check_correlation, mixing_of, parse_link
-from uq.sources.distributions import Normal
-from uq.sources.source import CONSTANT, FIXED, NOISE, SIGNALS, TARGET_UNITS, Kind, Mixing, Source, Target, stream_number
-from uq.sources.source_figures import Figures, not_negative, positive
-from uq.sources.source_width import Width, width_of
-
-ALLAN_UNITS = {"white": "{}*s**0.5", "flicker": "{}", "random_walk": "{}/s**0.5"}
+from uq.sources.draws import Mixing, stream_number
+from uq.sources.source import KINDS, ErrorKind, Source
 
 
 def parse_sources(top: Table, folder: Path) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
@@ -34,12 +27,12 @@ def parse_sources(top: Table, folder: Path) -> tuple[tuple[Source, ...], tuple[M
 
 def _entry(table: Table, folder: Path) -> Entry:
     name = table.typed("name", str)
-    target: Target = table.choice("target", get_args(Target))
+    target = table.choice("target", tuple(sorted({target for target, _ in KINDS})))
     kind = _kind(table, target)
-    width = _width(table, target, kind, folder)
+    width = kind.width(table, target, folder)
     group, reference = table.typed("group", str), table.typed("reference", str, "")
-    settings = _settings(table, target, kind)
-    source = Source(name, target, kind, group, width.sigma, reference, width.mean, width.shape, settings)
+    settings = kind.settings(table, target)
+    source = Source(name, target, kind.name, group, width.sigma, reference, width.mean, width.shape, settings)
     axes = width.sigma.size
     correlation = table.numbers("correlation", (axes, axes), None) if axes > 1 else None
     table.finish()
@@ -51,47 +44,14 @@ def _entry(table: Table, folder: Path) -> Entry:
     return Entry(source, correlation)
 
 
-def _kind(table: Table, target: Target) -> Kind:
-    kind: Kind = table.choice("kind", get_args(Kind))
-    allowed = [k for t, k in CONSTANT if t == target] + [*(NOISE + FIXED if target in SIGNALS else ())]
-    if kind not in allowed and allowed == ["bias"]:
-        raise ExperimentError(f"{table.path('kind')} is '{kind}': {target} is one draw an experiment, write \"bias\"")
-    if kind not in allowed:
-        raise ExperimentError(f"{table.path('kind')} is '{kind}': for {target} choose one of {', '.join(allowed)}")
-    return kind
-
-
-def _width(table: Table, target: Target, kind: Kind, folder: Path) -> Width:
-    if kind in ("coloured", *FIXED):
-        return Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
-    return width_of(table, Figures(table, target, kind), folder, centred=kind == "precision")
-
-
-def _settings(table: Table, target: Target, kind: Kind) -> dict[str, np.ndarray]:
-    """The figures that are not drawn."""
-    nothing = ["0 m"] * 3
-    if kind == "coloured":
-        return _allan(table, target)
-    if kind == "saturation":
-        return {"limit": positive(table, "limit", TARGET_UNITS[target])}
-    if kind == "quantisation":
-        return {"step": positive(table, "step", TARGET_UNITS[target])}
-    if target == "displaced_air":
-        return {"centre": table.vector("centre_from_cg", "m", nothing)}
-    if target == "entrained_air":
-        radii = not_negative(table, "radii_of_gyration", table.vector("radii_of_gyration", "m", nothing))
-        return {"centre": table.vector("centre_from_cg", "m", nothing), "radii_of_gyration": radii}
-    return {}
-
-
-def _allan(table: Table, target: Target) -> dict[str, np.ndarray]:
-    if not ALLAN_UNITS.keys() & table.content.keys():
-        raise ExperimentError(f"missing key {table.path('white')}: give white, flicker, random_walk or some of them")
-    units = {name: unit.format(TARGET_UNITS[target]) for name, unit in ALLAN_UNITS.items()}
-    return {
-        name: not_negative(table, name, table.vector(name, unit)) if name in table.content else np.zeros(3)
-        for name, unit in units.items()
-    }
+def _kind(table: Table, target: str) -> ErrorKind:
+    name = table.choice("kind", tuple(sorted({name for _, name in KINDS})))
+    if kind := KINDS.get((target, name)):
+        return kind
+    allowed = sorted(other.name for other in set(KINDS.values()) if other.targets.get(target))
+    if allowed == ["bias"]:
+        raise ExperimentError(f"{table.path('kind')} is '{name}': {target} is one draw an experiment, write \"bias\"")
+    raise ExperimentError(f"{table.path('kind')} is '{name}': for {target} choose one of {', '.join(allowed)}")
 
 
 def _check_names(sources: list[Source]) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from uq.files.document import ExperimentError
-from uq.sources.source import stream_number
+from uq.sources.draws import stream_number
 from uq.trials.trial import TrialEstimates
 
 FORMAT = 2

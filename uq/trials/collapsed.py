@@ -27,10 +27,11 @@ from uq.gram_sums import plain_solve, sum_equations
 from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, cell_map
 from uq.gram_sums.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
 from uq.gram_sums.setup import Case, Estimator, cases_of
-from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
+from uq.sources.constant_errors import CELL_CHANNELS, Errors, errors_of_cases, perturbed
 from uq.sources.distributions import Normal
+from uq.sources.draws import Mixing, block_key, draw_constants, stream_number
 from uq.sources.random_normals import normals_of_keys
-from uq.sources.source import Mixing, Source, block_key, draw_constants, stream_number
+from uq.sources.source import Source
 from uq.trials.trial import TrialEstimates, valid_samples
 
 REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
@@ -74,7 +75,7 @@ def collapse(
     variants = list(dict.fromkeys([(), *acting]))
     squares = {source.name: np.broadcast_to(np.square(np.asarray(source.sigma, float)), 3) for source in gyro}
     variances = np.array([sum((squares[name] for name in names), np.zeros(3)) for names in variants])
-    white = [source for source in sources if source.kind == "precision"]
+    white = [source for source in sources if source.white]
     means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
                                     [e.taps for e in estimators], variances)  # fmt: skip
     own = _own(len(estimators))
@@ -91,13 +92,13 @@ def _check(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[Source]:
     Raises:
         ExperimentError: a source whose effect the sums' moments do not tell.
     """
-    white = [source for source in sources if source.kind == "precision"]
+    white = [source for source in sources if source.white]
     other = [source.name for source in white if not isinstance(source.shape, Normal)]
     columns = Columns.of(sources)
     if other or perturbed(sources) & OF_THE_GYRO or columns.time or columns.motion:
         what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
         raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
-    gyro = [source for source in white if source.target == "omega"]
+    gyro = [source for source in white if source.of_gyro]
     if any(set(mix.names) & {source.name for source in gyro} for mix in mixing):
         raise ExperimentError(f"{REFUSED}, since the gyro's noise is correlated: {INSTEAD}")
     return gyro
@@ -126,10 +127,9 @@ def _means_and_roots(
 
 def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Case) -> Float[np.ndarray, "6 6"]:
     """The covariance of what the case's sources add to one sample of force and moment."""
-    active = [source for source in white if source.target in ("F", "M") and source.name in case.sources]
+    active = [source for source in white if not source.of_gyro and source.name in case.sources]
     total = np.zeros((6, 6))
-    spreads = {s.name: np.eye(6)[:, 0:3] if s.target == "F" else np.eye(6)[:, 3:6] for s in active}
-    spreads = {s.name: spreads[s.name] * np.asarray(s.sigma)[None] for s in active}
+    spreads = {s.name: np.eye(6, 3, -CELL_CHANNELS[s.target]) * np.asarray(s.sigma)[None] for s in active}
     for source in active:
         total += spreads[source.name] @ spreads[source.name].T
     for mix in mixing:
@@ -174,10 +174,10 @@ def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " tria
         draws = draw_constants(setup.sources, setup.mixing, key, index, float)
         return errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
 
-    white = [source for source in setup.sources if source.kind == "precision"]
+    white = [source for source in setup.sources if source.white]
     normal = []
-    for targets, shape in ((("omega",), setup.root.shape[-1:]), (("F", "M"), (setup.estimators, 6))):
-        first = [source for source in white if source.target in targets][:1]
+    for of_gyro, shape in ((True, setup.root.shape[-1:]), (False, (setup.estimators, 6))):
+        first = [source for source in white if source.of_gyro is of_gyro][:1]
         keys = [jax.vmap(lambda i, s=s: block_key(stream_number(s.name), key, i, 0))(indices) for s in first]
         drawn = normals_of_keys(keys[0], math.prod(shape)) if keys else jnp.zeros((math.prod(shape), len(indices)))
         normal.append(drawn.reshape(*shape, -1))
@@ -199,9 +199,9 @@ def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
     found: dict[_Kind, list[int]] = {}
     for number, case in enumerate(setup.cases):
         acting = [source for source in setup.sources if source.name in case.sources]
-        moving = any(source.target == "omega" for source in acting)
-        noisy = any(s.kind == "precision" for s in acting) and "r_cg" in perturbed(acting)
-        cell = any(s.kind == "precision" and s.target != "omega" for s in (acting if moving else setup.sources))
+        moving = any(source.of_gyro for source in acting)
+        noisy = any(s.white for s in acting) and "r_cg" in perturbed(acting)
+        cell = any(s.white and not s.of_gyro for s in (acting if moving else setup.sources))
         found.setdefault(_Kind(moving, cell, moving or noisy), []).append(number)
     return found
 

@@ -15,7 +15,8 @@ from identify.rigid_body.inertia import Body
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Platform
 from uq.gram_sums.setup import Estimator, Sampling, Setup
-from uq.sources.source import Mixing, Source
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
 from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trials
 from uq.trials.samplewise import SampledSetup, needs_samples, prepare_samples, sampled_trial
 from uq.trials.trial import TrialEstimates, prepare, trials

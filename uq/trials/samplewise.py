@@ -6,8 +6,8 @@ angular velocity is that of an earlier instant (delay); the range ends (saturati
 (quantisation).
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,8 +23,8 @@ from identify.signals.differentiate import derivative
 from uq.gram_sums.error_maps import Columns, Platform, gyro_map
 from uq.gram_sums.setup import Case, Estimator, cases_of
 from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
-from uq.sources.flicker_noise import draw_coloured
-from uq.sources.source import BLOCK, SIGNALS, Mixing, Source, draw_blocks, draw_constants, noise_streams
+from uq.sources.draws import BLOCK, Mixing, draw_blocks, draw_constants, noise_streams
+from uq.sources.source import Source
 from uq.trials.trial import TrialEstimates
 
 
@@ -64,11 +64,9 @@ class Record(NamedTuple):
 
 def needs_samples(sources: Sequence[Source], mixing: Sequence[Mixing]) -> bool:
     """Whether sums do not tell what these sources do: the signals must be computed sample by sample."""
-    gyro, cell = (
-        {s.name for s in sources if s.kind == "precision" and (s.target == "omega") is which} for which in (True, False)
-    )
+    gyro, cell = ({s.name for s in sources if s.white and s.of_gyro is which} for which in (True, False))
     crossed = any(gyro & set(mix.names) and cell & set(mix.names) for mix in mixing)
-    return crossed or any(s.kind in ("delay", "coloured", "saturation", "quantisation") for s in sources)
+    return crossed or any(s.error_kind.needs_samples for s in sources)
 
 
 def prepare_samples(
@@ -94,14 +92,14 @@ def sampled_trial(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""
     """Run one trial; see :func:`uq.trials.trial.trial`."""
     draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
     errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
-    noise = draw_noise(setup, key, index)
+    drawn = draws | draw_noise(setup, key, index)
     acting = jnp.asarray([[s.name in case.sources for s in setup.sources] for case in setup.cases]).reshape(
         len(setup.cases), len(setup.sources)
     )
 
     def of_case(one):
         errors, acting = one
-        record = sensed(setup, smooth_signals(setup, errors), noise, acting)
+        record = sensed(setup, smooth_signals(setup, errors), drawn, acting)
         sums = [record_sums(setup, record, estimator) for estimator in setup.estimators]
         return [solve(of, setup.body.r_cg_from_q + errors.r_cg) for of in sums]
 
@@ -122,40 +120,39 @@ def smooth_signals(setup: SampledSetup, errors: Errors) -> Record:
 def draw_noise(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) -> dict[str, Float[Array, "3 n"]]:
     """Return the noise of every noise source of a trial, by name."""
     n = len(setup.t)
-    white = [source for source in setup.sources if source.kind == "precision"]
+    white = [source for source in setup.sources if source.white]
     streams = noise_streams(white, key, index)
     draw = lambda block: draw_blocks(white, setup.mixing, streams, block, setup.dtype)  # noqa: E731
     blocks = jax.lax.map(draw, jnp.arange(-(-n // BLOCK)))
     noise = {s.name: b.swapaxes(0, 1).reshape(3, -1)[:, :n] for s, b in zip(white, blocks, strict=True)}
-    coloured = [source for source in setup.sources if source.kind == "coloured"]
-    return noise | {s.name: draw_coloured(s, key, index, n, setup.rate, setup.dtype) for s in coloured}
+    others = [source for source in setup.sources if source.noise and not source.white]
+    drawn = {s.name: s.error_kind.noise_samples(s, key, index, n, setup.rate, setup.dtype) for s in others}
+    return noise | drawn
 
 
-def sensed(setup: SampledSetup, signals: Record, noise: dict[str, Array], acting) -> Record:
-    """Add noise to signals, end their range, round them to their resolution; ``acting``: which sources do."""
-    smooth = {"F": signals.wrench[:3], "M": signals.wrench[3:], "omega": signals.omega}
-    said = {}
-    for target in SIGNALS:
-        signal = smooth[target].astype(setup.dtype)
-        limit, step = jnp.full((3, 1), jnp.inf, signal.dtype), jnp.zeros((3, 1), signal.dtype)
-        for on, source in zip(acting, setup.sources, strict=True):
-            if source.target == target and source.noise:
-                signal = signal + jnp.where(on, noise[source.name], 0)
-            if source.target == target and source.kind == "saturation":
-                limit = jnp.where(on, jnp.minimum(limit, _column(source.settings["limit"], signal)), limit)
-            if source.target == target and source.kind == "quantisation":
-                step = jnp.where(on, jnp.maximum(step, _column(source.settings["step"], signal)), step)
-        said[target] = quantised(jnp.clip(signal, -limit, limit), step)
-    return Record(jnp.concatenate([said["F"], said["M"]]), said["omega"])
+def sensed(setup: SampledSetup, signals: Record, draws: Mapping[str, Array], acting: Sequence[Any] | Array) -> Record:
+    """Add noise to signals, then let every kind that has a stage in the sensors' chain act on them.
 
-
-def _column(values, signal: Array) -> Array:
-    return jnp.asarray(values, signal.dtype)[:, None]
-
-
-def quantised(signal: Float[Array, "3 n"], step: Float[Array, "3 1"]) -> Float[Array, "3 n"]:
-    """Round to the nearest multiple of a step; zero leaves the signal as it is."""
-    return jnp.where(step > 0, step * jnp.round(signal / jnp.where(step > 0, step, 1)), signal)
+    Args:
+        setup: of the trial.
+        signals: smooth.
+        draws: what constant sources drew, and the noise of the others, by name.
+        acting: of each source, whether it acts.
+    """
+    smooth = (signals.wrench[:3], signals.wrench[3:], signals.omega)
+    read = []
+    for number, signal in enumerate(smooth):
+        signal = signal.astype(setup.dtype)
+        here = [(s, acts) for s, acts in zip(setup.sources, acting, strict=True) if s.signal == number]
+        for source, acts in here:
+            if source.noise:
+                signal = signal + jnp.where(acts, draws[source.name], 0)
+        kinds = {source.error_kind for source, _ in here if source.error_kind.stage is not None}
+        for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.name)):
+            members, on = zip(*((s, acts) for s, acts in here if s.error_kind is kind), strict=True)
+            signal = kind.sensed(signal, members, on, draws)
+        read.append(signal)
+    return Record(jnp.concatenate(read[:2]), read[2])
 
 
 def record_sums(setup: SampledSetup, record: Record, estimator: Estimator) -> Sums:

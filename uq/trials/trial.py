@@ -37,8 +37,9 @@ from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, Platform, changes_of_e
 from uq.gram_sums.setup import SHARED, Estimator, Sampling, Setup, Signals, cases_of, noisy_count
 from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
 from uq.sources.distributions import Normal
+from uq.sources.draws import BLOCK, Mixing, draw_constants, draw_pairs, draw_sums, noise_streams
 from uq.sources.random_normals import joined
-from uq.sources.source import BLOCK, Mixing, Source, draw_constants, draw_pairs, draw_sums, noise_streams
+from uq.sources.source import Source
 
 
 class TrialEstimates(NamedTuple):
@@ -166,9 +167,9 @@ class _Plan(NamedTuple):
 
 
 def _plan(setup: Setup) -> _Plan:
-    precision = [source for source in setup.sources if source.kind == "precision"]
-    gyro = tuple(source for source in precision if source.target == "omega")
-    cell = [source for source in precision if source.target in ("F", "M")]
+    white = [source for source in setup.sources if source.white]
+    gyro = tuple(source for source in white if source.of_gyro)
+    cell = [source for source in white if not source.of_gyro]
     in_sums = [setup.sampling == "conditioned" and isinstance(source.shape, Normal) for source in cell]
     names = frozenset(source.name for source in gyro)
     variants = dict.fromkeys(active for case in setup.cases if (active := case.sources & names))
@@ -294,7 +295,7 @@ def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
 def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
     """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
     cell, gyro = (*plan.sampled, *plan.conditioned), frozenset(source.name for source in plan.gyro)
-    on = [[[float(s.name in case.sources and s.target == t) for t in "FM"] for s in cell] for case in setup.cases]
+    on = [[[float(s.name in case.sources and s.signal == k) for k in (0, 1)] for s in cell] for case in setup.cases]
     variant = np.array([(frozenset(), *plan.variants).index(case.sources & gyro) for case in setup.cases])
 
     def of_case(errors, on, sums):

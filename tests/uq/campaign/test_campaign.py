@@ -17,7 +17,7 @@ from uq.campaign.campaign import Statistics, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_setup, true_motion, true_motions
 from uq.experiment.experiment import ExperimentError
-from uq.sources.source import draw_bias, draw_block
+from uq.sources.draws import draw_bias, draw_block
 from uq.trials import trial_loop
 from uq.trials.engines import run_trials
 from uq.trials.trial import trial

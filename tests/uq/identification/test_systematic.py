@@ -32,7 +32,7 @@ def only(experiment, *sources):
 def constant():
     """An experiment with one of every constant error that a recorded run does not hold already."""
     experiment = Experiment.load(DOCS / "many-errors.toml")
-    return only(experiment, *(s for s in experiment.sources if s.constant and s.target not in HELD))
+    return only(experiment, *(s for s in experiment.sources if s.constant and s.perturbs not in HELD))
 
 
 @pytest.fixture(scope="module")

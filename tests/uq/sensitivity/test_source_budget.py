@@ -23,7 +23,8 @@ from uq.report.report_files import files, report
 from uq.sensitivity import budget_figures as budget_plot
 from uq.sensitivity.budget_shares import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
-from uq.sources.source import Mixing, Source
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
 from uq.trials.engines import run_trials
 
 LINEAR = ("F_precision", "F_bias", "M_precision", "M_bias", "r_cg")

@@ -10,7 +10,7 @@ from scipy import stats
 
 from tests.source_lab import experiment, simulated, source
 from uq.campaign.simulation import simulate
-from uq.sources.source import draw_constants
+from uq.sources.draws import draw_constants
 
 
 def drawn(e, n=3000):

@@ -15,7 +15,7 @@ from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
 from uq.gram_sums.setup import Setup
 from uq.sources.constant_errors import errors_of, errors_of_cases
-from uq.sources.source import draw_constants
+from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
 from uq.trials.engines import any_trial
 from uq.trials.samplewise import SampledSetup, prepare_samples, smooth_signals
@@ -332,7 +332,7 @@ def test_saturation_ends_the_range_and_quantisation_rounds():
         e, np.hstack([wrench[:, :3], step * np.round(wrench[:, 3:] / step)]), omega, e.r_cg_from_q, "central"
     )
     np.testing.assert_allclose(estimates(e)["source:step"][0], of_step, atol=1e-12)
-    assert not any(s.smooth for s in e.sources)
+    assert not any(s.drawn for s in e.sources)
 
 
 def test_quantisation_of_a_moving_signal_is_rectangular_noise():
@@ -369,4 +369,4 @@ def test_signals_are_smooth_in_the_draws():
         slope = jax.jvp(record, (point,), (direction,))[1]
         for one, two, by in zip(ahead, behind, slope, strict=True):
             np.testing.assert_allclose(by, (one - two) / (2 * step), atol=1e-6 * float(jnp.abs(by).max()))
-    assert all(s.smooth for s in e.sources)
+    assert all(s.drawn for s in e.sources)

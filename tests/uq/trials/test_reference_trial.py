@@ -14,7 +14,7 @@ from uq.campaign.campaign import montecarlo
 from uq.campaign.statistics import Statistics
 from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
 from uq.propagation.experiment_law import law
-from uq.sources.source import draw_constants
+from uq.sources.draws import draw_constants
 from uq.trials.engines import any_trial
 from uq.trials.samplewise import draw_noise, prepare_samples
 

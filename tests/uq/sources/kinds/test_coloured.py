@@ -10,8 +10,8 @@ import pytest
 
 from tests.source_lab import experiment, simulated, source
 from uq.campaign.simulation import simulate
-from uq.sources.flicker_noise import draw_coloured, pink
-from uq.sources.source import draw_block
+from uq.sources.draws import draw_block
+from uq.sources.kinds.coloured import pink
 
 RATE, SAMPLES = 100.0, 200_000
 
@@ -26,7 +26,7 @@ def allan_deviation(signal, taus):
 
 @eqx.filter_jit
 def draw(source, key, trial, n):
-    return draw_coloured(source, key, trial, n, jnp.asarray(RATE), jnp.dtype(float))
+    return source.error_kind.noise_samples(source, key, trial, n, jnp.asarray(RATE), jnp.dtype(float))
 
 
 def drawn(source, seed, trial, n):

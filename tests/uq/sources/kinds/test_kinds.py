@@ -1,0 +1,106 @@
+"""Kinds of error: each says what it does; nothing outside their folder asks which kind or target a source is of."""
+
+import ast
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import uq
+from uq.sources.constant_errors import Errors, effect, no_errors, perturbed
+from uq.sources.source import KINDS, SENSOR, SIGNALS, ErrorKind, SignalRange, Source, kind_of
+
+ROOT = Path(uq.__file__).parent
+CONSTANT = [pair for pair, kind in KINDS.items() if kind.constant]
+
+
+def of_kind(target, name, sigma=1.0):
+    kind = kind_of(target, name)
+    settings = {"centre": np.array([1.0, 2.0, 3.0]), "radii_of_gyration": np.array([1.0, 2.0, 3.0])}
+    return Source("s", target, name, "g", np.full(kind.shape, sigma), settings=settings)
+
+
+@pytest.mark.parametrize(("target", "name"), KINDS)
+def test_a_kind_is_complete(target, name):
+    kind = kind_of(target, name)
+    assert not (kind.constant and kind.noise)
+    assert kind.noise or not kind.white
+    assert kind.constant == bool(kind.perturbs)
+    assert set(kind.perturbs.values()) <= set(Errors._fields)
+    assert target in SIGNALS or not (kind.noise or kind.stage is not None)
+    assert kind.needs_samples or not (kind.stage is not None or (kind.noise and not kind.white))
+    assert type(kind).__doc__
+
+
+@pytest.mark.parametrize(("target", "name"), CONSTANT)
+def test_a_constant_sets_one_field_linearly(target, name):
+    """Twice the draw is twice the error, of one field alone, which is the one that the kind names."""
+    source = of_kind(target, name)
+    draw = jnp.arange(1.0, 1 + np.size(source.sigma)).reshape(np.shape(source.sigma))
+    once, twice = effect(source, draw), effect(source, 2 * draw)
+    jax.tree.map(lambda one, two: np.testing.assert_allclose(two, 2 * one, rtol=1e-15), once, twice)
+    assert {f for f in Errors._fields if np.any(getattr(once, f))} == {source.perturbs} == perturbed([source])
+    for field, empty in zip(Errors._fields, no_errors(), strict=True):
+        assert getattr(once, field).shape == empty.shape
+
+
+@pytest.mark.parametrize("what", ["bias", "drift", "scale"])
+def test_force_and_moment_have_their_own_channels(what):
+    of = {target: getattr(effect(of_kind(target, what), jnp.array([1.0, 2.0, 3.0])), f"cell_{what}") for target in "FM"}
+    np.testing.assert_array_equal(of["F"], [1, 2, 3, 0, 0, 0])
+    np.testing.assert_array_equal(of["M"], [0, 0, 0, 1, 2, 3])
+
+
+def test_half_the_size_is_half_the_figures_that_are_sizes():
+    step = Source("s", "F", "quantisation", "g", np.zeros(0), settings={"step": np.ones(3)})
+    end = Source("s", "F", "saturation", "g", np.zeros(0), settings={"limit": np.ones(3)})
+    np.testing.assert_array_equal(step.error_kind.resized(step, 0.5).settings["step"], 0.5)
+    np.testing.assert_array_equal(end.error_kind.resized(end, 0.5).settings["limit"], 1)  # half a range errs more
+    air = of_kind("displaced_air", "bias")
+    np.testing.assert_array_equal(air.error_kind.resized(air, 0.5).settings["centre"], [1, 2, 3])
+
+
+def test_a_kind_cannot_be_changed_and_an_unknown_one_is_refused():
+    with pytest.raises(TypeError):
+        kind_of("F", "bias").targets["x"] = "m"
+    with pytest.raises(AttributeError):
+        kind_of("F", "bias").constant = False
+    with pytest.raises(ValueError, match="Argument `kind` must be a kind of error on F, but is 'wobble'"):
+        Source("s", "F", "wobble", "g", np.ones(3)).constant  # noqa: B018
+    assert set(SENSOR) >= set(SIGNALS)
+
+
+def test_a_kind_that_says_nothing_of_the_law_is_refused_by_it():
+    class Rattle(ErrorKind):
+        stage = 5
+
+    class Hum(ErrorKind):
+        noise = True
+
+    source, signal = of_kind("F", "bias"), SignalRange(np.ones(3), np.ones(3), np.ones(3), correlated=False)
+    assert "every sample" in Rattle().beyond_the_law(source, signal)
+    assert "not white" in Hum().beyond_the_law(source, signal)
+
+
+def test_no_comparison_of_kind_or_target_stands_outside_the_kinds():
+    """What a source is of is asked of its kind: no ``kind ==``, ``target in`` … elsewhere in the package."""
+    switches = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in ROOT.rglob("*.py")
+        if ROOT / "sources" / "kinds" not in path.parents
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Compare) and _is_a_switch(node)
+    ]
+    assert not switches
+
+
+def _is_a_switch(compare):
+    """Whether a kind or a target is compared; with words that no source's kind or target is, it is another's."""
+    if not all(isinstance(operator, ast.Eq | ast.NotEq | ast.In | ast.NotIn) for operator in compare.ops):
+        return False
+    operands = [item for one in (compare.left, *compare.comparators) for item in getattr(one, "elts", [one])]
+    asked = [one for one in operands if getattr(one, "attr", getattr(one, "id", None)) in ("kind", "target")]
+    words = {one.value for one in operands if isinstance(one, ast.Constant)}
+    return bool(asked) and (not words or bool(words & {word for pair in KINDS for word in pair}))

@@ -1,0 +1,160 @@
+"""Draws of error sources.
+
+A draw depends on (seed, source name, trial, block) alone: never on the batch size, the number of devices, the other
+sources, or where a run was resumed; but sources declared correlated are drawn together.
+"""
+
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float, Inexact, Key
+
+from uq.sources.distributions import Empirical, Normal
+from uq.sources.random_normals import Index, in_order, normal_pairs, normals
+from uq.sources.source import Source
+
+BLOCK = 1200
+"""Samples in a block of draws; always this, since the draws depend on it."""
+
+
+class Mixing(eqx.Module):
+    """Normal sources that are correlated: axes of one, or several."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    axes: tuple[int, ...] = eqx.field(static=True)
+    """How many numbers each source draws."""
+    correlation: Float[Array | np.ndarray, "k k"]
+    """Between all these numbers, in the order of the names."""
+
+    def mixed(self, drawn: Mapping[str, Inexact[Array, "..."]]) -> dict[str, Inexact[Array, "..."]]:
+        """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are.
+
+        Two draws may come in a complex number's parts.
+        """
+        here = [name for name in self.names if name in drawn]
+        if not here:
+            return dict(drawn)
+        rows = [drawn[name].reshape(axes, -1) for name, axes in zip(self.names, self.axes, strict=True) if name in here]
+        joint = self._root(here).astype(rows[0].dtype) @ jnp.concatenate(rows)
+        parts = jnp.split(joint, np.cumsum([len(row) for row in rows])[:-1])
+        return {**drawn, **{name: part.reshape(drawn[name].shape) for name, part in zip(here, parts, strict=True)}}
+
+    def _root(self, here: Sequence[str]) -> Float[Array, "k k"]:
+        """The triangular root of the correlations of those that are here; nearly so if some go together wholly."""
+        ends = np.cumsum(self.axes)
+        kept = [np.arange(e - n, e) for name, n, e in zip(self.names, self.axes, ends, strict=True) if name in here]
+        index = np.concatenate(kept)
+        small = 16 * float(jnp.finfo(float).eps)
+        root = jnp.linalg.cholesky(jnp.asarray(self.correlation)[np.ix_(index, index)] + small * jnp.eye(len(index)))
+        return root / jnp.linalg.norm(root, axis=1, keepdims=True)
+
+
+def mixed(drawn: dict[str, Array], mixing: Sequence[Mixing]) -> dict[str, Array]:
+    """Return draws by name, correlated as declared."""
+    for mix in mixing:
+        drawn = mix.mixed(drawn)
+    return drawn
+
+
+def stream_number(name: str) -> int:
+    """Return the number of a source's random stream: a hash of its name that never changes (CRC-32)."""
+    return zlib.crc32(name.encode())
+
+
+def block_key(number: Index | Array, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
+    """Return the key of one block of a trial, in the stream of this number: seed, stream, trial, block folded in."""
+    return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, number), trial), block)
+
+
+def draw_constants(
+    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, dtype: Any
+) -> dict[str, Float[Array, "..."]]:
+    """Return the one draw of each constant source of a trial, in SI, by name."""
+    constant = [source for source in sources if source.constant]
+    drawn: dict[str, Array] = {}
+    for alike in _alike(constant):  # drawn in one go: the same numbers as one by one, compiled once
+        numbers = jnp.asarray([stream_number(s.name) for s in alike], jnp.uint32)
+        keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
+        values = jax.vmap(lambda one, s=alike[0]: s.shape.draw(one, np.shape(s.sigma), dtype))(keys)
+        drawn |= {source.name: value for source, value in zip(alike, values, strict=True)}
+    drawn = mixed(drawn, mixing)
+    return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
+
+
+def _alike(sources: Sequence[Source]) -> list[list[Source]]:
+    """Sources whose draws have one distribution and one shape, together."""
+    groups: dict[Any, list[Source]] = {}
+    for source in sources:
+        figures = jax.tree.leaves(source.shape)
+        same = tuple(figures) if all(isinstance(figure, float) for figure in figures) else source.name
+        groups.setdefault((type(source.shape), same, np.shape(source.sigma)), []).append(source)
+    return list(groups.values())
+
+
+def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> Float[Array, "..."]:
+    """Return the one draw of a constant source that is correlated with no other."""
+    return draw_constants([source], (), key, trial, dtype)[source.name]
+
+
+def noise_streams(sources: Sequence[Source], key: Key[Array, ""], trial: Index) -> list[Key[Array, ""]]:
+    """Return the key of each source's noise in a trial: to be derived once, not for every block."""
+    return [jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial) for source in sources]
+
+
+def draw_pairs(
+    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
+) -> list[Complex[Array, "3 600"]]:
+    """Return the draws of precision sources for one block of samples of a trial, component first, as complex numbers.
+
+    Real parts are the first half of the block, imaginary parts the second: what the generator makes, not yet in order.
+    """
+    pairs = {s.name: _standard_pairs(s, one, block, dtype) for s, one in zip(sources, streams, strict=True)}
+    drawn = mixed(pairs, mixing)
+    return [_scaled(drawn[s.name], s.sigma) for s in sources]
+
+
+def draw_blocks(
+    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
+) -> list[Float[Array, "3 1200"]]:
+    """Return the draws of precision sources for one block of samples of a trial, component first."""
+    return [in_order(pairs) for pairs in draw_pairs(sources, mixing, streams, block, dtype)]
+
+
+def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 1200"]:
+    """Return one block of a precision source that is correlated with no other."""
+    return draw_blocks([source], (), noise_streams([source], key, trial), block, dtype)[0]
+
+
+def _standard_pairs(source: Source, stream: Key[Array, ""], block: Index, dtype: Any) -> Complex[Array, "3 600"]:
+    if not isinstance(source.shape, Normal):
+        drawn = _standard_block(source, jax.random.fold_in(stream, block), dtype)
+        return jax.lax.complex(drawn[:, : BLOCK // 2], drawn[:, BLOCK // 2 :])
+    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, BLOCK // 2), axis) for axis in (0, 1))
+    pairs = normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + column, dtype)
+    mean = jnp.broadcast_to(jnp.asarray(source.shape.mean, dtype), (3,))[:, None]
+    return _scaled(pairs, source.shape.standard_deviation) + jax.lax.complex(mean, mean)
+
+
+def _scaled(pairs: Complex[Array, "3 n"], by: Any) -> Complex[Array, "3 n"]:
+    factor = jnp.broadcast_to(jnp.asarray(by, pairs.real.dtype), (3,))[:, None]
+    return jax.lax.complex(factor * pairs.real, factor * pairs.imag)
+
+
+def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Array, "3 1200"]:
+    if isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2:  # rows: axes that go together
+        return source.shape.draw(key, (BLOCK, 3), dtype).T
+    return source.shape.draw(key, (3, BLOCK), dtype)
+
+
+def draw_sums(
+    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, size: int
+) -> list[Float[Array, "{size} 3"]]:
+    """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
+    keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
+    drawn = mixed({name: normals(one, (size, 3), jnp.result_type(float)).T for name, one in keys.items()}, mixing)
+    return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

@@ -1,0 +1,64 @@
+"""Quantisation: a sensor's finite resolution."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from uq.files.document import Table
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
+from uq.sources.source_figures import above_zero
+
+ENOUGH_STEPS = 1.0
+"""Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
+
+
+class Quantisation(ErrorKind):
+    """Rounds a signal to the nearest multiple of ``step``; nothing is drawn."""
+
+    name = "quantisation"
+    targets = SIGNAL_UNITS
+    needs_samples = True
+    averages_out = True
+    sizes = ("step",)
+    stage = 20
+
+    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+        """Return the steps."""
+        return {"step": above_zero(table, "step", table.vector("step", self.targets[target]))}
+
+    def sensed(
+        self,
+        signal: Float[Array, "3 n"],
+        sources: Sequence[Source],
+        acting: Sequence[Any],
+        draws: Mapping[str, Array],
+    ) -> Float[Array, "3 n"]:
+        """Return the signal, rounded to the coarsest of the steps."""
+        step = jnp.zeros((3, 1), signal.dtype)
+        for source, acts in zip(sources, acting, strict=True):
+            own = jnp.asarray(source.settings["step"], signal.dtype)[:, None]
+            step = jnp.where(acts, jnp.maximum(step, own), step)
+        return quantised(signal, step)
+
+    def white_variance(self, source: Source, rate: float) -> np.ndarray:
+        """Return that of an error between plus and minus half a step: step²/12."""
+        return np.square(source.settings["step"]) / 12
+
+    def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
+        """Return that a signal that moves by less than a step between two samples is rounded alike for long."""
+        step = np.asarray(source.settings["step"])
+        if not np.any(step * ENOUGH_STEPS > signal.moves):
+            return None
+        axis = int(np.argmax(step / np.maximum(signal.moves, 1e-300)))
+        return (
+            f"rounds axis {axis + 1} to {step[axis]:g}, but from sample to sample it moves by "
+            f"{signal.moves[axis]:.2g} only, so that the rounding is no white noise"
+        )
+
+
+def quantised(signal: Float[Array, "3 n"], step: Float[Array, "3 1"]) -> Float[Array, "3 n"]:
+    """Round to the nearest multiple of a step; zero leaves the signal as it is."""
+    return jnp.where(step > 0, step * jnp.round(signal / jnp.where(step > 0, step, 1)), signal)
