@@ -1,6 +1,6 @@
 """Inertial parameters as files for simulators, ROS and robot controllers."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,23 +11,10 @@ from identify.exceptions import RunError
 from identify.reporting import Result, Section
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.text_tables import Table
-from uq.bodies import robot_loads as export_loads
-from uq.bodies import simulator_models as export_models
+from uq.bodies.export_formats import ExportFormat, export_format, names
 from uq.bodies.exported_body import ExportedBody, principal_axes
 from uq.files.document import ExperimentError
 
-FORMATS: Mapping[str, tuple[str, Callable[[ExportedBody], str], str]] = {
-    "urdf": ("body.urdf", export_models.urdf, "URDF, a robot of one link"),
-    "mjcf": ("body.xml", export_models.mjcf, "MuJoCo's MJCF, a free body"),
-    "sdf": ("body.sdf", export_models.sdf, "SDFormat, a model of one link"),
-    "json": ("body.json", export_models.json_, "JSON with covariance and provenance"),
-    "ros": ("body.yaml", export_models.ros, "geometry_msgs/Inertia as YAML"),
-    "kuka": ("body.kuka.dat", export_loads.kuka, "KUKA load data (KRL)"),
-    "abb": ("body.abb.mod", export_loads.abb, "ABB loaddata (RAPID)"),
-    "ur": ("body.ur.script", export_loads.ur, "Universal Robots payload (URScript)"),
-    "franka": ("body.franka.yaml", export_loads.franka, "Franka load (franka_msgs/SetLoad)"),
-}
-"""File, writer and description of each format."""
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
 
@@ -41,7 +28,7 @@ class Exported(Result):
 
     contents: Mapping[str, str]
     """Text by file name."""
-    formats: tuple[str, ...]
+    formats: Mapping[str, ExportFormat]
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "export"
@@ -62,7 +49,7 @@ class Exported(Result):
 
     def tables(self) -> list[Table]:
         """Return the files by format."""
-        rows = [[name, FORMATS[name][0], FORMATS[name][2]] for name in self.formats]
+        rows = [[name, of.file, of.description] for name, of in self.formats.items()]
         return [Table("Exported files", ["format", "file", "what"], rows)]
 
     def overview(self) -> list[Table]:
@@ -79,7 +66,7 @@ class Exported(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: the files by format."""
-        return {one: FORMATS[one][0] for one in self.formats}
+        return {name: of.file for name, of in self.formats.items()}
 
 
 def export(result: Any, formats: str | Sequence[str], folder: str | Path | None = None) -> Exported:
@@ -90,7 +77,7 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
 
     Args:
         result: an :class:`identify.Identification`, or :class:`identify.InertialParameters`.
-        formats: names out of ``FORMATS``, or one string of them with commas.
+        formats: names of :mod:`uq.bodies.export_formats`, or one string of them with commas.
         folder: where to write them, all or none; None: they are only made.
 
     Raises:
@@ -98,9 +85,9 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
         RunError: the mass is not known, or no body has this tensor.
         OSError: the folder cannot be written.
     """
-    wanted = formats_of(formats)
+    wanted = {name: export_format(name) for name in formats_of(formats)}
     body, warnings = _body(result)
-    contents = {FORMATS[one][0]: FORMATS[one][1](body) for one in wanted}
+    contents = {of.file: of.text(body) for of in wanted.values()}
     made = Exported(contents, wanted, warnings, getattr(result, "provenance", {}))
     if folder is not None:
         made.write(folder)
@@ -128,9 +115,8 @@ def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
     """
     given = formats.split(",") if isinstance(formats, str) else formats
     wanted = tuple(dict.fromkeys(one.strip() for one in given))
-    for one in wanted or ("",):
-        if one not in FORMATS:
-            raise ExperimentError(f"unknown export format '{one}': choose of {', '.join(FORMATS)}")
+    if unknown := [name for name in wanted or ("",) if name not in names()]:
+        raise ExperimentError(f"unknown export format '{unknown[0]}': choose of {', '.join(names())}")
     return wanted
 
 

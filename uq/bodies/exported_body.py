@@ -1,9 +1,16 @@
-"""What every export format is written from: mass, centre of gravity, tensor, and what stands in its comments."""
+"""What every export format is written from: mass, centre of gravity, tensor, and what stands in its comments.
+
+All formats take the tensor about the centre of gravity, with the tensor's own entries off the diagonal (no integral's
+sign), in kg, m and kg·m² unless a format says otherwise; principal moments come with right-handed axes.
+"""
 
 from dataclasses import dataclass, field
 from itertools import permutations
 
 import numpy as np
+
+MILLIMETRE = 1e3
+"""mm in a metre."""
 
 
 @dataclass(frozen=True)
@@ -65,3 +72,15 @@ def number(value: float) -> str:
 def numbers(values: np.ndarray, between: str = " ") -> str:
     """Return several numbers in a row."""
     return between.join(map(number, np.ravel(values)))
+
+
+def commented(body: ExportedBody, mark: str) -> list[str]:
+    """Return the body's notes as comment lines."""
+    return [f"{mark}{note}" for note in body.notes]
+
+
+def xml_document(body: ExportedBody, *lines: str) -> str:
+    """Return an XML file of these lines, the body's notes in a comment before them."""
+    notes = [f"     {note.replace('--', '- -').rstrip('-')}" for note in body.notes]
+    comment = ["<!--", *notes, "-->"] if notes else []
+    return "\n".join(['<?xml version="1.0"?>', *comment, *lines, ""])

@@ -4,8 +4,9 @@ import argparse
 from typing import get_args
 
 from identify.results.identification_result import Method
+from uq.bodies import export_formats
 from uq.bodies.comparison import compare
-from uq.bodies.export import FORMATS, export, formats_of
+from uq.bodies.export import export, formats_of
 from uq.bodies.reference import load_reference
 from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
@@ -55,7 +56,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_window_options(parser)
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
-    parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {', '.join(FORMATS)}")
+    formats = ", ".join(export_formats.names())
+    parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {formats}")
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 

@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from identify import RunError
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from uq import ExperimentError, export
-from uq.bodies.export import FORMATS
+from uq.bodies.export_formats import export_format, names
+from uq.bodies.export_formats.kuka import turns_zyx
 from uq.bodies.exported_body import ExportedBody
-from uq.bodies.robot_loads import turns_zyx
 
 RTOL = 1e-9
 """Numbers are written with all their digits; MuJoCo diagonalises the tensor."""
@@ -85,7 +85,7 @@ def test_mujoco_reports_the_same(one, name):
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])
 def test_pinocchio_reports_the_same(one, name, tmp_path):
     export(one, name, tmp_path)
-    path = str(tmp_path / FORMATS[name][0])
+    path = str(tmp_path / export_format(name).file)
     if name == "urdf":
         model = pinocchio.buildModelFromUrdf(path, pinocchio.JointModelFreeFlyer())
     else:
@@ -202,7 +202,7 @@ def result(parameters, **more):
     return SimpleNamespace(parameters=parameters, runs=runs, provenance={}, **more)
 
 
-@pytest.mark.parametrize("name", [name for name in FORMATS if name != "json"])
+@pytest.mark.parametrize("name", [name for name in names() if name != "json"])
 def test_uncertainty_and_provenance_stand_in_a_comment(name):
     content = text(result(BODIES["general"]), name)
     assert "0123abcd" * 8 in content
@@ -247,14 +247,14 @@ def test_an_admissible_fit_is_exported_with_a_warning():
 
 
 def test_all_files_or_none(tmp_path, monkeypatch):
-    made = export(BODIES["general"], list(FORMATS), tmp_path)
+    made = export(BODIES["general"], names(), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(made.contents)
     assert made.to_dict()["urdf"] == "body.urdf"
     monkeypatch.setattr(
         "uq.files.output_folder._write", lambda path, data: (_ for _ in ()).throw(OSError(28, "disk full"))
     )
     with pytest.raises(OSError, match="disk full"):
-        export(BODIES["diagonal"], list(FORMATS), tmp_path)
+        export(BODIES["diagonal"], names(), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(made.contents)
     assert (tmp_path / "body.urdf").read_text() == made.contents["body.urdf"]
 
@@ -269,7 +269,7 @@ def test_all_files_or_none(tmp_path, monkeypatch):
         (body([0.1, 0, 0, 0.2, 0, 0.2], mass=0.0), "urdf", "mass is not known"),
         (body([np.nan, 0, 0, 0.2, 0, 0.2]), "urdf", "not finite"),
         (body([0.1, 0, 0, 0.2, 0, 0.2], r_cg=(0, np.nan, 0)), "urdf", "not finite"),
-        (BODIES["general"], "urdf,stl", "unknown export format 'stl': choose of urdf, mjcf"),
+        (BODIES["general"], "urdf,stl", "unknown export format 'stl': choose of abb, franka"),
         (BODIES["general"], "", "unknown export format ''"),
         (BODIES["general"], [], "unknown export format ''"),
     ],
@@ -282,5 +282,5 @@ def test_what_cannot_be_exported_is_refused_in_one_line(parameters, formats, wor
 
 
 def test_formats_are_named_once():
-    assert export(BODIES["general"], "ur, ur,kuka").formats == ("ur", "kuka")
+    assert tuple(export(BODIES["general"], "ur, ur,kuka").formats) == ("ur", "kuka")
     assert dataclasses.is_dataclass(export(BODIES["general"], "ur"))

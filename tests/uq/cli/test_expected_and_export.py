@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from uq.bodies.export import FORMATS
+from uq.bodies.export_formats import export_format, names
 from uq.cli.main import main
 
 BODY = """
@@ -59,12 +59,12 @@ def command(lab, *options, experiment="e.toml"):
 
 def test_comparison_and_exports_join_the_report(lab, tmp_path, capsys):
     out = tmp_path / "out"
-    options = ("--expected", lab / "body.toml", "--export", ",".join(FORMATS), "--out", out)
+    options = ("--expected", lab / "body.toml", "--export", ",".join(names()), "--out", out)
     assert main(command(lab, *options)) == 0
     printed = capsys.readouterr().out
     content = json.loads((out / "result.json").read_text())
-    assert content["export"] == {name: file for name, (file, *_) in FORMATS.items()}
-    assert all((out / file).stat().st_size for file, *_ in FORMATS.values())
+    assert content["export"] == {name: export_format(name).file for name in names()}
+    assert all((out / file).stat().st_size for file in content["export"].values())
     expected, found = content["expected"], content["inertia"]
     assert expected["deviation"]["I11"] == pytest.approx(found["I11"] - expected["value"]["I11"])
     assert expected["mean_of_runs"]["I11"] == pytest.approx(np.mean([run["inertia"]["I11"] for run in content["runs"]]))

@@ -1,0 +1,26 @@
+"""URDF (ROS): a robot of one link; its tensor is about the centre of gravity, in axes parallel to the body frame's."""
+
+from xml.sax.saxutils import quoteattr
+
+from uq.bodies.export_formats import ExportFormat
+from uq.bodies.exported_body import ExportedBody, number, numbers, xml_document
+
+
+def urdf(body: ExportedBody) -> str:
+    """Return a robot of one link."""
+    entries = " ".join(f'{name}="{number(value)}"' for name, value in body.named.items())
+    return xml_document(
+        body,
+        f"<robot name={quoteattr(body.name)}>",
+        f"  <link name={quoteattr(body.name)}>",
+        "    <inertial>",
+        f'      <origin xyz="{numbers(body.r_cg)}" rpy="0 0 0"/>',
+        f'      <mass value="{number(body.mass)}"/>',
+        f"      <inertia {entries}/>",
+        "    </inertial>",
+        "  </link>",
+        "</robot>",
+    )
+
+
+FORMAT = ExportFormat("body.urdf", "URDF, a robot of one link", urdf)
