@@ -34,8 +34,9 @@ check: env
 	$(BIN)/lint-imports
 
 # Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
-# `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. A worker that has nothing
-# left takes tests from the other.
+# `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. What is compiled is kept for
+# the next run; a worker that has nothing left takes tests from the other.
+unit: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
 unit: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false \
     --xla_llvm_disable_expensive_passes=true --xla_cpu_parallel_codegen_split_count=1
 

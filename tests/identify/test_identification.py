@@ -59,17 +59,17 @@ def test_offsets_are_removed_where_asked_and_only_there(short, estimator):
 
 @pytest.mark.parametrize("estimator", [SMOOTHED, FILTERED])
 def test_intervals_cover_the_truth(short, estimator):
-    """Without biases, over 60 runs x 6 components: binomial standard error at most 2.8 %, were they fully correlated."""
+    """Without biases, over 24 runs x 6 components: binomial standard error at most 4.4 %, were they fully correlated."""
     noisy = dataclasses.replace(short, sources=tuple(s for s in short.sources if s.kind == "precision"))
     covered, uncertainties, estimates = [], [], []
-    for trial in range(60):
+    for trial in range(24):
         result = identify(simulate(noisy, "T1", trial=trial).run, r_cg=short.r_cg_from_q, estimator=estimator)
         low, high = result.interval95.T
         covered.append((low <= short.inertia) & (short.inertia <= high))
         uncertainties.append(result.standard_uncertainty)
         estimates.append(result.inertia)
-    assert 0.87 < np.mean(covered) <= 1
-    np.testing.assert_allclose(np.mean(uncertainties, axis=0), np.std(estimates, axis=0), rtol=0.35)
+    assert 0.95 - 3 * 0.044 < np.mean(covered) <= 1
+    np.testing.assert_allclose(np.mean(uncertainties, axis=0), np.std(estimates, axis=0), rtol=0.5)
 
 
 def test_the_centre_of_gravitys_uncertainty_is_propagated(short):

@@ -121,9 +121,9 @@ def coverage(seconds, trials, axes=(1, 1, 1)):
 
 
 def test_a_brief_runs_intervals_hold():
-    """The rod in 2 s, 40 runs x 6: binomial standard error at most 3.4 %."""
-    held, bodies, _ = coverage(2.0, 40)
-    assert held.mean() > 0.95 - 3 * 0.034
+    """The rod in 2 s, 15 runs x 6: binomial standard error at most 5.6 %."""
+    held, bodies, _ = coverage(2.0, 15)
+    assert held.mean() > 0.95 - 3 * 0.056
     assert bodies == 1.0
 
 

@@ -69,10 +69,10 @@ def covered(short, repeats):
 
 
 def test_the_bodys_interval_holds_the_truth_in_a_few_laboratories(short):
-    """20 repeats, ten parameters: of 20 at 95 % fewer than 15 hold once in 3,000 for each."""
-    tensor, others = covered(short, 20)
-    assert tensor.min() >= 15 / 20, tensor
-    assert others.min() >= 15 / 20, others
+    """8 repeats, ten parameters: of 8 at 95 % fewer than 5 hold once in 2,700 for each."""
+    tensor, others = covered(short, 8)
+    assert tensor.min() >= 5 / 8, tensor
+    assert others.min() >= 5 / 8, others
 
 
 @pytest.mark.study

@@ -50,7 +50,7 @@ def test_without_errors_analytic_alpha_gives_the_exact_tensor(preset, name):
     np.testing.assert_allclose(estimate.inertia, preset.inertia, atol=1e-9 * preset.inertia.max())
 
 
-@pytest.mark.parametrize("name", ["T1", "T2", "T3", "T4"])
+@pytest.mark.parametrize("name", ["T1", "T4"])
 def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, name):
     """A gain g at the motion's frequency scales alpha, so every moment comes out as I/g."""
     error = errors(only(preset), 1, name=name)[0, :, 0]
@@ -81,7 +81,7 @@ def test_motions_computed_together_are_those_computed_alone(short):
 @pytest.mark.parametrize("sampling", ["conditioned", "samples"])
 def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
     """With the true omega the estimate is linear in F, M and r: variance (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹."""
-    trials = 1000
+    trials = 500
     setup, result = estimates(brief, trials, estimators=("central",), sampling=sampling)
     without = estimates(only(brief), 1, estimators=("central",))[1].inertia[0, 0, 0]
     motion = true_motion(brief, brief.trajectories["T1"])
@@ -114,7 +114,7 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
 
 
 def test_conditioned_and_sampled_noise_have_the_same_distribution(brief):
-    trials = 1500
+    trials = 600
     one, two = (errors(brief, trials, name="T3", sampling=s) for s in ("conditioned", "samples"))
     first, second = one.std(0, ddof=1), two.std(0, ddof=1)
     # 2 estimators x 11 cases x 6: relative standard error of the ratio 1/√N; 5 of them: 1e-4 false alarms
@@ -165,22 +165,23 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
     np.testing.assert_allclose(plain(found), result.inertia[3, 0, 0], atol=1e-12 * short.inertia.max())
 
 
-@pytest.mark.parametrize(("dtype", "tolerance"), [("float64", 1e-12), ("float32", 1e-5)])
-@pytest.mark.parametrize("sampling", ["conditioned", "samples"])
-def test_numbers_do_not_depend_on_batch_or_devices(short, dtype, tolerance, sampling):
+@pytest.mark.parametrize(
+    ("sampling", "dtype", "tolerance"), [("conditioned", "float64", 1e-12), ("samples", "float32", 1e-5)]
+)
+def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, sampling):
     options = {"dtype": dtype, "sampling": sampling}
-    _, reference = estimates(short, 6, devices=jax.devices()[:1], **options)
-    for devices, batch in ((jax.devices()[:1], 4), (jax.devices()[:2], 1), (jax.devices()[:2], 3)):
-        _, other = estimates(short, 6, devices=devices, batch=batch, **options)
+    _, reference = estimates(brief, 6, devices=jax.devices()[:1], **options)
+    for devices, batch in ((jax.devices()[:1], 4), (jax.devices()[:2], 3)):
+        _, other = estimates(brief, 6, devices=devices, batch=batch, **options)
         assert other.ok.all()
         difference = np.abs(other.inertia - reference.inertia).max()
-        assert difference <= tolerance * short.inertia.max(), (len(devices), batch)
-    _, fewer = estimates(short, 1, **options)  # a batch of one, on two devices
-    np.testing.assert_allclose(fewer.inertia, reference.inertia[:1], atol=tolerance * short.inertia.max())
+        assert difference <= tolerance * brief.inertia.max(), (len(devices), batch)
+    _, fewer = estimates(brief, 1, **options)  # a batch of one, on two devices
+    np.testing.assert_allclose(fewer.inertia, reference.inertia[:1], atol=tolerance * brief.inertia.max())
 
 
 def test_float32_draws_agree_with_float64_in_distribution(brief):
-    trials = 600
+    trials = 300
     one, two = (errors(brief, trials, dtype=d) for d in ("float64", "float32"))
     np.testing.assert_allclose(one.std(0), two.std(0), rtol=5 / np.sqrt(trials), atol=1e-9)
 
@@ -256,18 +257,17 @@ def test_the_standard_error_of_three_sigma_holds_for_other_distributions(generat
     np.testing.assert_allclose(scatter, np.mean([r.three_sigma_standard_error for r in repeats]), rtol=0.1)
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", "samples"])
-def test_without_float64_it_warns_and_still_answers(short, sampling):
+def test_without_float64_it_warns_and_still_answers(brief):
     with jax.enable_x64(False):
         with pytest.warns(PrecisionWarning, match="JAX's float64 is off"):
-            result = montecarlo(short, trials=2, trajectories="T1", sampling=sampling)
-        asked = montecarlo(short, trials=20, trajectories="T1", sampling=sampling, dtype="float32")
+            result = montecarlo(brief, trials=20, trajectories="T1")
+        asked = montecarlo(brief, trials=20, trajectories="T1", dtype="float32")
     assert "computed in float32" in result.findings()[0]
     assert asked.warnings == ()
     for estimator in ("central", "smoothed"):
         assert asked["T1", estimator].failed == 0
         assert np.abs(asked["T1", estimator].total.mean_error).max() < 0.05
-    reference = montecarlo(short, trials=20, trajectories="T1", sampling=sampling)
+    reference = montecarlo(brief, trials=20, trajectories="T1")
     ratio = asked["T1", "smoothed"].total.three_sigma / reference["T1", "smoothed"].total.three_sigma
     assert (np.abs(np.log(ratio)) < np.log(2)).all()  # 20 trials each: standard error 0.23 of the logarithm
 

@@ -333,10 +333,10 @@ WAYS = [(name, way) for name in CLOSED for way in ("shapley", "sobol", "walks") 
 
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_standard_errors_cover_the_closed_form(name, way):
-    """120 repeats of 300 trials: a coverage of 95 % has a standard error of 2 %."""
-    for kind, coverage in covered(name, way, 120, 300).items():
-        assert (coverage >= 0.87).all(), (kind, coverage)
-        assert 0.90 <= coverage.mean() <= 0.99, (kind, coverage)
+    """50 repeats of 300 trials: a coverage of 95 % has a standard error of 3 %."""
+    for kind, coverage in covered(name, way, 50, 300).items():
+        assert (coverage >= 0.84).all(), (kind, coverage)
+        assert 0.88 <= coverage.mean() <= 0.995, (kind, coverage)
 
 
 @pytest.mark.study

@@ -42,28 +42,28 @@ def run(experiment, trials, **options):
 
 
 @pytest.fixture(scope="module")
-def linear(short):
+def linear(brief):
     """Sources in which the estimate is linear: the gyro is exact."""
-    experiment = only(short, *LINEAR)
+    experiment = only(brief, *LINEAR)
     return run(experiment, 3000)
 
 
 @pytest.fixture(scope="module")
-def closed(short):
+def closed(brief):
     """Variances by source and component of the linear sources: (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹ from the rows themselves."""
-    motion = true_motion(short, short.trajectories["T1"])
+    motion = true_motion(brief, brief.trajectories["T1"])
     alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
     rows = np.asarray(jax.vmap(omega_r, in_axes=1)(motion.omega[:, 1:-1], alpha))
-    force = np.asarray(simulate(only(short)).run.force)[1:-1]
+    force = np.asarray(simulate(only(brief)).run.force)[1:-1]
     solve = np.einsum(
         "ie,nje->nij", np.linalg.inv(np.einsum("nji,nje->ie", rows, rows)), rows
     )  # of each sample's moment
-    of_force = -solve @ np.cross(short.r_cg_from_q, np.eye(3)).T
+    of_force = -solve @ np.cross(brief.r_cg_from_q, np.eye(3)).T
     of_r = np.einsum("nij,nrj->ir", solve, np.cross(np.eye(3), -force[:, None]))
     gains = {
         "F_precision": of_force, "F_bias": of_force.sum(0), "M_precision": solve, "M_bias": solve.sum(0), "r_cg": of_r,
     }  # fmt: skip
-    sigma = {source.name: source.sigma for source in short.sources}
+    sigma = {source.name: source.sigma for source in brief.sources}
     return np.array([np.sum((gains[n] * sigma[n]) ** 2, axis=-1).reshape(-1, 6).sum(0) for n in LINEAR])
 
 
@@ -77,10 +77,10 @@ def result(short):
 
 def test_shares_of_linear_sources_are_the_closed_form(linear, closed):
     """105 comparisons at 4 standard errors: 0.7 % false alarms. The error of r meets the noise of F in the product r × F:
-    an interaction, of a hundred-thousandth of the variance."""
+    an interaction, of some hundred-thousandths of the variance."""
     b = budget_of(linear[0], linear[1])
     shares, whole = closed / closed.sum(0), closed @ WEIGHTS / (closed @ WEIGHTS).sum()
-    for indices, product in ((b.sources.first, 1e-9), (b.sources.total, 3e-5), (b.sources.shapley, 3e-5)):
+    for indices, product in ((b.sources.first, 1e-9), (b.sources.total, 1e-4), (b.sources.shapley, 1e-4)):
         assert (np.abs(indices.value - shares) <= 4 * indices.standard_error + product).all()
         assert (np.abs(indices.generalised - whole) <= 4 * indices.generalised_standard_error).all()
         assert indices.standard_error.max() < 0.01
@@ -110,9 +110,9 @@ def test_standard_errors_cover_the_closed_form(linear, closed):
 
 
 @pytest.mark.study
-def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(short, closed):
+def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(brief, closed):
     """200 budgets of 200 pairs."""
-    twins, errors = run(only(short, *LINEAR), 40_000)
+    twins, errors = run(only(brief, *LINEAR), 40_000)
     found = coverage(errors, twins, closed, 200)
     print("coverage of 200 budgets of 200 pairs:", found)
     assert 0.90 <= found <= 0.99
@@ -200,10 +200,10 @@ def test_correlated_sources_are_one_player_and_fixed_ones_none(bare):
 
 @pytest.mark.parametrize("bias", [0.0, 0.05, 0.5, 2.0])
 def test_the_bias_share_has_an_honest_standard_error(bias, generator):
-    """2,000 repeats of 200 trials; near zero, where the squared mean is far from normal, it is on the safe side."""
+    """500 repeats of 200 trials: a coverage of 95 % has a standard error of 1 %; near zero, where the squared mean is far from normal, it is on the safe side."""
     sigma, hits = np.array([1.0, 2.0]), []
     truth = 2 * bias**2 / (2 * bias**2 + np.sum(sigma**2))
-    for _ in range(2000):
+    for _ in range(500):
         error = bias + sigma * generator.normal(size=(200, 2))
         variance = (error - bias) ** 2
         share, standard_error = _bias_share(error, variance, np.ones(2))

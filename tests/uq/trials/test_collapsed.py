@@ -16,9 +16,9 @@ TRIALS = 20_000
 
 
 @pytest.fixture(scope="module")
-def both(short):
+def both(brief):
     options = {"trajectories": ["T1", "T3"], "estimators": ["central", "smoothed"]}
-    return montecarlo(short, trials=400, **options), montecarlo(short, trials=TRIALS, sampling="collapsed", **options)
+    return montecarlo(brief, trials=400, **options), montecarlo(brief, trials=TRIALS, sampling="collapsed", **options)
 
 
 @pytest.mark.parametrize("pair", [(t, e) for t in ("T1", "T3") for e in ("central", "smoothed")], ids="-".join)
