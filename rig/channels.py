@@ -10,61 +10,58 @@ from rig.exceptions import RigError
 
 
 @dataclass(frozen=True, eq=False)
-class WrenchChannel:
-    """Force and moment of one topic, n messages in the order of ``log_time``.
+class Channel:
+    """What every topic has, n messages in the order of ``log_time``.
 
     Attributes:
         topic: name of the topic.
         frame_id: coordinate frame that the messages name.
         log_time: host arrival time [ns], shape (n,).
         stamp: time of measurement from the message header [ns], shape (n,).
-        force: [N], shape (n, 3).
-        moment: [N·m], shape (n, 3).
-        sequence: the message counter, shape (n,), or None.
     """
 
     topic: str
     frame_id: str
     log_time: NDArray[np.int64]
     stamp: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchChannel(Channel):
+    """Force and moment of one topic.
+
+    Attributes:
+        force: [N], shape (n, 3).
+        moment: [N·m], shape (n, 3).
+        sequence: the message counter, shape (n,), or None.
+    """
+
     force: NDArray[np.float64]
     moment: NDArray[np.float64]
     sequence: NDArray[np.uint32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class ImuChannel:
-    """Angular velocity and specific force of one topic, n messages in the order of ``log_time``.
+class ImuChannel(Channel):
+    """Angular velocity and specific force of one topic.
 
     Attributes:
-        topic: name of the topic.
-        frame_id: coordinate frame that the messages name.
-        log_time: host arrival time [ns], shape (n,).
-        stamp: time of measurement from the message header [ns], shape (n,).
         angular_velocity: [rad/s], shape (n, 3).
         linear_acceleration: what the accelerometer reads (specific force) [m/s²], shape (n, 3).
         sequence: the message counter, shape (n,), or None.
     """
 
-    topic: str
-    frame_id: str
-    log_time: NDArray[np.int64]
-    stamp: NDArray[np.int64]
     angular_velocity: NDArray[np.float64]
     linear_acceleration: NDArray[np.float64]
     sequence: NDArray[np.uint32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class MotionChannel:
-    """What a sensor other than an IMU measures of the motion, n messages in the order of ``log_time``.
+class MotionChannel(Channel):
+    """What a sensor other than an IMU measures of the motion.
 
     Attributes:
-        topic: name of the topic.
         type: the messages' type.
-        frame_id: coordinate frame that the messages name.
-        log_time: host arrival time [ns], shape (n,).
-        stamp: time of measurement from the message header [ns], shape (n,).
         angular_velocity: [rad/s], shape (n, 3); None: the type has none.
         orientation: quaternion x y z w from the sensor's frame to ``frame_id``, shape (n, 4); None: the type has none.
         names: names of the joints.
@@ -73,11 +70,7 @@ class MotionChannel:
         sequence: the message counter, shape (n,), or None.
     """
 
-    topic: str
     type: str
-    frame_id: str
-    log_time: NDArray[np.int64]
-    stamp: NDArray[np.int64]
     angular_velocity: NDArray[np.float64] | None = None
     orientation: NDArray[np.float64] | None = None
     names: tuple[str, ...] = ()

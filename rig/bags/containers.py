@@ -9,7 +9,6 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -164,18 +163,16 @@ class RecordingFiles:
         return hashlib.sha256("".join(f"{file.sha256}\n" for file in self.files).encode()).hexdigest()
 
 
-@contextmanager
-def open_recording(path: PathLike) -> Iterator[RecordingFiles]:
-    """Open a file or a rosbag2 folder.
+def recording_files(path: PathLike) -> RecordingFiles:
+    """The files of a recording: a file by itself, or a rosbag2 folder.
 
     Raises:
         RigError: it holds no recording, or several.
         OSError: it cannot be opened.
     """
     if os.path.isdir(path):
-        yield RecordingFiles([container_file(file) for file in folder_files(Path(path))], folder=True)
-    else:
-        yield RecordingFiles([container_file(path)], folder=False)
+        return RecordingFiles([container_file(file) for file in folder_files(Path(path))], folder=True)
+    return RecordingFiles([container_file(path)], folder=False)
 
 
 NUMBERED = re.compile(r"(?P<stem>.*)_(?P<number>0|[1-9]\d*)\.(mcap|db3)(\.zstd)?")

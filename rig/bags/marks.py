@@ -4,7 +4,7 @@ import os
 import struct
 from typing import NamedTuple
 
-from rig.bags.containers import open_recording
+from rig.bags.containers import recording_files
 from rig.bags.message_batches import MESSAGE
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT, canonical
 from rig.mcap.records import Definitions
@@ -43,21 +43,20 @@ def read_marks(path: str | os.PathLike[str]) -> Notes:
         OSError: the file cannot be opened.
     """
     marks, status = [], []
-    with open_recording(path) as source:
-        for file, definitions, batch in source.batches({TEXT, DIAGNOSTICS}):
-            for channel_id, offsets in batch.offsets.items():
-                kind = _kind(definitions, channel_id)
-                if kind not in (TEXT, DIAGNOSTICS):
-                    continue
-                for offset in offsets:
-                    try:
-                        time, data = _message(batch.data, offset)
-                        if kind == TEXT:
-                            marks.append(Mark(time, _Reader(data).text()))
-                        else:
-                            status += [(time, *item) for item in _status(data)]
-                    except (ValueError, struct.error) as error:
-                        raise file.damage(str(error)) from error
+    for file, definitions, batch in recording_files(path).batches({TEXT, DIAGNOSTICS}):
+        for channel_id, offsets in batch.offsets.items():
+            kind = _kind(definitions, channel_id)
+            if kind not in (TEXT, DIAGNOSTICS):
+                continue
+            for offset in offsets:
+                try:
+                    time, data = _message(batch.data, offset)
+                    if kind == TEXT:
+                        marks.append(Mark(time, _Reader(data).text()))
+                    else:
+                        status += [(time, *item) for item in _status(data)]
+                except (ValueError, struct.error) as error:
+                    raise file.damage(str(error)) from error
     return Notes(tuple(sorted(marks)), tuple(_flagged(status)))
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from rig.bags import tree_messages
-from rig.bags.containers import open_recording
+from rig.bags import json_messages
+from rig.bags.containers import recording_files
 from rig.bags.message_batches import unpacked
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError
@@ -30,7 +30,7 @@ class TopicMessages:
         self.names = cdr_decode.column_names(type_name)
         self.pieces: dict[str, list[NDArray]] = {name: [] for name in self.names}
 
-    def add(self, groups: Sequence["cdr_decode.Group | tree_messages.Group"]) -> None:
+    def add(self, groups: Sequence["cdr_decode.Group | json_messages.Group"]) -> None:
         """Take decoded messages of one chunk."""
         order = np.argsort(np.concatenate([group.where for group in groups]))
         self.frames |= {group.frame_id for group in groups}
@@ -146,19 +146,19 @@ def type_of(channel: Channel, definitions: Definitions) -> str:
     """The message type of a channel, or what is wrong with its encoding."""
     schema = definitions.schemas.get(channel.schema_id)
     name = "no type" if schema is None else message_definitions.canonical(schema.name)
-    if channel.message_encoding in (*ENCODINGS, *tree_messages.ENCODINGS):
+    if channel.message_encoding in (*ENCODINGS, *json_messages.ENCODINGS):
         return name
     return f"{name} in encoding {channel.message_encoding!r}, which `mcap convert` or its writer can change to cdr"
 
 
 def _decoded(
     batch: Batch, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
-) -> Sequence["cdr_decode.Group | tree_messages.Group"]:
+) -> Sequence["cdr_decode.Group | json_messages.Group"]:
     data, offsets = unpacked(batch.data, offsets)
     if channel.message_encoding in ENCODINGS:
         return cdr_decode.messages(data, offsets, type_name, channel.message_encoding)
     try:
-        return tree_messages.messages(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
+        return json_messages.messages(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
     except ValueError as error:
         raise RigError(f"{error}: write its messages with the fields of {type_name}") from None
 
@@ -180,16 +180,16 @@ def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Con
     """
     contents = Contents(path)
     wanted = {WRENCH: None, IMU: None} if only is None else only
-    with open_recording(path) as recording:
-        for file in recording.files:
-            definitions = Definitions({}, {}, {})
-            for batch in file.batches(definitions, set(wanted)):
-                try:
-                    contents.add(batch, definitions, wanted)
-                except RigError:
-                    raise
-                except ValueError as error:
-                    raise file.damage(str(error)) from error
-            contents.note(definitions)
-        contents.sha256 = recording.sha256
+    recording = recording_files(path)
+    for file in recording.files:
+        definitions = Definitions({}, {}, {})
+        for batch in file.batches(definitions, set(wanted)):
+            try:
+                contents.add(batch, definitions, wanted)
+            except RigError:
+                raise
+            except ValueError as error:
+                raise file.damage(str(error)) from error
+        contents.note(definitions)
+    contents.sha256 = recording.sha256
     return contents

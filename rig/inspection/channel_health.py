@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rig.channels import ImuChannel, WrenchChannel
 from rig.record import device_clock
 
-Channel = WrenchChannel | ImuChannel
+SensorChannel = WrenchChannel | ImuChannel
 LEAST_SAMPLES = 10
 
 
@@ -29,12 +29,12 @@ class Finding:
         return f"{self.topic}: {self.text}"
 
 
-def clock_skew(channel: Channel) -> float:
+def clock_skew(channel: SensorChannel) -> float:
     """How much faster the arrival clock runs than the stamps, as a pure number, by the lower convex hull."""
     return device_clock.fit(channel.stamp, channel.log_time).skew
 
 
-def channel_findings(channel: Channel, skew: float) -> Iterator[Finding]:
+def channel_findings(channel: SensorChannel, skew: float) -> Iterator[Finding]:
     """Everything that is suspicious about a channel; ``skew``: of its clock (:func:`clock_skew`)."""
     if len(channel.stamp) < LEAST_SAMPLES:
         yield Finding("short", channel.topic, f"only {len(channel.stamp)} samples: record longer")
@@ -48,13 +48,13 @@ def channel_findings(channel: Channel, skew: float) -> Iterator[Finding]:
         yield from _saturated(channel.topic, name, values)
 
 
-def _columns(channel: Channel) -> dict[str, NDArray[np.float64]]:
+def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
     if isinstance(channel, WrenchChannel):
         return {"force": channel.force, "moment": channel.moment}
     return {"angular velocity": channel.angular_velocity, "acceleration": channel.linear_acceleration}
 
 
-def _gaps(channel: Channel) -> Iterator[Finding]:
+def _gaps(channel: SensorChannel) -> Iterator[Finding]:
     """Steps of the stamps beyond five periods: jitter stays within one or two, a lost sample makes two."""
     steps = np.diff(channel.stamp) * 1e-9
     period = float(np.median(steps))
@@ -75,7 +75,7 @@ def _gaps(channel: Channel) -> Iterator[Finding]:
             yield Finding("gap", channel.topic, f"{missing} samples missing by the device's counter: check the cable")
 
 
-def _order(channel: Channel) -> Iterator[Finding]:
+def _order(channel: SensorChannel) -> Iterator[Finding]:
     back = int((np.diff(channel.stamp) <= 0).sum())
     if back:
         yield Finding("order", channel.topic, f"{back} stamps do not increase: check the device's clock")
@@ -85,7 +85,7 @@ SKEW_LIMIT = 500e-6  # crystals keep within 100 ppm; five times that is a clock 
 LEAST_SECONDS = 5.0  # over less, delays look like skew
 
 
-def _clock(channel: Channel, skew: float) -> Iterator[Finding]:
+def _clock(channel: SensorChannel, skew: float) -> Iterator[Finding]:
     seconds = (channel.stamp[-1] - channel.stamp[0]) * 1e-9
     if seconds >= LEAST_SECONDS and abs(skew) > SKEW_LIMIT:
         yield Finding(

@@ -12,7 +12,7 @@ import numpy as np
 
 from rig.bags.topics import load
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.channel_health import Channel, Finding, channel_findings, clock_skew
+from rig.inspection.channel_health import Finding, SensorChannel, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH
 
 TYPES = {WrenchChannel: WRENCH, ImuChannel: IMU}
@@ -55,7 +55,7 @@ class Inspection:
         return "\n".join(lines)
 
 
-Judge = Callable[[Sequence[Channel], list[Finding]], list[Finding]]
+Judge = Callable[[Sequence[SensorChannel], list[Finding]], list[Finding]]
 """Who knows what the channels mean: from all channels and the findings on their health to all findings."""
 
 
@@ -71,7 +71,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         OSError: it cannot be opened.
     """
     contents = load(path)
-    report, channels, findings = Inspection(os.fspath(path)), list[Channel](), list[Finding]()
+    report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[Finding]()
     for topic, pieces in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if pieces.type_name == WRENCH else contents.imu(topic)
         skew = clock_skew(channel)
@@ -94,7 +94,7 @@ def _end(metadata: dict[str, dict[str, str]]) -> Iterator[Finding]:
         yield Finding("incomplete", "rig.end", "the recorder missed data: see the metadata rig.end for what and where")
 
 
-def _describe(channel: Channel, skew: float) -> ChannelReport:
+def _describe(channel: SensorChannel, skew: float) -> ChannelReport:
     stamp = channel.stamp
     steps = np.diff(stamp)
     period = float(np.median(steps)) * 1e-9 if len(steps) else 0.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.channel_health import LEAST_SAMPLES, Channel, Finding
+from rig.inspection.channel_health import LEAST_SAMPLES, Finding, SensorChannel
 from rig.inspection.inspect import Inspection, inspect
 from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
 
@@ -41,14 +41,14 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
     from uq.recorded.load_run import load
     from uq.recorded.time_window import cut
 
-    def judge(_: Sequence[Channel], findings: list[Finding]) -> list[Finding]:
+    def judge(_: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:
         run = cut(load(Path(path), experiment.recording, marks=False).run, None, ())
         return [*findings, *experiment_findings(run, experiment)]
 
     return inspect(path, judge=judge)
 
 
-def _alone(channels: Sequence[Channel], findings: list[Finding]) -> list[Finding]:
+def _alone(channels: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:
     """What the run tells by itself: each IMU, and wrench and motion where neither is faulty otherwise."""
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
@@ -70,6 +70,6 @@ def _imu_signal(imu: ImuChannel, origin: int) -> ImuSignal:
     return ImuSignal(_seconds(imu, origin), imu.angular_velocity, imu.linear_acceleration)
 
 
-def _seconds(channel: Channel, origin: int) -> np.ndarray:
+def _seconds(channel: SensorChannel, origin: int) -> np.ndarray:
     """Times of measurement from a common origin [s]: doubles hold those of a calendar to 0.2 µs only."""
     return (channel.stamp - origin) * 1e-9
