@@ -8,7 +8,6 @@ attitude. Mass and an accelerometer tell the force's offset too, ``F - m f``, an
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
@@ -49,7 +48,7 @@ def estimated(
 
 def rested(rest: Rest, r_cg: np.ndarray) -> Offsets:
     """At rest ``M - r × F`` is zero, whatever the attitude."""
-    about_cg = np.hstack([-np.asarray(cross_matrix(jnp.asarray(r_cg))), np.eye(3)])
+    about_cg = np.hstack([-cross_matrix(np.asarray(r_cg)), np.eye(3)])
     return Offsets(rest.moment - np.cross(r_cg, rest.force), about_cg @ rest.covariance @ about_cg.T, rest.force)
 
 
@@ -104,5 +103,5 @@ def force_offset(run: Run, r_cg: np.ndarray, mass: float | None) -> np.ndarray |
 
 def uncertainty(offsets: Offsets, sigma_r_cg: np.ndarray) -> np.ndarray:
     """Return the standard uncertainty of ``M - r × F``'s constant on each axis [N·m]: noise, and that of r."""
-    of_centre = np.asarray(cross_matrix(jnp.asarray(offsets.force))) * sigma_r_cg
+    of_centre = cross_matrix(np.asarray(offsets.force)) * sigma_r_cg
     return np.sqrt(np.diag(offsets.covariance) + (of_centre**2).sum(axis=1))

@@ -203,7 +203,7 @@ def _raw_noise(run: Run, model: Model, known: Prior) -> np.ndarray:
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
     x = unknowns(known.mean)
-    arm = np.asarray(cross_matrix(jnp.asarray(x.r_cg)))
+    arm = cross_matrix(np.asarray(x.r_cg))
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
     assert run.specific_force is not None  # noqa: S101 - the choice of the model says so

@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from identify.rigid_body.regressor import cross_matrix
+
 Array = Any  # of JAX or NumPy: jaxtyping's Array would import JAX
 
 TOLERANCE = 1e-3
@@ -107,9 +109,7 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     angle = xp.sqrt(xp.where(small, 1.0, square))
     sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
     cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
-    x, y, z = turn
-    zero = xp.zeros_like(x)
-    hat = xp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+    hat = cross_matrix(turn)
     return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
 
 

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential, specific_force_at
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Stretch
@@ -54,7 +55,7 @@ def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarr
         to_body = _turned(run, bias)
         up = (to_body[usable].transpose(0, 2, 1) @ reading[usable, :, None]).mean(axis=0)[:, 0]
         turned = np.cumsum(to_body.transpose(0, 2, 1), axis=0) / run.rate
-        columns = np.concatenate([to_body, -to_body @ _cross(up) @ turned], axis=2)[usable].reshape(-1, 6)
+        columns = np.concatenate([to_body, -to_body @ cross_matrix(up) @ turned], axis=2)[usable].reshape(-1, 6)
         found = np.linalg.lstsq(columns, reading[usable].reshape(-1), rcond=1e-8)[0]
         up, bias = found[:3], bias + found[3:]
     return _turned(run, bias) @ (up / np.linalg.norm(up))
@@ -79,8 +80,3 @@ def _attitudes(turns: Float[Array, "n 3"]) -> Float[Array, "m 3 3"]:
     first = jnp.eye(3, dtype=turns.dtype)
     _, rest = jax.lax.scan(advance, first, jax.vmap(exponential)(turns))
     return jnp.concatenate([first[None], rest])
-
-
-def _cross(vector: np.ndarray) -> np.ndarray:
-    x, y, z = vector
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
