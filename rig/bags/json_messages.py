@@ -47,7 +47,7 @@ class Group:
             self.rows.setdefault(name, []).append(value)
 
 
-def messages(data: bytes, offsets: list[int], type_name: str, channel: Channel, schema: Schema) -> list[Group]:
+def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, schema: Schema) -> list[Group]:
     """Decode the messages at ``offsets`` of a chunk.
 
     Raises:

@@ -28,7 +28,7 @@ class TopicMessages:
         self.frames: set[str] = set()
         self.joints: set[tuple[str, ...]] = set()
         self.names = cdr_decode.column_names(type_name)
-        self.pieces: dict[str, list[NDArray]] = {name: [] for name in self.names}
+        self.chunks: dict[str, list[NDArray]] = {name: [] for name in self.names}
 
     def add(self, groups: Sequence["cdr_decode.Group | json_messages.Group"]) -> None:
         """Take decoded messages of one chunk."""
@@ -39,11 +39,11 @@ class TopicMessages:
             raise RigError(f"its messages name different joints ({_listed(sorted(map(str, self.joints)))})")
         for name in self.names:
             values = np.concatenate([group.column(name) for group in groups])
-            self.pieces[name].append(values if len(groups) == 1 else values[order])
+            self.chunks[name].append(values if len(groups) == 1 else values[order])
 
     def arrays(self) -> dict[str, NDArray]:
         """Every column of the topic in the order of ``log_time``; the chunks are released one by one."""
-        joined = {name: np.concatenate(self.pieces.pop(name)) for name in self.names}
+        joined = {name: np.concatenate(self.chunks.pop(name)) for name in self.names}
         log_time = joined["log_time"]
         if len(log_time) and (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind="stable")
@@ -69,9 +69,9 @@ class Contents:
             channel = definitions.channels[channel_id]
             type_name = type_of(channel, definitions)
             if type_name in only and only[type_name] in (None, channel.topic):
-                pieces = self.topics.setdefault(channel.topic, TopicMessages(type_name))
+                messages = self.topics.setdefault(channel.topic, TopicMessages(type_name))
                 try:
-                    pieces.add(_decoded(batch, offsets, channel, type_name, definitions))
+                    messages.add(_decoded(batch, offsets, channel, type_name, definitions))
                 except RigError as error:
                     raise RigError(f"topic {channel.topic} in {self.path}: {error}") from None
 
@@ -128,12 +128,12 @@ class Contents:
 
     def motion(self, topic: str) -> ImuChannel | MotionChannel:
         """This topic as arrays, with whatever it holds of the motion."""
-        pieces = self.topics[topic]
-        if pieces.type_name == IMU:
+        messages = self.topics[topic]
+        if messages.type_name == IMU:
             return self.imu(topic)
-        column = pieces.arrays()
-        (names,) = pieces.joints
-        return MotionChannel(topic=topic, type=pieces.type_name, frame_id=self._frame(topic), names=names, **column)
+        column = messages.arrays()
+        (names,) = messages.joints
+        return MotionChannel(topic=topic, type=messages.type_name, frame_id=self._frame(topic), names=names, **column)
 
     def _frame(self, topic: str) -> str:
         frames = sorted(self.topics[topic].frames)
@@ -156,9 +156,9 @@ def _decoded(
 ) -> Sequence["cdr_decode.Group | json_messages.Group"]:
     data, offsets = unpacked(batch.data, offsets)
     if channel.message_encoding in ENCODINGS:
-        return cdr_decode.messages(data, offsets, type_name, channel.message_encoding)
+        return cdr_decode.decode(data, offsets, type_name, channel.message_encoding)
     try:
-        return json_messages.messages(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
+        return json_messages.decode(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
     except ValueError as error:
         raise RigError(f"{error}: write its messages with the fields of {type_name}") from None
 

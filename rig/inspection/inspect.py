@@ -72,8 +72,8 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     """
     contents = load(path)
     report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[Finding]()
-    for topic, pieces in sorted(contents.topics.items()):
-        channel = contents.wrench(topic) if pieces.type_name == WRENCH else contents.imu(topic)
+    for topic, messages in sorted(contents.topics.items()):
+        channel = contents.wrench(topic) if messages.type_name == WRENCH else contents.imu(topic)
         skew = clock_skew(channel)
         channels.append(channel)
         report.channels.append(_describe(channel, skew))

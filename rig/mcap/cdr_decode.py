@@ -62,7 +62,7 @@ def stamps(rows: NDArray) -> NDArray[np.int64]:
     return rows["sec"][:, 0].astype(np.int64) * 1_000_000_000 + rows["nanosec"][:, 0].astype(np.int64)
 
 
-def messages(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[Group]:
+def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[Group]:
     """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
