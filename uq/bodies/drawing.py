@@ -1,19 +1,18 @@
 """A body from its drawing: parts of simple shapes as functions of their uncertain sizes, places and masses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
 
 from identify.rigid_body.rotation import from_axes
 from identify.rigid_body.solids import Part, Solid, composite, cuboid, cylinder, sphere
-from rig.toml_tables import TomlError
-from uq.experiment.rotation_key import read_rotation
-from uq.files.document import ExperimentError, Table
-from uq.sources.distributions import Distribution
-from uq.sources.tolerances import Known, uncertain, uncertain_vector
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.experiment.rotation_key import ROTATION
+from uq.files.document import ExperimentError
+from uq.sources.tolerances import Known, mean, uncertain, uncertain_vector
 
 Values = Mapping[str, Any]
 """Values of the quantities by their keys."""
@@ -22,28 +21,133 @@ AXES = {"x": "y, z, x", "y": "z, x, y", "z": "x, y, z"}
 """A turn that brings a cylinder's own z along each axis of the drawing."""
 
 
+Length = Annotated[Known, uncertain("m", above=0)]
+Mass = Annotated[Known, uncertain("kg", above=0)]
+Density = Annotated[Known, uncertain("kg/m^3", above=0)]
+Vector = tuple[Known, Known, Known]
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+
 @dataclass
 class Quantities:
-    """The quantities of a file by their keys, gathered while it is read."""
+    """The quantities of a file by their keys, gathered for the models that are functions of them."""
 
     known: dict[str, Known]
 
-    def keep(self, table: Table, key: str, unit: str, **options: Any) -> str:
-        """Read a quantity and return the key under which models find it."""
-        name = table.path(key)
-        self.known[name] = uncertain(table, key, unit, **options)
-        return name
+    def keep(self, key: str, quantity: Known) -> str:
+        """Keep a quantity and return the key under which models find it."""
+        self.known[key] = quantity
+        return key
 
-    def keep_vector(self, table: Table, key: str, unit: str, *default: Any) -> Callable[[Values], Any]:
-        """Read three quantities and return the function that makes a vector of them."""
-        names = [f"{table.path(key)}[{k}]" for k in range(3)]
-        self.known.update(zip(names, uncertain_vector(table, key, unit, *default), strict=True))
+    def keep_vector(self, key: str, quantities: Vector) -> Callable[[Values], Any]:
+        """Keep three quantities and return the function that makes a vector of them."""
+        names = [self.keep(f"{key}[{k}]", quantity) for k, quantity in enumerate(quantities)]
         return lambda values: jnp.stack([values[name] for name in names])
 
-    def best(self, name: str) -> float:
-        """Return a quantity's best estimate."""
-        known = self.known[name]
-        return float(known.mean) if isinstance(known, Distribution) else float(known)
+
+class MaterialTable(TomlTable, frozen=True, kw_only=True):
+    """``[material.NAME]``: what parts are made of."""
+
+    density: Density
+
+
+class PartTable(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
+    """``[[part]]``: a simple solid."""
+
+    name: str = ""
+    """By which messages and contributions call it."""
+    hole: bool = False
+    """Whether it is taken away."""
+    position: Annotated[Vector, uncertain_vector("m")] = ORIGIN
+    """Of its centre, in the drawing's frame."""
+    rotation: Annotated[np.ndarray, ROTATION] | None = None
+    """From its own axes to the drawing's."""
+    mass: Mass | None = None
+    """Missing, with density and material: it shares the body's mass by volume."""
+    density: Density | None = None
+    material: str | None = None
+    """Name of a [material.NAME]."""
+
+    def __post_init__(self) -> None:
+        """Refuse two ways to state the mass."""
+        stated = [key for key in ("mass", "density", "material") if getattr(self, key) is not None]
+        if len(stated) > 1:
+            raise WrongKeyError("", f"has {' and '.join(stated)}: give one")
+
+    @property
+    def turn(self) -> np.ndarray:
+        """The rotation from its own axes to the drawing's."""
+        return np.eye(3) if self.rotation is None else self.rotation
+
+
+class RoundTable(PartTable, frozen=True, kw_only=True):
+    """A round solid, or a hollow one."""
+
+    diameter: Length
+    inner_diameter: Length | None = None
+    """Of its bore."""
+
+    def __post_init__(self) -> None:
+        """Refuse a bore that leaves nothing."""
+        super().__post_init__()
+        if self.inner_diameter is not None and mean(self.inner_diameter) >= mean(self.diameter):
+            raise WrongKeyError("inner_diameter", "write the bore's diameter", "is not below diameter")
+
+    def diameters(self, where: str, quantities: Quantities) -> tuple[str, str | None]:
+        """Keep the outer and, where there is one, the inner diameter."""
+        outer = quantities.keep(f"{where}.diameter", self.diameter)
+        if self.inner_diameter is None:
+            return outer, None
+        return outer, quantities.keep(f"{where}.inner_diameter", self.inner_diameter)
+
+
+class CylinderTable(RoundTable, frozen=True, kw_only=True, tag="cylinder"):
+    """A cylinder along its own z, or a tube."""
+
+    length: Length
+    axis: Literal["x", "y", "z"] | None = None
+    """The drawing's axis along which it lies, instead of ``rotation``."""
+
+    def __post_init__(self) -> None:
+        """Refuse two ways to state the direction."""
+        super().__post_init__()
+        if self.axis is not None and self.rotation is not None:
+            raise WrongKeyError("", "has axis and rotation: give one")
+
+    @property
+    def turn(self) -> np.ndarray:
+        """The rotation from its own axes to the drawing's."""
+        return super().turn if self.axis is None else from_axes(AXES[self.axis]).T
+
+    def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
+        """Return the solid as a function of its sizes."""
+        outer, inner = self.diameters(where, quantities)
+        length = quantities.keep(f"{where}.length", self.length)
+        return lambda values: cylinder(values[outer], values[length], values[inner] if inner else 0.0)
+
+
+class CuboidTable(PartTable, frozen=True, kw_only=True, tag="cuboid"):
+    """A cuboid along its own axes."""
+
+    size: Annotated[Vector, uncertain_vector("m", above=0)]
+    """Its edges."""
+
+    def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
+        """Return the solid as a function of its sizes."""
+        size = quantities.keep_vector(f"{where}.size", self.size)
+        return lambda values: cuboid(size(values))
+
+
+class SphereTable(RoundTable, frozen=True, kw_only=True, tag="sphere"):
+    """A sphere, or a hollow one."""
+
+    def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
+        """Return the solid as a function of its sizes."""
+        outer, inner = self.diameters(where, quantities)
+        return lambda values: sphere(values[outer], values[inner] if inner else 0.0)
+
+
+Shape = CylinderTable | CuboidTable | SphereTable
 
 
 @dataclass(frozen=True)
@@ -59,18 +163,25 @@ class _Drawn:
     """Its mass [kg]; None: it shares the body's by volume."""
 
 
-def drawing(top: Table, quantities: Quantities) -> Model:
+def drawing(
+    mass: Known | None, material: Mapping[str, MaterialTable], tables: Sequence[Shape], quantities: Quantities
+) -> Model:
     """Return the ten parameters in the drawing's frame as a function of the quantities that its file holds.
 
+    Args:
+        mass: of the body, for the parts that state none; None: not stated.
+        material: by the names that parts call.
+        tables: the parts.
+        quantities: where the file's quantities are gathered.
+
     Raises:
-        ExperimentError: a part that is not one.
+        ExperimentError: parts and masses that do not fit.
     """
-    whole = quantities.keep(top, "mass", "kg", positive=True) if "mass" in top.content else None
-    materials = {name: _density(top, name, quantities) for name in top.mapping("material")}
-    parts = top.tables("part", lambda table: _part(table, quantities, materials))
+    whole = None if mass is None else quantities.keep("mass", mass)
+    for name, table in material.items():
+        quantities.keep(f"material.{name}.density", table.density)
+    parts = [_part(f"part[{table.name or k}]", table, quantities, material) for k, table in enumerate(tables)]
     shared = any(part.mass is None for part in parts)
-    if not parts:
-        raise ExperimentError("no [[part]]: write one for each part of the body")
     if shared and whole is None:
         raise ExperimentError("missing key mass: the body's, or mass, density or material of each part")
     if whole is not None and not shared:
@@ -84,7 +195,7 @@ def drawing(top: Table, quantities: Quantities) -> Model:
     return model
 
 
-def _shared_density(whole: Any, parts: tuple[_Drawn, ...], solids: list[Solid], values: Values) -> Any:
+def _shared_density(whole: Any, parts: Sequence[_Drawn], solids: list[Solid], values: Values) -> Any:
     """The density of the parts that share the body's mass: what is left of it over their volume."""
     pairs = list(zip(parts, solids, strict=True))
     own = sum(part.mass(values, solid) for part, solid in pairs if part.mass is not None)
@@ -96,100 +207,27 @@ def _placed(part: _Drawn, solid: Solid, values: Values, density: Any) -> Part:
     return Part(jnp.asarray(mass), solid.mean_squares, part.rotation, part.position(values))
 
 
-def _density(top: Table, name: str, quantities: Quantities) -> str:
-    table = Table(f"material.{name}", top.content["material"][name])
-    key = quantities.keep(table, "density", "kg/m^3", positive=True)
-    table.finish()
-    return key
-
-
-def _part(table: Table, quantities: Quantities, materials: Mapping[str, str]) -> _Drawn:
-    if table.path("position[0]") in quantities.known:
-        raise ExperimentError(f"two parts {table.where}: give each its own name")
-    table.typed("name", str, "")
-    shape = table.choice("shape", tuple(SHAPES))
-    sign = -1.0 if table.typed("hole", bool, False) else 1.0
-    part = _Drawn(
-        SHAPES[shape](table, quantities),
-        quantities.keep_vector(table, "position", "m", ["0 m"] * 3),
-        _turn(table, shape),
-        sign,
-        _mass(table, quantities, materials, sign),
-    )
-    table.finish()
-    return part
+def _part(where: str, table: Shape, quantities: Quantities, material: Mapping[str, MaterialTable]) -> _Drawn:
+    if f"{where}.position[0]" in quantities.known:
+        raise ExperimentError(f"two parts {where}: give each its own name")
+    sign = -1.0 if table.hole else 1.0
+    solid = table.solid(where, quantities)
+    position = quantities.keep_vector(f"{where}.position", table.position)
+    return _Drawn(solid, position, table.turn, sign, _mass(where, table, quantities, material, sign))
 
 
 def _mass(
-    table: Table, quantities: Quantities, materials: Mapping[str, str], sign: float
+    where: str, table: Shape, quantities: Quantities, material: Mapping[str, MaterialTable], sign: float
 ) -> Callable[[Values, Solid], Any] | None:
-    stated = [key for key in ("mass", "density", "material") if key in table.content]
-    if len(stated) > 1:
-        raise ExperimentError(f"{table.where} has {' and '.join(stated)}: give one")
-    if not stated:
+    if table.mass is not None:
+        mass = quantities.keep(f"{where}.mass", table.mass)
+        return lambda values, solid: sign * values[mass]
+    if table.density is not None:
+        density = quantities.keep(f"{where}.density", table.density)
+    elif table.material is None:
         return None
-    if stated == ["mass"]:
-        own = quantities.keep(table, "mass", "kg", positive=True)
-        return lambda values, solid: sign * values[own]
-    if stated == ["density"]:
-        density = quantities.keep(table, "density", "kg/m^3", positive=True)
+    elif table.material not in material:
+        raise ExperimentError(f"unknown {where}.material {table.material!r}: one of {', '.join(material) or 'none'}")
     else:
-        density = materials.get(str(table.raw("material")), "")
-        if not density:
-            known = ", ".join(materials) or "none"
-            raise ExperimentError(f"unknown {table.path('material')} {table.raw('material')!r}: one of {known}")
+        density = f"material.{table.material}.density"
     return lambda values, solid: sign * values[density] * solid.volume
-
-
-def _round(table: Table, quantities: Quantities) -> tuple[str, str | None]:
-    """The outer and, where there is one, the inner diameter."""
-    outer = quantities.keep(table, "diameter", "m", positive=True)
-    if "inner_diameter" not in table.content:
-        return outer, None
-    inner = quantities.keep(table, "inner_diameter", "m", positive=True)
-    if quantities.best(inner) >= quantities.best(outer):
-        raise ExperimentError(f"{inner} is not below {outer}: write the bore's diameter")
-    return outer, inner
-
-
-def _cylinder(table: Table, quantities: Quantities) -> Callable[[Values], Solid]:
-    outer, inner = _round(table, quantities)
-    length = quantities.keep(table, "length", "m", positive=True)
-    return lambda values: cylinder(values[outer], values[length], values[inner] if inner else 0.0)
-
-
-def _sphere(table: Table, quantities: Quantities) -> Callable[[Values], Solid]:
-    outer, inner = _round(table, quantities)
-    return lambda values: sphere(values[outer], values[inner] if inner else 0.0)
-
-
-def _cuboid(table: Table, quantities: Quantities) -> Callable[[Values], Solid]:
-    size = quantities.keep_vector(table, "size", "m")
-    for k in range(3):
-        if quantities.best(f"{table.path('size')}[{k}]") <= 0:
-            raise ExperimentError(f"{table.path('size')}[{k}] is not above zero: write the edge's length")
-    return lambda values: cuboid(size(values))
-
-
-SHAPES = {"cylinder": _cylinder, "cuboid": _cuboid, "sphere": _sphere}
-
-
-def _turn(table: Table, shape: str) -> np.ndarray:
-    """The rotation from a part's own axes to the drawing's."""
-    if shape == "cylinder" and "axis" in table.content:
-        return from_axes(AXES[table.choice("axis", tuple(AXES))]).T
-    return turn_of(table, "rotation")
-
-
-def turn_of(table: Table, key: str) -> np.ndarray:
-    """Return the rotation of a key; none where it is missing.
-
-    Raises:
-        ExperimentError: it is no rotation.
-    """
-    try:
-        return read_rotation(table.path(key), table.raw(key)) if table.raw(key, None) is not None else np.eye(3)
-    except TomlError as error:
-        raise ExperimentError(str(error)) from None
-    except ValueError as error:
-        raise ExperimentError(f"{table.path(key)} {error}") from None

@@ -7,7 +7,7 @@ parameters and their covariance.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -18,9 +18,25 @@ from identify.precision import check_precision
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.rotation import exponential
-from uq.bodies.drawing import Model, Quantities, Values, drawing, turn_of
-from uq.files.document import ExperimentError, Table, in_file, read_document
+from rig.toml_tables import TomlTable, WrongKeyError
+from uq.bodies.drawing import (
+    ORIGIN,
+    CuboidTable,
+    CylinderTable,
+    Mass,
+    MaterialTable,
+    Model,
+    Quantities,
+    SphereTable,
+    Values,
+    Vector,
+    drawing,
+)  # fmt: skip
+from uq.experiment.rotation_key import ROTATION
+from uq.files.document import ExperimentError, in_file, read_document
+from uq.files.schema import declared_table
 from uq.sources.distributions import Distribution
+from uq.sources.tolerances import Known, mean, uncertain, uncertain_vector
 
 SIGNS = np.array([1.0, -1, -1, 1, -1, 1])
 """From products written as ``+∫xy dm`` to the tensor's entries, and back."""
@@ -66,6 +82,77 @@ def load_reference(path: str | Path) -> Reference:
     return replace(body, file=str(path), sha256=sha256)
 
 
+class FrameTable(TomlTable, frozen=True, kw_only=True):
+    """``[frame]``: where the drawing's frame stands in the body frame B."""
+
+    origin: Annotated[Vector, uncertain_vector("m")] = ORIGIN
+    """The drawing's origin from Q, in B."""
+    misalignment: Annotated[Vector, uncertain_vector("rad")] = ORIGIN
+    """Small rotation about each axis."""
+    rotation_to_body: Annotated[np.ndarray, ROTATION] | None = None
+    """From the drawing's axes to the body's."""
+
+    @property
+    def axes(self) -> np.ndarray:
+        """The rotation from the drawing's axes to the body's."""
+        return np.eye(3) if self.rotation_to_body is None else self.rotation_to_body
+
+
+class CadInertiaTable(TomlTable, frozen=True, kw_only=True):
+    """The six components of a CAD report; products that are not written are zero."""
+
+    I11: Annotated[Known, uncertain("kg*m^2", above=0)]
+    I12: Annotated[Known, uncertain("kg*m^2")] = 0.0
+    I13: Annotated[Known, uncertain("kg*m^2")] = 0.0
+    I22: Annotated[Known, uncertain("kg*m^2", above=0)]
+    I23: Annotated[Known, uncertain("kg*m^2")] = 0.0
+    I33: Annotated[Known, uncertain("kg*m^2", above=0)]
+
+
+class CadTable(TomlTable, frozen=True, kw_only=True):
+    """``[cad]``: what a CAD program reports."""
+
+    about: Literal["CG", "origin"]
+    """The point of the tensor."""
+    products: Literal["tensor", "integral"]
+    """Whether products are the tensor's entries, -∫xy dm, or written as +∫xy dm."""
+    mass: Mass | None = None
+    """May be missing where the tensor is about the CG."""
+    cg: Annotated[Vector, uncertain_vector("m")] | None = None
+    """May be missing where the tensor is about the CG."""
+    inertia: CadInertiaTable
+
+    def __post_init__(self) -> None:
+        """Refuse a tensor about the origin that cannot be brought to the CG."""
+        for key in ("mass", "cg"):
+            if self.about == "origin" and getattr(self, key) is None:
+                raise WrongKeyError(key, "add it")
+
+
+class BodyFile(TomlTable, frozen=True, kw_only=True):
+    """A reference body: its drawing, by parts, or a CAD report."""
+
+    name: str | None = None
+    """What to call it."""
+    mass: Mass | None = None
+    """Of a drawing's body, for the parts that state none."""
+    material: Mapping[str, MaterialTable] = {}
+    """Materials by their names."""
+    part: tuple[CylinderTable | CuboidTable | SphereTable, ...] | None = None
+    """The parts of a drawing."""
+    cad: CadTable | None = None
+    frame: FrameTable = FrameTable()
+
+    def __post_init__(self) -> None:
+        """Refuse neither, or both, of drawing and report."""
+        if (self.part is None) == (self.cad is None):
+            raise WrongKeyError("", "a reference body has either [[part]] (a drawing) or [cad] (its report): write one")
+        if self.part is not None and not self.part:
+            raise WrongKeyError("", "no [[part]]: write one for each part of the body")
+        if self.cad is not None and (self.mass is not None or self.material):
+            raise WrongKeyError("", "mass and material are a drawing's: remove them, or state cad.mass")
+
+
 def reference(document: Mapping[str, Any], *, name: str = "reference body") -> Reference:
     """Build a reference body from the content of a file.
 
@@ -77,27 +164,23 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
         ExperimentError: it is not a reference body.
     """
     warned = check_precision("float64")
-    top, quantities = Table("", document), Quantities({})
-    if ("part" in document) == ("cad" in document):
-        raise ExperimentError("a reference body has either [[part]] (a drawing) or [cad] (its report): write one")
-    name = top.typed("name", str, name)
-    about = products = None
-    if "part" in document:
-        model = drawing(top, quantities)
-    else:
-        about, products, model = top.table("cad", lambda table: _cad(table, quantities))
-    axes, placed = top.table("frame", lambda table: _frame(table, quantities), {})
-    top.finish()
+    file, quantities = declared_table("", document, BodyFile), Quantities({})
+    name = name if file.name is None else file.name
+    cad, frame = file.cad, file.frame
+    model = drawing(file.mass, file.material, file.part or (), quantities) if cad is None else _cad(cad, quantities)
+    placed = _frame(frame, quantities)
     value, covariance, contributions = _propagated(lambda values: placed(values, model(values)), quantities)
     parameters = InertialParameters(float(value[0]), value[1:4], value[4:], covariance)
     wrong = _impossible(parameters, name)
-    if wrong and not about:
+    if wrong and cad is None:
         raise ExperimentError(f"{wrong}: check holes and masses")
     warnings = (*warned, *([f"{wrong} as its report is read: check about, products and units"] if wrong else []))
-    origin = np.array([quantities.best(f"frame.origin[{k}]") for k in range(3)])
-    kind: Literal["drawing", "CAD report"] = "CAD report" if about else "drawing"
-    said = {"about": about or "CG", "products": products or "tensor"}
-    return Reference(name, parameters, contributions, kind, axes, origin, **said, warnings=warnings, document=document)
+    origin = np.array([mean(coordinate) for coordinate in frame.origin])
+    conventions = ("CG", "tensor") if cad is None else (cad.about, cad.products)
+    kind: Literal["drawing", "CAD report"] = "drawing" if cad is None else "CAD report"
+    return Reference(
+        name, parameters, contributions, kind, frame.axes, origin, *conventions, warnings=warnings, document=document
+    )
 
 
 def _propagated(model: Model, quantities: Quantities) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
@@ -130,51 +213,31 @@ def _impossible(parameters: InertialParameters, name: str) -> str | None:
     return None
 
 
-def _frame(table: Table, quantities: Quantities) -> tuple[np.ndarray, Callable[[Values, Any], Any]]:
-    """The frame's rotation, and the function that takes ten parameters in the drawing's frame to those in B from Q."""
-    origin = quantities.keep_vector(table, "origin", "m", ["0 m"] * 3)
-    small = quantities.keep_vector(table, "misalignment", "rad", ["0 rad"] * 3)
-    axes = turn_of(table, "rotation_to_body")
-    table.finish()
+def _frame(table: FrameTable, quantities: Quantities) -> Callable[[Values, Any], Any]:
+    """The function that takes ten parameters in the drawing's frame to those in B from Q."""
+    origin = quantities.keep_vector("frame.origin", table.origin)
+    small = quantities.keep_vector("frame.misalignment", table.misalignment)
 
     def placed(values: Values, ten: Any) -> Any:
-        turn = exponential(small(values)) @ jnp.asarray(axes)
+        turn = exponential(small(values)) @ jnp.asarray(table.axes)
         return jnp.concatenate([ten[:1], origin(values) + turn @ ten[1:4], rotate(ten[4:], turn)])
 
-    return axes, placed
+    return placed
 
 
-def _cad(table: Table, quantities: Quantities) -> tuple[str, str, Model]:
-    """The conventions of a CAD report, and the ten parameters in its frame."""
-    about = table.choice("about", ("CG", "origin"))
-    products = table.choice("products", ("tensor", "integral"))
-    optional = {"default": float("nan")} if about == "CG" else {}
-    mass = quantities.keep(table, "mass", "kg", positive=True, **optional)
-    centre = quantities.keep_vector(table, "cg", "m") if about == "origin" or "cg" in table.content else None
-    tensor = table.table("inertia", lambda table: _tensor(table, quantities))
-    table.finish()
+def _cad(table: CadTable, quantities: Quantities) -> Model:
+    """The ten parameters of a CAD report in its frame."""
+    mass = quantities.keep("cad.mass", float("nan") if table.mass is None else table.mass)
+    centre = None if table.cg is None else quantities.keep_vector("cad.cg", table.cg)
+    tensor = [quantities.keep(f"cad.inertia.{name}", getattr(table.inertia, name)) for name in COMPONENTS]
 
     def model(values: Values) -> Any:
         inertia = jnp.stack([values[name] for name in tensor])
         cg = jnp.full(3, jnp.nan) if centre is None else centre(values)
-        if products == "integral":
+        if table.products == "integral":
             inertia = jnp.asarray(SIGNS) * inertia
-        if about == "origin":
+        if table.about == "origin":
             inertia = parallel_axis(inertia, -values[mass], cg)
         return jnp.concatenate([jnp.asarray(values[mass])[None], cg, inertia])
 
-    return about, products, model
-
-
-def _tensor(table: Table, quantities: Quantities) -> list[str]:
-    """The keys of the six components; products that are not written are zero."""
-    names = []
-    for name in COMPONENTS:
-        moment = name[1] == name[2]
-        if moment or name in table.content:
-            quantities.keep(table, name, "kg*m^2", positive=moment)
-        else:
-            quantities.known[table.path(name)] = 0.0
-        names.append(table.path(name))
-    table.finish()
-    return names
+    return model

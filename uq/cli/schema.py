@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 ERRORS = ()
-FILES = ("experiment", "rig", "map")
+FILES = ("experiment", "rig", "map", "body")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -24,10 +24,11 @@ def run(arguments: argparse.Namespace) -> int:
 def file_schema(file: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file: one of ``FILES``."""
     from rig.record.rig_file import RigFile
+    from uq.bodies.reference import BodyFile
     from uq.experiment.experiment_file import ExperimentFile
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
     from uq.recorded.import_table import Map
 
-    tables = {"experiment": (ExperimentFile, Ring), "rig": (RigFile,), "map": (Map,)}
+    tables = {"experiment": (ExperimentFile, Ring), "rig": (RigFile,), "map": (Map,), "body": (BodyFile,)}
     return json_schema(*tables[file])

@@ -24,6 +24,7 @@ def json_schema(table: type[TomlTable], *parts: type[TomlTable]) -> dict[str, An
     """
     _, definitions = msgspec.json.schema_components((table, *parts), schema_hook=lambda _: {})
     classes = {each.__name__: each for each in _with_bases(TomlTable)}
+    definitions = {name: each for name, each in definitions.items() if name in classes}  # others stand in no file
     for name, definition in definitions.items():
         definition["description"] = definition.get("description", "").replace("``", "")
         meanings = {key: text for base in reversed(classes[name].__mro__) for key, text in _meanings(base).items()}

@@ -4,12 +4,15 @@ Either a string with its unit, which is exact, or a table with ``value`` and one
 and upper deviation), ``standard_uncertainty``, ``expanded_uncertainty``.
 """
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from functools import cache
+from typing import Annotated, Any, Literal
 
-import numpy as np
+import msgspec
 
-from uq.files.document import REQUIRED, ExperimentError, Table
+from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
+from uq.files.schema import in_unit, quantity_schema
 from uq.sources.distributions import Distribution, Normal, Rectangular, Triangular, UShaped
 
 WITHIN: Mapping[str, Any] = {"rectangular": Rectangular, "triangular": Triangular, "u_shaped": UShaped}
@@ -19,67 +22,107 @@ STATED = ("tolerance", "standard_uncertainty", "expanded_uncertainty")
 Known = float | Distribution
 
 
-def uncertain(table: Table, key: str, unit: str, default: Any = REQUIRED, *, positive: bool = False) -> Known | Any:
-    """Return a quantity in ``unit``: a number where it is exact, else its distribution.
+def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
+    """Return the annotation of a quantity in ``unit``: a number where it is exact, else its distribution.
 
     Args:
-        table: where it stands.
-        key: under which key.
-        unit: unit of the result.
-        default: what a missing key means.
-        positive: whether all its values must be above zero.
-
-    Raises:
-        ExperimentError: it is not written as this module says.
+        unit: unit of the value.
+        above: what all its values must exceed.
     """
-    raw = table.raw(key, default)
-    if key not in table.content:
-        return default
-    return _known(Table(table.path(key), raw) if isinstance(raw, Mapping) else table, key, raw, unit, positive)
+
+    def read(path: str, raw: Any) -> Known:
+        return _read(path, raw, unit, above)
+
+    return written(read, _schema(unit))
 
 
-def uncertain_vector(table: Table, key: str, unit: str, default: Any = REQUIRED) -> tuple[Known, ...]:
-    """Return three quantities in ``unit``, each as of :func:`uncertain`."""
-    raw = table.raw(key, default)
-    if not isinstance(raw, list) or len(raw) != 3:
-        raise ExperimentError(f"{table.path(key)} is {raw!r}: write three values with their units, one an axis")
-    each = Table(table.where, {f"{key}[{k}]": item for k, item in enumerate(raw)})
-    return tuple(uncertain(each, f"{key}[{k}]", unit) for k in range(3))
+def uncertain_vector(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
+    """Return the annotation of three quantities in ``unit``, one an axis, each as of :func:`uncertain`."""
+    each = Annotated[Known, uncertain(unit, above=above)]
+
+    def read(path: str, raw: Any) -> tuple[Known, ...]:
+        return read_value(path, raw, tuple[each, each, each])
+
+    return written(read, {"type": "array", "items": _schema(unit), "minItems": 3, "maxItems": 3})
 
 
-def _known(table: Table, key: str, raw: Any, unit: str, positive: bool) -> Known:
+def mean(quantity: Known) -> float:
+    """Return a quantity's best estimate."""
+    return float(quantity.mean) if isinstance(quantity, Distribution) else float(quantity)
+
+
+def _read(path: str, raw: Any, unit: str, above: float | int) -> Known:
     if not isinstance(raw, Mapping):
-        return float(table.quantity(key, unit, positive=positive))
-    value = table.quantity("value", unit, positive=positive)
-    stated = [name for name in STATED if name in raw]
-    if len(stated) != 1:
-        raise ExperimentError(f"{table.where} has {len(stated)} of {', '.join(STATED)}: give one")
-    found = _between(table, value, unit) if stated == ["tolerance"] else _normal(table, stated[0], value, unit)
-    table.finish()
-    if positive and getattr(found, "low", value) <= 0:
-        raise ExperimentError(f"{table.path('tolerance')} is {raw['tolerance']!r}: the limits must be above zero")
-    return found
+        return float(read_value(path, raw, Annotated[float, in_unit(unit, above=above)]))
+    known = read_table(path, raw, _table(unit, above)).distribution_of_value
+    if getattr(known, "low", math.inf) <= above:
+        raise ValueError(f"has a tolerance {raw['tolerance']!r}: the limits must be above zero")
+    return known
 
 
-def _between(table: Table, value: float, unit: str) -> Distribution:
-    """Between the limits of a tolerance."""
-    kind = WITHIN[table.choice("distribution", tuple(WITHIN), "rectangular")]
-    raw = table.raw("tolerance")
-    if not isinstance(raw, list):
-        half = table.quantity("tolerance", unit, positive=True)
-        return kind(value - half, value + half)
-    each = Table(table.where, {f"tolerance[{k}]": item for k, item in enumerate(raw)})
-    ends = [each.quantity(name, unit) for name in each.content]
-    if len(ends) != 2 or not ends[0] < ends[1]:
-        raise ExperimentError(f"{table.path('tolerance')} is {raw!r}: write the lower deviation, then the upper")
-    return kind(value + ends[0], value + ends[1])
+@cache
+def _table(unit: str, above: float | int) -> Any:
+    """The table of a quantity in a unit."""
+
+    class Uncertain(TomlTable, frozen=True, kw_only=True):
+        value: Annotated[float, in_unit(unit, above=above)]
+        tolerance: Annotated[float | tuple[float, float], written(_tolerance(unit), {})] | None = None
+        standard_uncertainty: Annotated[float, in_unit(unit, above=0)] | None = None
+        expanded_uncertainty: Annotated[float, in_unit(unit, above=0)] | None = None
+        coverage_factor: float | None = None
+        distribution: Literal["rectangular", "triangular", "u_shaped"] | None = None
+
+        def __post_init__(self) -> None:
+            stated = [key for key in STATED if getattr(self, key) is not None]
+            if len(stated) != 1:
+                raise WrongKeyError("", f"has {len(stated)} of {', '.join(STATED)}: give one")
+            needed = {"coverage_factor": "expanded_uncertainty", "distribution": "tolerance"}
+            for key, of in needed.items():
+                if getattr(self, key) is not None and stated != [of]:
+                    raise WrongKeyError(key, "remove it", f"belongs to {of}")
+            if self.coverage_factor is not None and self.coverage_factor <= 0:
+                raise WrongKeyError("coverage_factor", "write a number above zero")
+
+        @property
+        def distribution_of_value(self) -> Distribution:
+            """Between the limits of a tolerance; else normal, an expanded uncertainty being over its factor (2)."""
+            if self.tolerance is not None:
+                shape = WITHIN[self.distribution or "rectangular"]
+                low, high = self.tolerance if isinstance(self.tolerance, tuple) else (-self.tolerance, self.tolerance)
+                return shape(self.value + low, self.value + high)
+            if self.standard_uncertainty is not None:
+                return Normal(self.value, self.standard_uncertainty)
+            factor = 2.0 if self.coverage_factor is None else self.coverage_factor
+            return Normal(self.value, (self.expanded_uncertainty or 0.0) / factor)
+
+    return Uncertain
 
 
-def _normal(table: Table, stated: str, value: float, unit: str) -> Distribution:
-    """Normal with a standard uncertainty, or an expanded one over its coverage factor (2 unless stated)."""
-    factor = 1.0
-    if stated == "expanded_uncertainty":
-        factor = float(table.numbers("coverage_factor", (), np.array(2.0)))
-        if factor <= 0:
-            raise ExperimentError(f"{table.path('coverage_factor')} is {factor:g}: write a number above zero")
-    return Normal(value, table.quantity(stated, unit, positive=True) / factor)
+def _tolerance(unit: str) -> Any:
+    """What reads the half-width of a tolerance, or its two deviations."""
+    deviation = Annotated[float, in_unit(unit)]
+
+    def read(path: str, raw: Any) -> float | tuple[float, float]:
+        if not isinstance(raw, list):
+            return read_value(path, raw, Annotated[float, in_unit(unit, above=0)])
+        ends = read_value(path, raw, tuple[deviation, ...])
+        if len(ends) != 2 or not ends[0] < ends[1]:
+            raise ValueError(f"is {raw!r}: write the lower deviation, then the upper")
+        return ends[0], ends[1]
+
+    return read
+
+
+def _schema(unit: str) -> dict[str, Any]:
+    size = quantity_schema(unit)
+    deviations = {"type": "array", "items": size, "minItems": 2, "maxItems": 2}
+    keys = {
+        "value": size,
+        "tolerance": {"anyOf": [size, deviations]},
+        "standard_uncertainty": size,
+        "expanded_uncertainty": size,
+        "coverage_factor": {"type": "number", "exclusiveMinimum": 0},
+        "distribution": {"enum": list(WITHIN)},
+    }
+    table = {"type": "object", "properties": keys, "required": ["value"], "additionalProperties": False}
+    return {"anyOf": [size, {**table, "oneOf": [{"required": [key]} for key in STATED]}]}

@@ -52,7 +52,7 @@ def balls(**change):
         (balls(rotation="x, y"), "three signed axes"),
         (balls(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, 2]]), "is no rotation"),
         (balls(rotation=3), "write 3 rows of 3"),
-        (balls(shape="cuboid", diameter=None, size=["0 mm", "1 mm", "1 mm"]), "not above zero"),
+        (balls(shape="cuboid", diameter=None, size=["0 mm", "1 mm", "1 mm"]), r"part\[ball\].size\[0\] is '0 mm': write a value above zero"),
         ({"part": [BALL, BALL]}, r"two parts part\[ball\]"),
         ({**balls(), "material": {"steel": {}}}, "missing key material.steel.density"),
         ({**balls(), "material": {"steel": "7 kg"}}, "material.steel is '7 kg': write a table"),

@@ -13,9 +13,7 @@ from uq.cli.schema import FILES, file_schema
 from uq.files.units import quantity, scale
 
 ROOT = Path(__file__).parents[3]
-BODIES = ("cad-report.toml", "cylinder.toml")
 SHIPPED = [*ROOT.glob("uq/presets/*.toml"), *ROOT.glob("docs/experiments/*.toml"), *ROOT.glob("docs/rigs/*.toml")]
-SHIPPED = [path for path in SHIPPED if path.name not in BODIES]
 MAP = {
     "columns": {
         "rate": "100 Hz",
