@@ -14,8 +14,8 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from identify.estimators.admissible import pseudo_inertia as pseudo_inertia
     from identify.exceptions import RunError as RunError
     from identify.identification import identify as identify
+    from identify.joint.alignment_prior import Alignment as Alignment
     from identify.joint.cramer_rao_bound import bound as bound
-    from identify.joint.priors import Alignment as Alignment
     from identify.results.weak_components import within_bodies as within_bodies
     from identify.rigid_body.inertia import Body as Body
     from identify.rigid_body.inertia import is_admissible as is_admissible
@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from identify.static.centre_result import Centre as Centre
 
 _ROOMS = {
-    "Alignment": "identify.joint.priors",
+    "Alignment": "identify.joint.alignment_prior",
     "Body": "identify.rigid_body.inertia",
     "Centre": "identify.static.centre_result",
     "EstimatorSpec": "identify.signals.estimator_spec",

@@ -5,14 +5,14 @@ from typing import get_args
 
 import numpy as np
 
+from identify.choices import CgMotion, Method, OffsetChoice
 from identify.estimators.generalised_least_squares import whitened
 from identify.estimators.information import Information, information, longest
-from identify.estimators.offsets import OffsetChoice
 from identify.estimators.pooling import Pooled, pool
+from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_estimator import joint, specific_force_of, static_knowledge
-from identify.joint.priors import Alignment
 from identify.precision import check_precision
-from identify.results.identification_result import CgMotion, Identification, Method
+from identify.results.identification_result import Identification
 from identify.results.run_estimate import run_estimate
 from identify.results.weak_components import within_bodies
 from identify.rigid_body.inertia import COMPONENTS

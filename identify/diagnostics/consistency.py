@@ -12,9 +12,9 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import Residuals, gyro_bias_columns, residuals
 from identify.diagnostics.spectral_lines import Line, line
-from identify.estimators.offsets import OffsetChoice
 from identify.signals.correlation_time import correlation_time, score_covariance
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run

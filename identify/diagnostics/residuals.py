@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.offsets import OffsetChoice, resting
+from identify.choices import OffsetChoice
+from identify.estimators.offsets import resting
 from identify.estimators.rows import kept, rows_of
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.choices import OffsetChoice
 from identify.estimators.information import Information, alpha_noise, gain_error, longest
 from identify.estimators.least_squares import excitation
-from identify.estimators.offsets import OffsetChoice, Offsets, rested, resting
+from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.residual_trace import trace
 from identify.estimators.rows import rows_of
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 
+from identify.choices import OffsetChoice
 from identify.estimators.gram import Sums, normal_equations, sums_of
 from identify.estimators.least_squares import Excitation, excitation
-from identify.estimators.offsets import OffsetChoice, Offsets, estimated, rested, resting
+from identify.estimators.offsets import Offsets, estimated, rested, resting
 from identify.estimators.residual_trace import Trace, trace
 from identify.estimators.rows import rows_of
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES

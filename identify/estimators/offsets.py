@@ -6,7 +6,7 @@ attitude. Mass and an accelerometer tell the force's offset too, ``F - m f``, an
 """
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from identify.rigid_body.rotation import specific_force_at
 from identify.signals.run import Rest, Run, RunError
 from identify.signals.segments import Stretch
 
-OffsetChoice = Literal["estimate", "still", "none"]
-"""Where constant offsets come from."""
 BLOCK = 1.0
 """Seconds of rest whose means count as independent."""
 

@@ -13,9 +13,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import information
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
-from identify.joint.priors import STATIC, Alignment, Known, Prior
+from identify.joint.priors import STATIC, Known, Prior
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS, Body

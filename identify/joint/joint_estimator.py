@@ -8,14 +8,16 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from identify.estimators.offsets import OffsetChoice, Offsets
+from identify.choices import CgMotion, OffsetChoice
+from identify.estimators.offsets import Offsets
 from identify.estimators.residual_trace import Trace, trace
+from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, Pooled, pool
-from identify.joint.priors import STATIC, Alignment, Known
+from identify.joint.priors import STATIC, Known
 from identify.joint.single_run import JointRun, Setting, joint_run, noise_in_alpha
 from identify.results.alignment import Aligned, alignment_warnings
-from identify.results.identification_result import CgMotion, Identification
+from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, unpack
 from identify.signals.estimator_spec import EstimatorSpec

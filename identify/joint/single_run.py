@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.estimators.least_squares import excitation
+from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
-from identify.joint.priors import Alignment, Known, Prior, prior
+from identify.joint.priors import Known, Prior, prior
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix, features
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import PASSED, InBand, evaluate, in_band, low_pass

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
+from identify.choices import Method, OffsetChoice
 from identify.diagnostics.consistency import Verdict
 from identify.estimators.admissible import Admissible, finite
-from identify.estimators.offsets import OffsetChoice
 from identify.estimators.repeatability import Pooling
 from identify.reporting import Drawing, Result, Section
 from identify.results import identification_figures as drawn
@@ -22,11 +22,6 @@ from identify.rigid_body.inertial_parameters import Datum, InertialParameters, b
 from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table, decimals, fixed
-
-CgMotion = Literal["still"]
-"""How the centre of gravity moves, where that is declared."""
-Method = Literal["source", "gls", "joint"]
-"""Estimators: the source's, generalised least squares, and the joint estimate."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,7 +3,7 @@
 import argparse
 from typing import get_args
 
-from identify.results.identification_result import Method
+from identify.choices import Method
 from uq.bodies import export_formats
 from uq.bodies.comparison import compare
 from uq.bodies.export import export, formats_of

@@ -8,7 +8,7 @@ import numpy as np
 from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import Accelerometer, calibrate
-from identify.static.centre import Attitudes
+from identify.static.pose_fit import Attitudes
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.files.csv_columns import ColumnsTable
 from uq.files.document import ExperimentError

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from identify.joint.priors import Alignment
-from identify.results.identification_result import CgMotion, Method
+from identify.choices import CgMotion, Method
+from identify.joint.alignment_prior import Alignment
 from rig.toml_tables import TomlTable, WrongKeyError, written
 from uq.experiment.rotation_key import ROTATION
 from uq.files.schema import Axes, in_unit, matrix, vector

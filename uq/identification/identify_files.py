@@ -7,10 +7,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from identify.choices import Method, OffsetChoice
 from identify.diagnostics.consistency import Verdict, consistency
-from identify.estimators.offsets import OffsetChoice, rest_of
+from identify.estimators.offsets import rest_of
 from identify.identification import identify
-from identify.results.identification_result import Identification, Method
+from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Stretch, still

@@ -15,9 +15,10 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
-from identify.estimators.offsets import OffsetChoice, resting
+from identify.estimators.offsets import resting
 from identify.estimators.rows import kept
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec

@@ -16,8 +16,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int, Key
 
+from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
-from identify.estimators.offsets import OffsetChoice
 from identify.estimators.repeatability import Pooling
 from identify.motion.trajectory import Trajectory
 from identify.results.identification_result import Identification

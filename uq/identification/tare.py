@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.offsets import OffsetChoice
+from identify.choices import OffsetChoice
 from identify.exceptions import RunError
 from identify.results.identification_result import Identification
 from identify.rigid_body.fixture import Tare, left_over, subtract

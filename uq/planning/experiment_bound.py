@@ -5,10 +5,10 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
+from identify.joint.alignment_prior import Alignment
 from identify.joint.cramer_rao_bound import Bound
 from identify.joint.cramer_rao_bound import bound as bound_of_run
 from identify.joint.joint_model import SpecificForce
-from identify.joint.priors import Alignment
 from identify.signals.filters import motion_band
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment

@@ -1,0 +1,11 @@
+"""What a caller of :func:`identify.identification.identify` may choose between."""
+
+from typing import Literal
+
+OffsetChoice = Literal["estimate", "still", "none"]
+"""Where constant offsets come from."""
+
+CgMotion = Literal["still"]
+"""How the centre of gravity moves, where that is declared."""
+Method = Literal["source", "gls", "joint"]
+"""Estimators: the source's, generalised least squares, and the joint estimate."""
