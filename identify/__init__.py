@@ -3,6 +3,18 @@
 Arrays in SI units; no files, no randomness, no global settings. Switch on float64 yourself:
 ``jax.config.update("jax_enable_x64", True)``. The public names are imported on first use; docs/api.md shows each of
 them, everything else is imported from its room, such as ``identify.rigid_body.rotation``.
+
+Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transformations.py does so):
+
+- ``rigid_body``: inertia, rotation (rotation vectors), dynamics, regressor, pseudo_inertia (log_cholesky,
+  pseudo_inertia), solids, fixture (left_over);
+- ``motion``: window, trajectory, multisine, attitude, stewart_platform, leg_limits, periodic_motion, stages;
+- ``signals``: differentiate (derivative), filters (apply), band_limited_run (evaluate);
+- ``estimators``: gram, least_squares;
+- ``joint``: joint_model, joint_jacobian, gauss_newton.
+
+All others take and return NumPy arrays on the host, some around a kernel of these: runs, segments, spectra, pooling,
+diagnostics, results and static poses.
 """
 
 from importlib import import_module
@@ -10,8 +22,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what editors and type checkers see
     from identify.diagnostics.consistency import consistency as consistency
-    from identify.estimators.admissible import log_cholesky as log_cholesky
-    from identify.estimators.admissible import pseudo_inertia as pseudo_inertia
     from identify.exceptions import RunError as RunError
     from identify.identification import identify as identify
     from identify.joint.alignment_prior import Alignment as Alignment
@@ -25,6 +35,8 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from identify.rigid_body.inertia import rotate as rotate
     from identify.rigid_body.inertia import unpack as unpack
     from identify.rigid_body.inertial_parameters import InertialParameters as InertialParameters
+    from identify.rigid_body.pseudo_inertia import log_cholesky as log_cholesky
+    from identify.rigid_body.pseudo_inertia import pseudo_inertia as pseudo_inertia
     from identify.rigid_body.regressor import omega_r as omega_r
     from identify.rigid_body.regressor import pi as pi
     from identify.rigid_body.regressor import wrench_regressor as wrench_regressor
@@ -44,13 +56,13 @@ _ROOMS = {
     "consistency": "identify.diagnostics.consistency",
     "identify": "identify.identification",
     "is_admissible": "identify.rigid_body.inertia",
-    "log_cholesky": "identify.estimators.admissible",
+    "log_cholesky": "identify.rigid_body.pseudo_inertia",
     "omega_r": "identify.rigid_body.regressor",
     "pack": "identify.rigid_body.inertia",
     "parallel_axis": "identify.rigid_body.inertia",
     "pi": "identify.rigid_body.regressor",
     "principal": "identify.rigid_body.inertia",
-    "pseudo_inertia": "identify.estimators.admissible",
+    "pseudo_inertia": "identify.rigid_body.pseudo_inertia",
     "rotate": "identify.rigid_body.inertia",
     "unpack": "identify.rigid_body.inertia",
     "within_bodies": "identify.results.weak_components",

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from identify.estimators.admissible_range import UNITS
+from identify.rigid_body.pseudo_inertia import UNITS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 

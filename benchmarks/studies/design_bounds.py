@@ -15,8 +15,8 @@ from benchmarks.studies.repeating_signals import ramp_mean_square, repeating_mea
 from benchmarks.studies.sums_of_squares import mean_square_bound
 from identify.motion.leg_limits import Limits
 from identify.motion.mean_square import largest_mean_square
+from identify.motion.multisine import Multisine
 from identify.motion.stages import rising
-from identify.motion.trajectory import Multisine
 from uq.excitation.design_bound import DesignBound, design_bound, largest_accelerations, largest_strokes
 from uq.excitation.rig_limits import resolved_limits
 from uq.experiment.experiment import Experiment, TrajectorySpec

@@ -1,9 +1,6 @@
-"""Tensors that a body can have, by a smooth parametrisation; and what knowing this adds where data are weak.
+"""The nearest tensor that a body can have, and what knowing this adds where data are weak.
 
-Any tensor of a body has second moments ``Σ = U Uᵀ`` with ``U`` upper triangular of positive diagonal, its logarithms
-and the rest free numbers (log-Cholesky; Rucker and Wensing 2022, doi:10.1109/LRA.2022.3186511); all ten parameters of a
-body have such a pseudo-inertia ``J = [[Σ_Q, m r], [m rᵀ, m]] = U Uᵀ``. A fit over them cannot leave what is possible.
-
+The fit is over the free numbers of :mod:`identify.rigid_body.pseudo_inertia`, so it cannot leave what is possible.
 Where the plain estimate lies well inside, nothing is done: bounds would bias what they need not touch. Where it lies
 outside or within three standard uncertainties of the edge, or the motion says nothing of a component, the interval of a
 component is its range over all bodies whose distance ``Q`` from the data exceeds the least one by no more than k², k
@@ -22,16 +19,9 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
-from identify.estimators.admissible_range import (
-    SECOND_MOMENT,
-    Data,
-    ends,
-    nearest,
-    of_second_moment,
-    second_moment,
-    size,
-)
-from identify.rigid_body.inertia import COMPONENTS, MOMENTS, pack
+from identify.estimators.admissible_range import Data, ends, nearest, size
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS
+from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, free_of, log_cholesky, of_second_moment, second_moment
 
 NEAR = 3.0
 """Standard uncertainties from the edge below which bounds matter."""
@@ -78,41 +68,6 @@ def finite(content: Any) -> Any:
     if isinstance(content, float | np.floating):
         return float(content) if np.isfinite(content) else None
     return content
-
-
-def log_cholesky(free: Float[Array, "6"]) -> Float[Array, "6"]:
-    """Return the packed tensor of ``U = [[e^d1, s12, s13], [0, e^d2, s23], [0, 0, e^d3]]``, free = (d, s12, s23, s13).
-
-    ``Σ = U Uᵀ`` and ``I = tr(Σ) 1 - Σ`` [kg·m²]: a body's tensor whatever the six numbers are.
-    """
-    d1, d2, d3, s12, s23, s13 = free
-    zero = jnp.zeros_like(d1)
-    upper = jnp.array([[jnp.exp(d1), s12, s13], [zero, jnp.exp(d2), s23], [zero, zero, jnp.exp(d3)]])
-    moments = upper @ upper.T
-    return pack(jnp.trace(moments) * jnp.eye(3, dtype=moments.dtype) - moments)
-
-
-def pseudo_inertia(free: Float[Array, "10"]) -> Float[Array, "10"]:
-    """Return mass [kg], r_CG [m] and packed tensor about the CG [kg·m²] of ``(α, d1, d2, d3, s12, s23, s13, t)``.
-
-    ``J = U Uᵀ`` with ``U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]]``: a body
-    whatever the ten numbers are, with mass ``e^2α`` and its centre of gravity at ``t``.
-    """
-    mass = jnp.exp(2 * free[0])
-    return jnp.concatenate([mass[None], free[7:], mass * log_cholesky(free[1:7])])
-
-
-def free_of(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
-    """Return the free numbers of a tensor that a body has: the inverse of :func:`log_cholesky`.
-
-    Raises:
-        ValueError: no body has it.
-    """
-    flipped = second_moment(np.asarray(inertia, float))[::-1, ::-1]
-    if not (np.linalg.eigvalsh(flipped) > 0).all():
-        raise ValueError("Argument `inertia` must be a body's tensor, but breaks the triangle inequality.")
-    upper = np.linalg.cholesky(flipped)[::-1, ::-1]
-    return np.array([*np.log(np.diag(upper)), upper[0, 1], upper[1, 2], upper[0, 2]])
 
 
 def fit(

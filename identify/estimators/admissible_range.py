@@ -12,13 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.inertia import COMPONENTS, MOMENTS
+from identify.rigid_body.inertia import MOMENTS
+from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, of_second_moment, second_moment
 
-PAIRS = tuple((int(name[1]) - 1, int(name[2]) - 1) for name in COMPONENTS)
-UNITS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in PAIRS])
-"""Tensor of each packed unit, (6, 3, 3)."""
-SECOND_MOMENT = np.array([0.5 * np.trace(unit) * np.eye(3) - unit for unit in UNITS])
-"""Second moments of each packed unit, (6, 3, 3)."""
 LARGEST = 1e4
 """Trace of Σ, over that of the data, beyond which a component counts as unbounded."""
 BARRIERS = 5.0
@@ -40,16 +36,6 @@ class Data(NamedTuple):
         """Return Q."""
         left = inertia - self.estimate
         return float(left @ self.information @ left)
-
-
-def second_moment(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "3 3"]:
-    """Return ``Σ = ½ tr(I) 1 - I`` [kg·m²] of a packed tensor."""
-    return np.tensordot(inertia, SECOND_MOMENT, axes=1)
-
-
-def of_second_moment(moments: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "6"]:
-    """Return the packed tensor ``I = tr(Σ) 1 - Σ``."""
-    return (np.trace(moments) * np.eye(3) - moments)[tuple(zip(*PAIRS, strict=True))]
 
 
 def nearest(data: Data) -> Float[np.ndarray, "6"]:

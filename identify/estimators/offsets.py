@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
-from identify.rigid_body.rotation import specific_force_at
 from identify.signals.run import Rest, Run, RunError
 from identify.signals.segments import Stretch
 

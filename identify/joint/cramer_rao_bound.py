@@ -20,6 +20,7 @@ from identify.joint.priors import STATIC, Known, Prior
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS, Body
+from identify.rigid_body.regressor import cross_matrix
 from identify.signals.band_limited_run import in_band
 from identify.signals.run import Run
 from identify.text_tables import Table
@@ -120,7 +121,7 @@ def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: Specif
     covariance = np.diag(np.square(noise)) / factor
     if specific_force != "none":
         return whitener(covariance)
-    arm = np.cross(np.asarray(body.r_cg_from_q), np.eye(3)).T
+    arm = cross_matrix(np.asarray(body.r_cg_from_q))
     return whitener(covariance[3:, 3:] + arm @ covariance[:3, :3] @ arm.T)
 
 

@@ -19,7 +19,9 @@ from identify.joint.single_run import JointRun, Setting, joint_run, noise_in_alp
 from identify.results.alignment import Aligned, alignment_warnings
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
-from identify.rigid_body.inertia import COMPONENTS, unpack
+from identify.rigid_body.dynamics import moment_about_cg
+from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.regressor import cross_matrix
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
@@ -229,19 +231,14 @@ def _fitted(model: Model, theta: Float[Array, " count"]) -> tuple[Array, Array, 
     """Residual moment, the moment that motion and tensor ask for, angular velocity and acceleration."""
     x = unknowns(theta)
     motion = kinematics(model, x)
-    tensor = unpack(x.inertia)
-    needed = tensor @ motion.alpha + jnp.cross(motion.omega, tensor @ motion.omega, axis=0)
+    needed = moment_about_cg(x.inertia, motion.omega, motion.alpha)
     return residuals(model, x, motion)[-3:], needed, motion.omega, motion.alpha
 
 
 def _offsets(theta: np.ndarray, covariance: np.ndarray) -> Offsets:
     """The constant part of ``M - r × F``, with all of its uncertainty."""
     r, force = theta[SLICES["r_cg"]], theta[SLICES["force_offset"]]
-    hat = lambda v: np.cross(v, np.eye(3)).T  # noqa: E731 - v ×
     by = np.zeros((3, len(theta)))
-    by[:, SLICES["moment_offset"]], by[:, SLICES["force_offset"]], by[:, SLICES["r_cg"]] = (
-        np.eye(3),
-        -hat(r),
-        hat(force),
-    )
+    by[:, SLICES["moment_offset"]] = np.eye(3)
+    by[:, SLICES["force_offset"]], by[:, SLICES["r_cg"]] = -cross_matrix(r), cross_matrix(force)
     return Offsets(theta[SLICES["moment_offset"]] - np.cross(r, force), by @ covariance @ by.T, np.zeros(3))

@@ -16,8 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.rigid_body.dynamics import acceleration_at
-from identify.rigid_body.inertia import unpack
+from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import InBand, cell_of, evaluate
@@ -134,8 +133,7 @@ def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "ro
     along = progress(rows)
     force = rows.force - x.force_offset[:, None] - jnp.outer(x.force_drift, along)
     moment = rows.moment - x.moment_offset[:, None] - jnp.outer(x.moment_drift, along)
-    tensor = unpack(x.inertia)
-    moment = moment - tensor @ motion.alpha - jnp.cross(motion.omega, tensor @ motion.omega, axis=0)
+    moment = moment - moment_about_cg(x.inertia, motion.omega, motion.alpha)
     if motion.specific_force is None:
         return rows.used[None] * (moment - levered(x.r_cg, force))
     predicted = x.mass[0] * motion.specific_force

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.motion.attitude import attitude
 from identify.motion.stewart_platform import Legs, Platform, Pose, Twist, forces, joint_angles, legs
-from identify.motion.trajectory import Trajectory, acceleration_of, attitude
+from identify.motion.trajectory import Trajectory, acceleration_of
 from identify.rigid_body.dynamics import acceleration_at, wrench
 from identify.rigid_body.inertia import Body
 
@@ -44,7 +45,7 @@ def platform_motion(
         still_from_omb: the point s that the rotation keeps still, from OMB, in B [m]: the centre of gravity, or zero.
     """
     omega, alpha = jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
-    rotation = attitude(trajectory, t)
+    rotation = attitude(trajectory.omega, t)
     to_a = lambda vectors: jnp.einsum("nij,nj->ni", rotation, vectors)  # noqa: E731
     own = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(-still_from_omb, omega, alpha)
     moved = jax.vmap(trajectory.displacement)(t)

@@ -6,9 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.motion.multisine import Multisine
 from identify.motion.periodic_motion import Moved, Periodic, moved
 from identify.motion.stewart_platform import Platform
-from identify.motion.trajectory import Multisine, swell
+from identify.motion.window import swell
 
 STARTED = 0.3
 """Part of a ramp that is left out, next to rest: there the window is below 0.2."""

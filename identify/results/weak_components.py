@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimators.admissible import Admissible, admissible, margin
-from identify.estimators.admissible_range import PAIRS, UNITS
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.pseudo_inertia import PAIRS, UNITS
 from identify.signals.run import Run, RunError
 
 ONE_AXIS = 1e-3

@@ -1,11 +1,15 @@
 """From motion to the wrench that the load cell exerts on the body at Q: (4), (5), (11). One sample in, one out."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from identify.rigid_body.inertia import Body, unpack
+
+Vectors = Float[Array, "... 3"] | Float[np.ndarray, "... 3"]
+"""Of JAX or NumPy."""
 
 
 class Wrench(NamedTuple):
@@ -30,15 +34,52 @@ def wrench(
         F of (4) and M of (5), solved for M.
     """
     force = body.mass * specific_force_cg
-    tensor = unpack(body.inertia)
-    moment = tensor @ alpha + jnp.cross(omega, tensor @ omega) + jnp.cross(body.r_cg_from_q, force)
-    return Wrench(force, moment)
+    return Wrench(force, moment_about_cg(body.inertia, omega, alpha) + jnp.cross(body.r_cg_from_q, force))
 
 
-def acceleration_at(offset: Float[Array, "3"], omega: Float[Array, "3"], alpha: Float[Array, "3"]) -> Float[Array, "3"]:
+def moment_about_cg(
+    inertia: Float[Array, "6"], omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"]
+) -> Float[Array, "3 *n"]:
+    """Return Euler's moment about the centre of gravity, ``I·alpha + omega × (I·omega)`` [N·m].
+
+    Args:
+        inertia: packed tensor about the centre of gravity [kg·m²].
+        omega: angular velocity [rad/s], components first.
+        alpha: angular acceleration [rad/s²], components first.
+    """
+    tensor = unpack(inertia)
+    return tensor @ alpha + jnp.cross(omega, tensor @ omega, axis=0)
+
+
+def acceleration_at(offset: Vectors, omega: Vectors, alpha: Vectors) -> Any:
     """Return the acceleration of a body-fixed point relative to another, ``alpha × ρ + omega × (omega × ρ)`` [m/s²].
 
     ``offset`` ρ is the vector between the two points in B [m]. With the centre of gravity still, (12) is this with
     ρ reversed: the acceleration that the platform's centre OMB must have.
     """
-    return jnp.cross(alpha, offset) + jnp.cross(omega, jnp.cross(omega, offset))
+    xp: Any = omega.__array_namespace__()
+    return xp.cross(alpha, offset) + xp.cross(omega, xp.cross(omega, offset))
+
+
+def moment_about(
+    moment: Float[np.ndarray, "n 3"], force: Float[np.ndarray, "n 3"], offset: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return the moment about Q of a wrench whose moment was taken about P: ``M_Q = M_P + p × F``, p from Q to P."""
+    return moment + np.cross(offset, force)
+
+
+def specific_force_at(
+    specific_force: Float[np.ndarray, "n 3"],
+    omega: Float[np.ndarray, "n 3"],
+    alpha: Float[np.ndarray, "n 3"],
+    offset: Float[np.ndarray, "3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Return the specific force [m/s²] at one point of the body from that at another, by :func:`acceleration_at`.
+
+    Args:
+        specific_force: at the accelerometer [m/s²].
+        omega: angular velocity [rad/s].
+        alpha: angular acceleration [rad/s²].
+        offset: ρ, from the accelerometer to the point [m].
+    """
+    return specific_force + acceleration_at(offset, omega, alpha)

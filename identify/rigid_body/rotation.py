@@ -1,6 +1,6 @@
-"""Sensor frames: rotations to the body frame, and the point where a moment is taken or an acceleration measured.
+"""Rotations: from declared axes, quaternions and matrices; exponential and angular velocity of a rotation vector.
 
-Samples first, (n, 3), on plain arrays. A rotation vector may be an array of JAX or of NumPy; nothing here imports JAX.
+A rotation vector may be an array of JAX or of NumPy; nothing here imports JAX.
 """
 
 from typing import Any
@@ -73,32 +73,6 @@ def from_axes(text: str) -> Float[np.ndarray, "3 3"]:
     for row, word, name in zip(rows, words, names, strict=True):
         row["xyz".index(name)] = -1.0 if word.startswith("-") else 1.0
     return nearest_rotation(rows)
-
-
-def moment_about(
-    moment: Float[np.ndarray, "n 3"], force: Float[np.ndarray, "n 3"], offset: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "n 3"]:
-    """Return the moment about Q of a wrench whose moment was taken about P: ``M_Q = M_P + p × F``, p from Q to P."""
-    return moment + np.cross(offset, force)
-
-
-def specific_force_at(
-    specific_force: Float[np.ndarray, "n 3"],
-    omega: Float[np.ndarray, "n 3"],
-    alpha: Float[np.ndarray, "n 3"],
-    offset: Float[np.ndarray, "3"],
-) -> Float[np.ndarray, "n 3"]:
-    """Return the specific force [m/s²] at one point of the body from that at another.
-
-    It is ``f + alpha × ρ + omega × (omega × ρ)``.
-
-    Args:
-        specific_force: at the accelerometer [m/s²].
-        omega: angular velocity [rad/s].
-        alpha: angular acceleration [rad/s²].
-        offset: ρ, from the accelerometer to the point [m].
-    """
-    return specific_force + np.cross(alpha, offset) + np.cross(omega, np.cross(omega, offset))
 
 
 def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:

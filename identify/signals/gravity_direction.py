@@ -12,8 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.motion.attitude import running_product
+from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import cross_matrix
-from identify.rigid_body.rotation import exponential, specific_force_at
+from identify.rigid_body.rotation import exponential
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Stretch
 
@@ -56,8 +58,8 @@ def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarr
         up = (to_body[usable].transpose(0, 2, 1) @ reading[usable, :, None]).mean(axis=0)[:, 0]
         turned = np.cumsum(to_body.transpose(0, 2, 1), axis=0) / run.rate
         columns = np.concatenate([to_body, -to_body @ cross_matrix(up) @ turned], axis=2)[usable].reshape(-1, 6)
-        found = np.linalg.lstsq(columns, reading[usable].reshape(-1), rcond=1e-8)[0]
-        up, bias = found[:3], bias + found[3:]
+        solution = np.linalg.lstsq(columns, reading[usable].reshape(-1), rcond=1e-8)[0]
+        up, bias = solution[:3], bias + solution[3:]
     return _turned(run, bias) @ (up / np.linalg.norm(up))
 
 
@@ -71,12 +73,5 @@ def _turned(run: Run, bias: np.ndarray) -> np.ndarray:
 
 @jax.jit
 def _attitudes(turns: Float[Array, "n 3"]) -> Float[Array, "m 3 3"]:
-    """The products of the turns, R_AB."""
-
-    def advance(rotation, one):
-        rotation = rotation @ one
-        return rotation, rotation
-
-    first = jnp.eye(3, dtype=turns.dtype)
-    _, rest = jax.lax.scan(advance, first, jax.vmap(exponential)(turns))
-    return jnp.concatenate([first[None], rest])
+    """The products of the turns, R_AB, from the identity on."""
+    return running_product(jax.vmap(exponential)(jnp.concatenate([jnp.zeros((1, 3)), turns])))

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from identify.motion.trajectory import Harmonic, Multisine, Sphere
+from identify.motion.multisine import Multisine
+from identify.motion.trajectory import Harmonic, Sphere
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.multisine_table import multisine_csv
 from uq.files.toml_text import toml_text

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.motion.leg_limits import Limits
-from identify.motion.trajectory import Multisine, Sphere
+from identify.motion.multisine import Multisine
+from identify.motion.trajectory import Sphere
 from uq.excitation.design_goal import Measure
 from uq.excitation.rig_limits import FROM_LIMIT, largest_size, largest_use
 from uq.experiment.experiment import Experiment, TrajectorySpec

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.motion.trajectory import Multisine
+from identify.motion.multisine import Multisine
 from uq.files.document import ExperimentError
 
 COORDINATES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")

@@ -16,10 +16,11 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Scalar, Trajectory
+from identify.motion.trajectory import Trajectory
+from identify.motion.window import Scalar
 from identify.reporting import Drawing, Result, Section
+from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.rotation import specific_force_at
 from identify.signals.filters import lowpass
 from identify.signals.run import Run
 from identify.text_tables import Table, fixed, with_error

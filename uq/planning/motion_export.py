@@ -14,8 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.motion.leg_limits import platform_motion
+from identify.motion.multisine import Multisine
 from identify.motion.stewart_platform import Platform, Pose, lengths
-from identify.motion.trajectory import Harmonic, Multisine, Sphere, Trajectory
+from identify.motion.trajectory import Harmonic, Sphere, Trajectory
 from identify.reporting import Result, Section
 from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from identify.motion.trajectory import Multisine, Sphere
+from identify.motion.multisine import Multisine
+from identify.motion.trajectory import Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.text_tables import Table

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.rigid_body.rotation import moment_about
+from identify.rigid_body.dynamics import moment_about
 from identify.signals.run import RunError
 from rig.channels import ImuChannel, WrenchChannel
 from rig.channels import Recording as BagRecording

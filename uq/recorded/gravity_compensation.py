@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.estimators.offsets import rest_of
-from identify.rigid_body.rotation import moment_about
+from identify.rigid_body.dynamics import moment_about
 from identify.signals.gravity_direction import UP, upward
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Stretch

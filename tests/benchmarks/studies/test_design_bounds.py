@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.studies.design_bounds import bound_by_squares, excursion_mean_square, repeating_bound
-from identify.motion.trajectory import Multisine
+from identify.motion.multisine import Multisine
 from tests.uq.excitation.test_design import on_a_platform
 from uq.excitation.design_bound import design_bound
 from uq.excitation.rig_limits import resolved_limits

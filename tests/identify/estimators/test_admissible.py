@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from identify.estimators.admissible import admissible, fit, free_of, log_cholesky, margin, pseudo_inertia
-from identify.estimators.admissible_range import Data, ends, nearest, of_second_moment, second_moment
+from identify.estimators.admissible import admissible, fit, margin
+from identify.estimators.admissible_range import Data, ends, nearest
 from identify.rigid_body.inertia import is_admissible, parallel_axis, unpack
+from identify.rigid_body.pseudo_inertia import free_of, log_cholesky, of_second_moment, pseudo_inertia, second_moment
 
 PLATE = np.array([0.19, 0.0, 0.0, 0.19, 0.0, 0.38])
 """On the edge: I11 + I22 = I33."""

@@ -9,10 +9,12 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
+from identify.motion.attitude import attitude
 from identify.motion.leg_limits import Limits, effort, needs, peaks, platform_motion, shares
+from identify.motion.multisine import Multisine
 from identify.motion.stewart_platform import Pose, lengths
-from identify.motion.trajectory import Multisine, attitude, sample
-from identify.rigid_body.rotation import specific_force_at
+from identify.motion.trajectory import sample
+from identify.rigid_body.dynamics import specific_force_at
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.experiment.multisine_table import COLUMNS, multisine_csv
@@ -137,7 +139,7 @@ def test_installed_platforms_are_at_home_where_they_are_drawn():
 
 def test_a_multisine_turns_as_its_rotation_vector_says(multisine):
     t = jnp.arange(0.0, 20.0, 1 / 400)
-    rotation = attitude(multisine, t)[::400]
+    rotation = attitude(multisine.omega, t)[::400]
     vectors = jax.vmap(multisine.coordinates)(t)[::400, 3:]
     np.testing.assert_allclose(rotation, Rotation.from_rotvec(np.array(vectors)).as_matrix(), atol=1e-9)
 

@@ -17,7 +17,7 @@ import pytest
 
 import uq.cli.design as command
 from identify.motion.leg_limits import needs
-from identify.motion.trajectory import Multisine
+from identify.motion.multisine import Multisine
 from identify.rigid_body.inertia import Body, principal
 from tests.browser import Reader, drawn
 from uq.cli.main import main
