@@ -69,9 +69,9 @@ def identify(
     Raises:
         RunError: no run, a run too short for the estimator, or a motion that identifies nothing.
     """
-    for name, given, known in (("method", method, Method), ("offsets", offsets, OffsetChoice)):
-        if given not in get_args(known):
-            raise ValueError(f"Argument `{name}` must be one of {', '.join(get_args(known))}, but is {given!r}.")
+    for name, given, choices in (("method", method, Method), ("offsets", offsets, OffsetChoice)):
+        if given not in get_args(choices):
+            raise ValueError(f"Argument `{name}` must be one of {', '.join(get_args(choices))}, but is {given!r}.")
     if method == "joint":
         return _joint(
             runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, band=None if estimator is None else estimator.band, offsets=offsets,
@@ -80,15 +80,15 @@ def identify(
         )  # fmt: skip
     if centre is not None:
         sigma = centre.standard_uncertainty[1:4]
-        found = _plug_in(
+        result = _plug_in(
             runs, r_cg=centre.r_cg, sigma_r_cg=sigma, estimator=estimator, offsets=offsets, mass=centre.mass,
             method=method,
         )  # fmt: skip
-        return within_bodies(with_centre(found, centre), runs)
-    found = _plug_in(
+        return within_bodies(with_centre(result, centre), runs)
+    result = _plug_in(
         runs, r_cg=r_cg, sigma_r_cg=sigma_r_cg, estimator=estimator, offsets=offsets, mass=mass, method=method
     )
-    return within_bodies(found, runs)
+    return within_bodies(result, runs)
 
 
 def _plug_in(
@@ -107,11 +107,11 @@ def _plug_in(
     if estimator is None:
         band = _common_band(runs)
         estimator = EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
-    parts = [ROWS[method](run, estimator, centre, offsets=offsets) for run in runs]
-    pooled = pool(parts, sigma)
+    of_runs = [ROWS[method](run, estimator, centre, offsets=offsets) for run in runs]
+    pooled = pool(of_runs, sigma)
     inertia, covariance, verdict = pooled.inertia, pooled.covariance, pooled.excitation
     half = pooled.half_width
-    warnings = [*warned, *_warnings(parts, pooled)]
+    warnings = [*warned, *_warnings(of_runs, pooled)]
     diagnostics = {
         "estimator": {"name": estimator.name, "differentiator": estimator.differentiator, "band": estimator.band,
                       "window": 2 * len(estimator.taps(runs[0].rate)) + 1, "lowpass": estimator.lowpass},
@@ -126,7 +126,8 @@ def _plug_in(
     return Identification(
         inertia, pooled.bias, covariance, np.stack([inertia - half, inertia + half], axis=1), centre, sigma, mass,
         estimator,
-        tuple(run_estimate(part, centre, mass) for part in parts), tuple(warnings), _assumptions(offsets), diagnostics,
+        tuple(run_estimate(of_run, centre, mass) for of_run in of_runs), tuple(warnings), _assumptions(offsets),
+        diagnostics,
         offsets=offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
         pooling=pooled.together, seen=None if verdict.identifiable.all() else pooled.seen,
     )  # fmt: skip
@@ -192,18 +193,19 @@ def _common_band(runs: Sequence[Run]) -> float:
     return max(motion_band(longest(run), run.rate) for run in runs)
 
 
-def _warnings(parts: list[Information], pooled: Pooled) -> list[str]:
-    found = [f"{part.run.name}: {text}" for part in parts for text in part.run.warnings]
+def _warnings(of_runs: list[Information], pooled: Pooled) -> list[str]:
+    warnings = [f"{of_run.run.name}: {text}" for of_run in of_runs for text in of_run.run.warnings]
     sigma = np.sqrt(np.diag(pooled.covariance))
-    for name, one, three in zip(COMPONENTS, pooled.bias, 3 * sigma, strict=True):
-        if abs(one) > 0.1 * three:
-            found.append(
-                f"gyro noise and differentiator bias {name} by about {1e3 * one:.3g} g·m²: match a smoother to the band"
-            )
+    for name, bias, three in zip(COMPONENTS, pooled.bias, 3 * sigma, strict=True):
+        if abs(bias) > 0.1 * three:
+            by = f"{1e3 * bias:.3g} g·m²"
+            warnings.append(f"gyro noise and differentiator bias {name} by about {by}: match a smoother to the band")
     for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
         if ratio > 2:
-            found.append(f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes")
-    return found
+            warnings.append(
+                f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes"
+            )
+    return warnings
 
 
 def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:

@@ -112,29 +112,31 @@ def consistency(
     base = fitted_already(left)
     rest = left.moment - (base @ (base.T @ left.moment.reshape(-1))).reshape(-1, 3)
     total = float((rest**2).sum())
-    found = _followed(rest, causes(left, inertia), base) if total > 0 else []
+    fits = _followed(rest, causes(left, inertia), base) if total > 0 else []
     plain = estimator.lowpass is None
     whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
-    tone = line(whole.moment - _unfiltered(found, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
-    verdicts = [_verdict(fit, total, run.name) for fit in found]
+    tone = line(whole.moment - _unfiltered(fits, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
+    verdicts = [_verdict(fit, total, run.name) for fit in fits]
     return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
 
 
 def _followed(rest: np.ndarray, open_to: list[Cause], base: np.ndarray) -> list[Fit]:
     """The causes that the residuals follow: the best one, then what is left beside it."""
-    found: list[Fit] = []
+    followed: list[Fit] = []
     total = float((rest**2).sum())
-    while len(found) < MOST:
+    while len(followed) < MOST:
         fits = [fit for cause in open_to if (fit := explain(rest, cause, base)) is not None]
-        fits = [fit for fit in fits if fit.chance < SIGNIFICANCE and fit.criterion > 0 and _matters(fit, found, total)]
+        fits = [
+            fit for fit in fits if fit.chance < SIGNIFICANCE and fit.criterion > 0 and _matters(fit, followed, total)
+        ]
         if not fits:
             break
         best = max((fit for fit in fits if not _needless(fit, fits)), key=lambda fit: fit.criterion)
-        found.append(best)
+        followed.append(best)
         base = _basis(np.concatenate([base, best.cause.columns.reshape(len(base), -1)], axis=1))
         rest = rest - best.explained
         open_to = [cause for cause in open_to if cause.name != best.cause.name]
-    return found
+    return followed
 
 
 OVER_BAND_OF_LINES = 1.5
@@ -156,8 +158,8 @@ def _basis(columns: np.ndarray) -> np.ndarray:
     return columns
 
 
-def _matters(fit: Fit, found: list[Fit], total: float) -> bool:
-    return fit.power / total > max(LEAST, ECHO * found[0].power / total if found else 0.0)
+def _matters(fit: Fit, named: list[Fit], total: float) -> bool:
+    return fit.power / total > max(LEAST, ECHO * named[0].power / total if named else 0.0)
 
 
 def _needless(fit: Fit, others: list[Fit]) -> bool:
@@ -169,22 +171,22 @@ def _needless(fit: Fit, others: list[Fit]) -> bool:
 def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
     """Return the causes that are looked for, each with the signals that it makes."""
     n, unit = len(left.t), np.eye(3)
-    each = lambda signal: np.einsum("nk,ij->nikj", signal, unit).reshape(n, 3, 9)  # noqa: E731  every component on every axis
-    own = lambda signal: np.einsum("ni,ij->nij", signal, unit)  # noqa: E731  each component on its axis
+    on_every_axis = lambda signal: np.einsum("nk,ij->nikj", signal, unit).reshape(n, 3, 9)  # noqa: E731  every component on every axis
+    on_own_axis = lambda signal: np.einsum("ni,ij->nij", signal, unit)  # noqa: E731  each component on its axis
     crossed = lambda signal: np.stack([np.cross(e, signal) for e in unit], axis=2)  # noqa: E731
     change = np.gradient(left.spin, 1 / left.rate, axis=0)
     time = np.broadcast_to(2 * left.t[:, None] / max(left.t[-1], 1e-300) - 1, (n, 3))
-    found = [
+    candidates = [
         Cause("delay", change[:, :, None]),
         Cause("rotation", crossed(left.spin)),
         Cause("tensor", left.rows * time[:, :, None]),
         Cause("gyro bias", gyro_bias_columns(left, inertia)),
-        Cause("air", np.concatenate([own(left.omega), own(np.abs(left.omega) * left.omega)], axis=2)),
-        Cause("drift", own(time)),
+        Cause("air", np.concatenate([on_own_axis(left.omega), on_own_axis(np.abs(left.omega) * left.omega)], axis=2)),
+        Cause("drift", on_own_axis(time)),
     ]
     if np.abs(left.force).max() > 0:
-        found += [Cause("centre of gravity", crossed(left.force)), Cause("attitude", each(left.force))]
-    return found
+        candidates += [Cause("centre of gravity", crossed(left.force)), Cause("attitude", on_every_axis(left.force))]
+    return candidates
 
 
 def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) -> Fit | None:
@@ -198,14 +200,16 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
     n, _, count = cause.columns.shape
     columns = cause.columns.reshape(3 * n, count)
     scale = np.sqrt((columns**2).mean(axis=0))
-    own = columns - base @ (base.T @ columns)
-    kept = np.sqrt((own**2).mean(axis=0)) > 1e-6 * scale
-    if not kept.any():
+    beside_base = columns - base @ (base.T @ columns)
+    independent = np.sqrt((beside_base**2).mean(axis=0)) > 1e-6 * scale
+    if not independent.any():
         return None
-    values, vectors = np.linalg.eigh(own[:, kept].T @ own[:, kept] / np.outer(scale[kept], scale[kept]))
+    values, vectors = np.linalg.eigh(
+        beside_base[:, independent].T @ beside_base[:, independent] / np.outer(scale[independent], scale[independent])
+    )
     good = values > 1e-8 * values[-1]
-    back = vectors[:, good] / np.sqrt(values[good]) / scale[kept][:, None]
-    left, values = own[:, kept] @ back, moment.reshape(-1)
+    back = vectors[:, good] / np.sqrt(values[good]) / scale[independent][:, None]
+    left, values = beside_base[:, independent] @ back, moment.reshape(-1)
     along = left.T @ values
     after = (values - left @ along).reshape(n, 3)
     time = correlation_time(after)
@@ -216,16 +220,16 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
     covariance = score_covariance(scores, time)
     wald = float(along @ np.linalg.solve(covariance, along)) if np.linalg.cond(covariance) < 1e12 else 0.0
     coefficients, spread = np.zeros(count), np.full(count, np.inf)
-    coefficients[kept] = back @ along
-    spread[kept] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
+    coefficients[independent] = back @ along
+    spread[independent] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
     return Fit(cause, coefficients, spread, (left @ along).reshape(n, 3), wald, freedom)
 
 
-def _unfiltered(found: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
+def _unfiltered(fits: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
     """What the named causes explain of the residuals without the estimator's low-pass."""
-    again = {cause.name: cause.columns for cause in causes(whole, inertia)} if found else {}
+    again = {cause.name: cause.columns for cause in causes(whole, inertia)} if fits else {}
     total = np.zeros_like(whole.moment)
-    for fit in found:
+    for fit in fits:
         total = total + again[fit.cause.name] @ fit.coefficients
     return total
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import resting
-from identify.estimators.rows import kept, rows_of
+from identify.estimators.rows import rows_of, usable_rows
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
@@ -65,7 +65,7 @@ def residuals(
     estimator = estimator if filtered else replace(estimator, lowpass=None)
     phi, force, moment = (np.asarray(signal) for signal in rows_of(run, estimator)[:3])
     lost = estimator.lost(run.rate)
-    keep, half = kept(run, len(run.t) - lost), lost // 2
+    keep, half = usable_rows(run, len(run.t) - lost), lost // 2
     if offsets == "still":
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
     rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
@@ -109,8 +109,8 @@ def force_of_motion(
     unit = np.eye(3)
     lever = [np.cross(alpha, e) + np.cross(omega, np.cross(omega, e)) for e in unit]
     columns = np.stack([up, *lever, *(np.broadcast_to(e, force.shape) for e in unit)], axis=2)
-    found = np.linalg.lstsq(columns.reshape(-1, 7), force.reshape(-1), rcond=1e-10)[0]
-    return columns[:, :, :4] @ found[:4]
+    solution = np.linalg.lstsq(columns.reshape(-1, 7), force.reshape(-1), rcond=1e-10)[0]
+    return columns[:, :, :4] @ solution[:4]
 
 
 class _Smoother:

@@ -91,8 +91,8 @@ def fit(
         ValueError: the fit does not converge.
     """
     with jax.enable_x64(True):
-        given = tuple(jnp.asarray(np.asarray(one, np.float64)) for one in (estimate, information, start))
-        free, converged = _fit(body, *given)
+        arrays = tuple(jnp.asarray(np.asarray(array, np.float64)) for array in (estimate, information, start))
+        free, converged = _fit(body, *arrays)
         if not bool(converged):
             raise ValueError("Argument `estimate` must be near a body's, but the fit did not converge.")
         return np.asarray(body(free))
@@ -110,10 +110,10 @@ def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, st
     root = jnp.linalg.cholesky(metric * jnp.outer(scale, scale))
     to_free = lambda z: start + scale * jax.scipy.linalg.solve_triangular(root.T, z)  # noqa: E731
     solver: optimistix.BFGS = optimistix.BFGS(rtol=1e-9, atol=1e-7)
-    found: optimistix.Solution = optimistix.minimise(
+    solution: optimistix.Solution = optimistix.minimise(
         lambda z, _: cost(to_free(z)), solver, jnp.zeros_like(start), max_steps=2000, throw=False
     )
-    return to_free(found.value), jnp.asarray(found.result == optimistix.RESULTS.successful)
+    return to_free(solution.value), jnp.asarray(solution.result == optimistix.RESULTS.successful)
 
 
 def roundness(inertia: Float[Array, "6"]) -> Float[Array, ""]:
@@ -157,8 +157,8 @@ def admissible(
     determined = np.abs(seen.T @ seen - np.eye(6)).max(axis=1) < 1e-3
     half = np.where(determined, coverage_factor * np.sqrt(np.diag(covariance)), np.nan)
     plain = np.stack([inertia - half, inertia + half], axis=1)
-    kept = len(seen) == 6 and inside > 0
-    value = inertia if kept else fit(log_cholesky, inertia, data.information, free_of(_inner(data)))
+    well_inside = len(seen) == 6 and inside > 0
+    value = inertia if well_inside else fit(log_cholesky, inertia, data.information, free_of(_inner(data)))
     interval = ends(data, least + coverage_factor**2)
     interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
     return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside))

@@ -52,10 +52,10 @@ def ends(data: Data, most: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6 2"]:
     """Return the least and the largest value of each component among bodies with Q of at most ``most``; or infinity."""
     scale = size(data)
     scaled, start = Data(data.estimate / scale, data.information * scale**2), nearest(data) / scale
-    found = np.array(
+    extremes = np.array(
         [[_farthest(scaled, s * unit, start, q) for s in (-1, 1)] for unit, q in zip(np.eye(6), most, strict=True)]
     )
-    values = found * [-1, 1]
+    values = extremes * [-1, 1]
     values[list(MOMENTS)] = np.maximum(values[list(MOMENTS)], 0)
     return np.where(np.abs(values) > 0.05 * LARGEST, np.copysign(np.inf, values), scale * values)
 

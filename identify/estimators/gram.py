@@ -58,17 +58,17 @@ def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[
 
 def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Float[Array, "13 *n"]:
     """Return the features of ``omega + offset`` from those of omega: linear in them, exact."""
-    one, w, squares, (w12, w13, w23), a = phi[:1], phi[1:4], phi[4:7], phi[7:10], phi[10:13]
+    ones, w, squares, (w12, w13, w23), a = phi[:1], phi[1:4], phi[4:7], phi[7:10], phi[10:13]
     b1, b2, b3 = offset
     each = offset.reshape(3, *[1] * (phi.ndim - 1))
     crossed = jnp.stack(
         [
-            w12 + b1 * w[1] + b2 * w[0] + one[0] * b1 * b2,
-            w13 + b1 * w[2] + b3 * w[0] + one[0] * b1 * b3,
-            w23 + b2 * w[2] + b3 * w[1] + one[0] * b2 * b3,
+            w12 + b1 * w[1] + b2 * w[0] + ones[0] * b1 * b2,
+            w13 + b1 * w[2] + b3 * w[0] + ones[0] * b1 * b3,
+            w23 + b2 * w[2] + b3 * w[1] + ones[0] * b2 * b3,
         ]
     )
-    return jnp.concatenate([one, w + one * each, squares + 2 * each * w + one * each**2, crossed, a])
+    return jnp.concatenate([ones, w + ones * each, squares + 2 * each * w + ones * each**2, crossed, a])
 
 
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:

@@ -159,12 +159,12 @@ def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
     """Standard deviation of the rows' alpha on each axis [rad/s²], from the angular velocity's noise."""
     if run.noise is not None:
         return run.noise.alpha(estimator, run.rate)
-    return noise_level(*(run.omega[part] for part in run.used())) * estimator.alpha_noise_gain(run.rate)
+    return noise_level(*(run.omega[segment] for segment in run.used())) * estimator.alpha_noise_gain(run.rate)
 
 
 def longest(run: Run) -> np.ndarray:
     """Return the angular velocity of the longest stretch in which every sample may be used."""
-    return run.omega[max(run.used(), key=lambda part: part.stop - part.start)]
+    return run.omega[max(run.used(), key=lambda segment: segment.stop - segment.start)]
 
 
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:

@@ -54,7 +54,7 @@ def generalised(
     ``covariance`` [unit of the values, squared] is one matrix for all samples or one for each; samples are independent.
     """
     lower = jnp.broadcast_to(jnp.linalg.cholesky(covariance), (*values.shape, 3))
-    whiten = jax.vmap(lambda one, right: jax.scipy.linalg.solve_triangular(one, right, lower=True))
+    whiten = jax.vmap(lambda factor, right: jax.scipy.linalg.solve_triangular(factor, right, lower=True))
     white_rows, white_values = whiten(lower, rows), whiten(lower, values)
     value, spread, condition = _qr(white_rows.reshape(-1, rows.shape[2]), white_values.reshape(-1))
     return Solution(value, spread, values - rows @ value, condition)
@@ -86,13 +86,13 @@ class Excitation(NamedTuple):
     def unidentifiable(self) -> tuple[str, ...]:
         """Names of the components that lie, for the greater part, in directions that the motion does not excite."""
         blind = self.directions[~self.identifiable]
-        return tuple(name for name, part in zip(COMPONENTS, (blind**2).sum(axis=0), strict=True) if part > 0.4)
+        return tuple(name for name, share in zip(COMPONENTS, (blind**2).sum(axis=0), strict=True) if share > 0.4)
 
     @property
     def blind_direction(self) -> str:
         """The least excited direction in words, such as ``0.58 I11 +0.58 I22 +0.58 I33``."""
         shares = zip(COMPONENTS, self.directions[0], strict=True)
-        return " ".join(f"{part:+.2g} {name}" for name, part in shares if abs(part) > 0.1).removeprefix("+")
+        return " ".join(f"{share:+.2g} {name}" for name, share in shares if abs(share) > 0.1).removeprefix("+")
 
 
 def excitation(normal: Matrix, noise: Matrix) -> Excitation:

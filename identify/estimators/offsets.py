@@ -96,7 +96,7 @@ def force_offset(run: Run, r_cg: np.ndarray, mass: float | None) -> np.ndarray |
     alpha = np.gradient(run.omega, run.t, axis=0)
     at_cg = specific_force_at(run.specific_force, run.omega, alpha, r_cg - position)
     left = run.force - mass * at_cg
-    return np.concatenate([left[part] for part in run.used()]).mean(axis=0)
+    return np.concatenate([left[segment] for segment in run.used()]).mean(axis=0)
 
 
 def uncertainty(offsets: Offsets, sigma_r_cg: np.ndarray) -> np.ndarray:

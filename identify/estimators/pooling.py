@@ -51,41 +51,41 @@ class Pooled(NamedTuple):
         return self.half_width / np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)
 
 
-def pool(parts: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
+def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
     """Return the tensor of several runs, each weighted by the inverse of its noise variance.
 
     Args:
-        parts: what each run says.
+        of_runs: what each run says.
         sigma_r_cg: standard uncertainty of the centre of gravity on each axis [m].
 
     Raises:
         RunError: the motion tells nothing at all.
     """
-    weights = np.array([part.weight for part in parts])
-    normal = np.einsum("k,kij->ij", weights, [part.normal for part in parts])
-    noise = np.einsum("k,kij->ij", weights, [part.noise for part in parts])
+    weights = np.array([of_run.weight for of_run in of_runs])
+    normal = np.einsum("k,kij->ij", weights, [of_run.normal for of_run in of_runs])
+    noise = np.einsum("k,kij->ij", weights, [of_run.noise for of_run in of_runs])
     verdict = excitation(normal, noise)
     seen = verdict.directions[verdict.identifiable]
     if not len(seen):
-        first, more = parts[0].run.name, len(parts) - 1
+        first, more = of_runs[0].run.name, len(of_runs) - 1
         names = ", ".join(verdict.unidentifiable)
         raise RunError(
             f"the motion in {first}{f' and {more} more' if more else ''} does not identify {names}: "
             "rotate about more axes, or faster"
         )
     inverse = seen.T @ np.diag(1 / verdict.strength[verdict.identifiable]) @ seen
-    inertia = inverse @ (weights @ [part.right for part in parts])
-    by_centre = inverse @ np.einsum("k,kij->ij", weights, [part.right_by_centre for part in parts])
-    residual = inverse @ np.einsum("k,kij->ij", weights**2, [part.scores for part in parts]) @ inverse
-    own = _degrees_of_freedom(parts, weights, inverse)
-    together = pooling(_repeats(parts, weights, inertia), inverse, residual, own)
+    inertia = inverse @ (weights @ [of_run.right for of_run in of_runs])
+    by_centre = inverse @ np.einsum("k,kij->ij", weights, [of_run.right_by_centre for of_run in of_runs])
+    residual = inverse @ np.einsum("k,kij->ij", weights**2, [of_run.scores for of_run in of_runs]) @ inverse
+    freedom_of_residuals = _degrees_of_freedom(of_runs, weights, inverse)
+    together = pooling(_repeats(of_runs, weights, inertia), inverse, residual, freedom_of_residuals)
     of_noise, of_centre = together.covariance, by_centre * sigma_r_cg**2 @ by_centre.T
     covariance = of_noise + of_centre
     half = np.hypot(together.half_width, NORMAL * np.sqrt(np.diag(of_centre)))
     freedom = together.degrees_of_freedom * (np.diag(covariance) / np.maximum(np.diag(of_noise), 1e-300)) ** 2
     bias = seen.T @ (seen @ inertia - np.linalg.solve(seen @ (normal - noise) @ seen.T, seen @ normal @ inertia))
-    share = weights * [part.rows for part in parts]
-    gain_error = share @ [part.gain_error for part in parts] / share.sum()
+    share = weights * [of_run.rows for of_run in of_runs]
+    gain_error = share @ [of_run.gain_error for of_run in of_runs] / share.sum()
     return Pooled(
         inertia,
         bias + gain_error * inertia,
@@ -99,19 +99,19 @@ def pool(parts: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
     )
 
 
-def _repeats(parts: Sequence[Information], weights: np.ndarray, inertia: np.ndarray) -> list[Repeat]:
+def _repeats(of_runs: Sequence[Information], weights: np.ndarray, inertia: np.ndarray) -> list[Repeat]:
     """What the evaluation of scatter needs of each run."""
     return [
         Repeat(
-            weight * (part.right - part.normal @ inertia), part.inertia, np.sqrt(np.diag(part.covariance)),
-            bool(part.excitation.identifiable.all()), part.run.mounting,
+            weight * (of_run.right - of_run.normal @ inertia), of_run.inertia, np.sqrt(np.diag(of_run.covariance)),
+            bool(of_run.excitation.identifiable.all()), of_run.run.mounting,
         )
-        for part, weight in zip(parts, weights, strict=True)
+        for of_run, weight in zip(of_runs, weights, strict=True)
     ]  # fmt: skip
 
 
-def _degrees_of_freedom(parts: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+def _degrees_of_freedom(of_runs: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
     """Effective, of the pooled tensor's variance from the runs' residuals, by component (GUM G.4)."""
-    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, parts, strict=True)])
-    terms = (squares**2 / [part.degrees_of_freedom for part in parts]).sum(axis=0)
+    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, of_runs, strict=True)])
+    terms = (squares**2 / [of_run.degrees_of_freedom for of_run in of_runs]).sum(axis=0)
     return np.clip(squares.sum(axis=0) ** 2 / np.maximum(terms, 1e-300), 1, 1e9)

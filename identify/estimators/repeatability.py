@@ -57,8 +57,8 @@ class Pooling:
         """By component: whether the interval is that of the scatter, the wider of two that are both valid."""
         if self.from_scatter is None:
             return np.zeros(6, bool)
-        own = scipy.stats.t.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.foreseen
-        return scipy.stats.t.ppf(PROBABILITY, self.scatter_degrees_of_freedom) * self.from_scatter > own
+        predicted = scipy.stats.t.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.foreseen
+        return scipy.stats.t.ppf(PROBABILITY, self.scatter_degrees_of_freedom) * self.from_scatter > predicted
 
     @property
     def scale(self) -> np.ndarray:

@@ -89,5 +89,5 @@ def _density(signal: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
         return frequency, np.sqrt(power)
     band = np.unique(np.searchsorted(frequency, np.geomspace(frequency[0], frequency[-1], BINS) * (1 - 1e-9)))
     counts = np.diff(np.append(band, len(frequency)))
-    means = [np.add.reduceat(one, band, axis=0) for one in (frequency, power)]
+    means = [np.add.reduceat(values, band, axis=0) for values in (frequency, power)]
     return means[0] / counts, np.sqrt(means[1] / counts[:, None])

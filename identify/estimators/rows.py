@@ -58,7 +58,7 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
         )
     signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
     phi, force, moment = _filtered(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
-    keep = kept(run, phi.shape[1])
+    keep = usable_rows(run, phi.shape[1])
     if len(keep) < 3:
         raise RunError(
             f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
@@ -69,7 +69,7 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
     return Rows(phi[:, keep], force[:, keep], moment[:, keep], stretches, half + keep)
 
 
-def kept(run: Run, rows: int) -> np.ndarray:
+def usable_rows(run: Run, rows: int) -> np.ndarray:
     """Return the positions of the rows that no gap reaches, through differentiator, filter and the spline's ringing."""
     if run.missing is None:
         return np.arange(rows)

@@ -108,11 +108,11 @@ def bound(
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
     position = np.zeros(3) if run.imu_position is None else run.imu_position
-    model, known = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), position, setting)
-    theta = np.array(known.mean)
+    model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), position, setting)
+    theta = np.array(beforehand.mean)
     theta[SLICES["inertia"]] = body.inertia
     return _of_information(
-        known, _information(model, known, _whitener(body, noise, rows.factor, specific_force), theta)
+        beforehand, _information(model, beforehand, _whitener(body, noise, rows.factor, specific_force), theta)
     )
 
 
@@ -125,13 +125,13 @@ def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: Specif
     return whitener(covariance[3:, 3:] + arm @ covariance[:3, :3] @ arm.T)
 
 
-def _information(model: Any, known: Prior, white: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    z = np.linalg.lstsq(np.asarray(known.root), theta - np.asarray(known.mean), rcond=None)[0]
-    return np.asarray(eqx.filter_jit(information)(model, known, jnp.asarray(white), jnp.asarray(z)))
+def _information(model: Any, beforehand: Prior, white: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    z = np.linalg.lstsq(np.asarray(beforehand.root), theta - np.asarray(beforehand.mean), rcond=None)[0]
+    return np.asarray(eqx.filter_jit(information)(model, beforehand, jnp.asarray(white), jnp.asarray(z)))
 
 
-def _of_information(known: Prior, samples: np.ndarray) -> Bound:
-    root, precision = np.asarray(known.root), np.diag(np.asarray(known.counted))
+def _of_information(beforehand: Prior, samples: np.ndarray) -> Bound:
+    root, precision = np.asarray(beforehand.root), np.diag(np.asarray(beforehand.counted))
     inverse = np.linalg.inv(samples + precision)
     covariance, of_prior = root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T
     total = np.diag(covariance)

@@ -67,13 +67,15 @@ def solve(
         return value, rows @ tangents[0]
 
     solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
-    found: Any = optimistix.least_squares(
+    solution: Any = optimistix.least_squares(
         lambda z, _: (whitened(z), prior.counted * z), solver, start, max_steps=MOST_STEPS, throw=False
     )
-    value, rows = _whitened(model, prior, whitener, found.value)
+    value, rows = _whitened(model, prior, whitener, solution.value)
     left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
-    steps = jnp.asarray(found.stats["num_steps"]).astype(start.dtype)
-    return Fit(found.value, rows.T @ rows, left, steps, jnp.asarray(found.result == optimistix.RESULTS.successful))
+    steps = jnp.asarray(solution.stats["num_steps"]).astype(start.dtype)
+    return Fit(
+        solution.value, rows.T @ rows, left, steps, jnp.asarray(solution.result == optimistix.RESULTS.successful)
+    )
 
 
 def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:

@@ -60,24 +60,24 @@ def joint(
         RunError: a run is too short or has no solution, or the motion does not identify the tensor.
     """
     setting = Setting(blocks, alignment, band, specific_force, gravity, _tensor_scale(runs, band))
-    found = [joint_run(run, setting) for run in runs]
-    pooled = pool(found, ALIGNED + (CALIBRATED if STATIC in blocks else ()))
-    factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(found)))
+    joint_runs = [joint_run(run, setting) for run in runs]
+    pooled = pool(joint_runs, ALIGNED + (CALIBRATED if STATIC in blocks else ()))
+    factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
     inertia = value[tensor]
     half = factor * np.sqrt(np.diag(covariance)[tensor])
-    bias = _bias(found, inertia, covariance[tensor, tensor])
+    bias = _bias(joint_runs, inertia, covariance[tensor, tensor])
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
-    warnings = [f"{one.run.name}: {text}" for one in found for text in one.run.warnings]
+    warnings = [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     warnings += alignment_warnings(delay, rotation)
     warnings += _warnings(pooled, bias, half / factor)
     return Identification(
         inertia, bias, covariance[tensor, tensor], np.stack([inertia - half, inertia + half], axis=1),
         value[cg], np.sqrt(np.diag(covariance)[cg]), float(value[mass]),
         EstimatorSpec(f"joint, band {band:.3g} Hz", "savitzky-golay", band),
-        tuple(_run_estimate(one, theta) for one, theta in zip(found, pooled.theta, strict=True)), tuple(warnings),
-        _assumptions(specific_force, len(found)), _diagnostics(found, pooled, factor), offsets=offsets,
+        tuple(map(_run_estimate, joint_runs, pooled.theta)), tuple(warnings),
+        _assumptions(specific_force, len(joint_runs)), _diagnostics(joint_runs, pooled, factor), offsets=offsets,
         mass_uncertainty=float(np.sqrt(covariance[mass, mass])), cg_inertia_covariance=covariance[cg, tensor],
         cg_covariance=covariance[cg, cg], method="joint", delay=delay, rotation=rotation,
     )  # fmt: skip
@@ -134,10 +134,10 @@ def specific_force_of(runs: Sequence[Run], cg_motion: CgMotion | None) -> Specif
 
 
 def _aligned(pooled: Pooled, name: str, factor: float) -> Aligned:
-    part = SLICES[name]
-    value, covariance = pooled.theta[0][part], pooled.covariance[part, part]
+    where = SLICES[name]
+    value, covariance = pooled.theta[0][where], pooled.covariance[where, where]
     half = factor * np.sqrt(np.diag(covariance))
-    return Aligned(value, covariance, np.stack([value - half, value + half], axis=1), _share(pooled, part))
+    return Aligned(value, covariance, np.stack([value - half, value + half], axis=1), _share(pooled, where))
 
 
 def _tensor_scale(runs: Sequence[Run], band: float) -> float:
@@ -146,53 +146,55 @@ def _tensor_scale(runs: Sequence[Run], band: float) -> float:
     return float(np.sqrt(moment) / max(np.sqrt(omega) * 2 * np.pi * band, 1e-12)) or 1.0
 
 
-def _share(pooled: Pooled, part: slice) -> np.ndarray:
-    total = np.diag(pooled.covariance)[part]
-    return np.where(total > 0, np.diag(pooled.of_prior)[part] / np.where(total > 0, total, 1.0), 1.0)
+def _share(pooled: Pooled, where: slice) -> np.ndarray:
+    total = np.diag(pooled.covariance)[where]
+    return np.where(total > 0, np.diag(pooled.of_prior)[where] / np.where(total > 0, total, 1.0), 1.0)
 
 
-def _freedom(found: Sequence[JointRun]) -> float:
+def _freedom(runs: Sequence[JointRun]) -> float:
     """Independent residuals in the band less the unknowns."""
-    bins = sum(len(one.noise) * one.run.t.size / one.model.rows.factor for one in found)
-    return max(bins / 2 - sum(len(one.fit.z) for one in found), 1.0)
+    bins = sum(len(run.noise) * run.run.t.size / run.model.rows.factor for run in runs)
+    return max(bins / 2 - sum(len(run.fit.z) for run in runs), 1.0)
 
 
-def _bias(found: Sequence[JointRun], inertia: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _bias(runs: Sequence[JointRun], inertia: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Expected mean error from the gyro's noise in alpha, which dilutes the tensor to first order."""
-    noise = np.sum([_of_gyro(one) for one in found], axis=0)
+    noise = np.sum([_of_gyro(run) for run in runs], axis=0)
     return -covariance @ noise @ inertia
 
 
-def _of_gyro(one: JointRun) -> np.ndarray:
+def _of_gyro(run: JointRun) -> np.ndarray:
     """What the gyro's noise alone adds to the information on the tensor, (6, 6)."""
-    rows = one.model.rows
-    weight = np.linalg.inv(one.noise[-3:, -3:] / rows.factor)
-    return float(rows.used.sum()) * noise_in_alpha(one.run.rate, rows, one.gyro_noise, weight)
+    rows = run.model.rows
+    weight = np.linalg.inv(run.noise[-3:, -3:] / rows.factor)
+    return float(rows.used.sum()) * noise_in_alpha(run.run.rate, rows, run.gyro_noise, weight)
 
 
 def _warnings(pooled: Pooled, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
-    found = [
-        f"gyro noise biases {name} by about {1e3 * one:.3g} g·m²: record with a better gyro, or slower"
-        for name, one, three in zip(COMPONENTS, bias, 3 * sigma, strict=True)
-        if abs(one) > 0.1 * three
+    warnings = [
+        f"gyro noise biases {name} by about {1e3 * error:.3g} g·m²: record with a better gyro, or slower"
+        for name, error, three in zip(COMPONENTS, bias, 3 * sigma, strict=True)
+        if abs(error) > 0.1 * three
     ]
     if pooled.scatter > LEAST_SCATTER:
-        found.append(f"the runs scatter {pooled.scatter:.1f} times more than their own noise says: something changes")
-    return found
+        warnings.append(
+            f"the runs scatter {pooled.scatter:.1f} times more than their own noise says: something changes"
+        )
+    return warnings
 
 
 def _assumptions(specific_force: SpecificForce, runs: int) -> tuple[str, ...]:
-    alike = ("delay and rotation are the same in all runs",) if runs > 1 else ()
+    shared = ("delay and rotation are the same in all runs",) if runs > 1 else ()
     return (
         OF_FORCE[specific_force],
-        *alike,
+        *shared,
         "the load cell's noise is white over the motion's band",
         "the gyro's noise is white",
         "the platform is rigid",
     )
 
 
-def _diagnostics(found: Sequence[JointRun], pooled: Pooled, factor: float) -> dict[str, object]:
+def _diagnostics(runs: Sequence[JointRun], pooled: Pooled, factor: float) -> dict[str, object]:
     names = ("inertia", "mass", "r_cg", "delay", "rotation", "force_offset", "moment_offset", "gyro_bias")
     return {
         "prior_share": {name: _share(pooled, SLICES[name]).tolist() for name in names},
@@ -200,29 +202,29 @@ def _diagnostics(found: Sequence[JointRun], pooled: Pooled, factor: float) -> di
         "coverage_factor": factor,
         "gyro_bias": [theta[SLICES["gyro_bias"]].tolist() for theta in pooled.theta],
         "tilt": [theta[SLICES["tilt"]].tolist() for theta in pooled.theta],
-        "noise": [np.sqrt(np.diag(one.noise)).tolist() for one in found],
-        "steps": [int(one.fit.steps) for one in found],
+        "noise": [np.sqrt(np.diag(run.noise)).tolist() for run in runs],
+        "steps": [int(run.fit.steps) for run in runs],
     }
 
 
-def _run_estimate(one: JointRun, theta: np.ndarray) -> RunEstimate:
+def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
     """The run by itself, with the offsets of the pooled estimate."""
-    covariance, _ = one.posterior()
-    tensor, run = SLICES["inertia"], one.run
+    covariance, _ = fitted_run.posterior()
+    tensor, run, rows = SLICES["inertia"], fitted_run.run, fitted_run.model.rows
     return RunEstimate(
-        run.name, run.sha256, one.theta[tensor], np.sqrt(np.diag(covariance)[tensor]),
-        int(one.model.rows.used.sum()) * one.model.rows.factor, run.rate, np.sqrt(np.diag(one.noise)[-3:]),
-        1 / run.rate, _offsets(theta, covariance), True, run.parts, run.found, run.left_out, run.overview,
-        theta[SLICES["force_offset"]], trace=_trace(one, theta),
+        run.name, run.sha256, fitted_run.theta[tensor], np.sqrt(np.diag(covariance)[tensor]),
+        int(rows.used.sum()) * rows.factor, run.rate, np.sqrt(np.diag(fitted_run.noise)[-3:]), 1 / run.rate,
+        _offsets(theta, covariance), True, run.parts, run.found, run.left_out, run.overview,
+        theta[SLICES["force_offset"]], trace=_trace(fitted_run, theta),
     )  # fmt: skip
 
 
-def _trace(one: JointRun, theta: np.ndarray) -> Trace:
+def _trace(fitted_run: JointRun, theta: np.ndarray) -> Trace:
     """Residuals and motion of the rows that count, in the motion's band."""
-    used = np.asarray(one.model.rows.used) > 0
-    signals = [np.asarray(signal).T[used] for signal in _fitted(one.model, jnp.asarray(theta))]
+    used = np.asarray(fitted_run.model.rows.used) > 0
+    signals = [np.asarray(signal).T[used] for signal in _fitted(fitted_run.model, jnp.asarray(theta))]
     left, fitted, omega, alpha = signals
-    t = float(one.run.t[0]) + np.asarray(one.model.rows.t)[used]
+    t = float(fitted_run.run.t[0]) + np.asarray(fitted_run.model.rows.t)[used]
     return trace(t, left, fitted + left, omega, alpha)
 
 

@@ -82,7 +82,7 @@ class Model(eqx.Module):
 
 def unknowns(theta: Float[Array, " count"]) -> Unknowns:
     """Return the unknowns of a flat vector."""
-    return Unknowns(*(theta[part] for part in SLICES.values()))
+    return Unknowns(*(theta[where] for where in SLICES.values()))
 
 
 class Kinematics(NamedTuple):
@@ -117,11 +117,11 @@ def kinematics(model: Model, x: Unknowns) -> Kinematics:
         force, force_rate = value[3:] - x.accelerometer_bias[:, None], slope[3:]
     else:
         force = force_rate = jnp.zeros_like(spin)
-    own, rates = jnp.concatenate([spin, slope[:3], force]), jnp.concatenate([slope[:3], second[:3], force_rate])
-    omega, alpha, at_imu = turn @ own[:3], turn @ own[3:6], turn @ own[6:]
+    signals, rates = jnp.concatenate([spin, slope[:3], force]), jnp.concatenate([slope[:3], second[:3], force_rate])
+    omega, alpha, at_imu = turn @ signals[:3], turn @ signals[3:6], turn @ signals[6:]
     if model.specific_force == "accelerometer":
         at_imu = at_imu + _carried(omega, alpha, x.r_cg - model.imu_position)
-    return Kinematics(omega, alpha, None if model.specific_force == "none" else at_imu, own, rates, attitude)
+    return Kinematics(omega, alpha, None if model.specific_force == "none" else at_imu, signals, rates, attitude)
 
 
 def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "rows n"]:

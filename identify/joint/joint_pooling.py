@@ -44,19 +44,19 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
         return Pooled([runs[0].theta], covariance, of_prior, 1.0, np.inf)
     root, counted = np.asarray(runs[0].prior.root), np.asarray(runs[0].prior.counted)
     common = np.abs(root[indices(shared)]).max(axis=0) > 0
-    parts = [_eliminated(run, common) for run in runs]
-    total, right = sum(part.matrix for part in parts), sum(part.right for part in parts)
+    reduced = [_eliminated(run, common) for run in runs]
+    total, right = sum(equations.matrix for equations in reduced), sum(equations.right for equations in reduced)
     precision = np.diag(counted[common])
     inverse = np.linalg.inv(total + precision)
     z = inverse @ right
-    scatter, freedom = _scatter(parts, z)
+    scatter, freedom = _scatter(reduced, z)
     spread = scatter**2 * inverse @ total @ inverse + inverse @ precision @ inverse
     theta, covariance, of_prior = [], np.zeros_like(root @ root.T), np.zeros_like(root @ root.T)
-    for run, part in zip(runs, parts, strict=True):
+    for run, equations in zip(runs, reduced, strict=True):
         whole = np.empty(len(common))
-        whole[common], whole[~common] = z, part.own @ np.concatenate([[1.0], z])
+        whole[common], whole[~common] = z, equations.own @ np.concatenate([[1.0], z])
         theta.append(np.asarray(run.prior.mean) + np.asarray(run.prior.root) @ whole)
-    first = parts[0]
+    first = reduced[0]
     carried = np.zeros((len(common), int(common.sum())))
     carried[common], carried[~common] = np.eye(int(common.sum())), first.own[:, 1:]
     covariance = root @ carried @ spread @ carried.T @ root.T
@@ -89,12 +89,12 @@ def _eliminated(run: JointRun, common: np.ndarray) -> _Eliminated:
     )  # fmt: skip
 
 
-def _scatter(parts: Sequence[_Eliminated], z: np.ndarray) -> tuple[float, float]:
+def _scatter(reduced: Sequence[_Eliminated], z: np.ndarray) -> tuple[float, float]:
     """Root of the runs' mean squared departure from the pooled estimate in units of their noise, at least 1."""
     squares, rank = 0.0, 0
-    for part in parts:
-        left = part.right - part.matrix @ z
-        squares += float(left @ np.linalg.pinv(part.matrix, rcond=1e-10, hermitian=True) @ left)
-        rank += int(np.linalg.matrix_rank(part.matrix, rtol=1e-10, hermitian=True))
-    freedom = max(rank * (len(parts) - 1) / len(parts), 1.0)
+    for equations in reduced:
+        left = equations.right - equations.matrix @ z
+        squares += float(left @ np.linalg.pinv(equations.matrix, rcond=1e-10, hermitian=True) @ left)
+        rank += int(np.linalg.matrix_rank(equations.matrix, rtol=1e-10, hermitian=True))
+    freedom = max(rank * (len(reduced) - 1) / len(reduced), 1.0)
     return max(float(np.sqrt(squares / freedom)), 1.0), freedom

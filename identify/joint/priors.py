@@ -77,10 +77,10 @@ def prior(
     mean[SLICES["delay"]], mean[SLICES["rotation"]] = alignment.delay, alignment.rotation
     for name, value in sigma.items():
         spread[SLICES[name], SLICES[name]] = np.diag(np.broadcast_to(value, SIZES[name]))
-    for names, known in blocks.items():
+    for names, block in blocks.items():
         where = indices(names)
-        mean[where] = known.mean
-        spread[np.ix_(where, where)] = _root(known.covariance)
+        mean[where] = block.mean
+        spread[np.ix_(where, where)] = _root(block.covariance)
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
     counted = (free >= SIZES["inertia"]).astype(float)
     return Prior(jnp.asarray(mean), jnp.asarray(spread[:, free]), jnp.asarray(counted))
@@ -95,5 +95,5 @@ def _root(covariance: np.ndarray) -> np.ndarray:
     """A matrix whose product with its transpose is a covariance that may be singular; zero columns where it is."""
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    kept = values > 1e-12
-    return scale[:, None] * vectors * np.where(kept, np.sqrt(np.maximum(values, 0)), 0.0)
+    positive = values > 1e-12
+    return scale[:, None] * vectors * np.where(positive, np.sqrt(np.maximum(values, 0)), 0.0)

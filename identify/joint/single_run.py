@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,7 +13,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
 from identify.joint.priors import Known, Prior, prior
-from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix, features
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, PI_OF_FORCE, cross_matrix, features
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import PASSED, InBand, evaluate, in_band, low_pass
 from identify.signals.filters import noise_level
@@ -80,31 +79,34 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     Raises:
         RunError: the run is too short, it has no solution, or its delay is beyond what it leaves room for.
     """
-    model, known, gyro_noise = prepare(run, setting)
+    model, beforehand, gyro_noise = prepare(run, setting)
     _check_excitation(run, model, setting, gyro_noise)
-    raw = _raw_noise(run, model, known) if setting.noise is None else np.diag(np.square(setting.noise))
-    fit, left = fitted(model, known, raw / model.rows.factor, setting, run.name)
-    return JointRun(run, model, known, fit, left * model.rows.factor, gyro_noise)
+    raw = _raw_noise(run, model, beforehand) if setting.noise is None else np.diag(np.square(setting.noise))
+    fit, left = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
+    return JointRun(run, model, beforehand, fit, left * model.rows.factor, gyro_noise)
 
 
-def fitted(model: Model, known: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
+def fitted(model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
     """Return the solution of a run, and the covariance of one row's noise that it was weighed with.
 
     Args:
         model: the run.
-        known: what is known beforehand.
+        beforehand: what is known beforehand.
         noise: covariance of one row's noise, (rows, rows): declared, or a first guess.
         setting: what else is told; with ``setting.noise`` the covariance is kept.
         name: what messages call the run.
     """
-    start, tolerance = jnp.asarray(_start(model, known, setting)), TOLERANCE if setting.noise is not None else ROUGH
-    first = solve(model, known, jnp.asarray(whitener(noise)), start, jnp.asarray(tolerance))
-    _check(name, model, known, first)
+    start, tolerance = (
+        jnp.asarray(_start(model, beforehand, setting)),
+        TOLERANCE if setting.noise is not None else ROUGH,
+    )
+    first = solve(model, beforehand, jnp.asarray(whitener(noise)), start, jnp.asarray(tolerance))
+    _check(name, model, beforehand, first)
     if setting.noise is not None:
         return first, noise
-    left = noise_of(first, known, model)
-    fit = solve(model, known, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
-    _check(name, model, known, fit)
+    left = noise_of(first, beforehand, model)
+    fit = solve(model, beforehand, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
+    _check(name, model, beforehand, fit)
     return fit, left
 
 
@@ -113,7 +115,7 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     alignment, kind = setting.alignment, setting.specific_force
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, setting.band, reach=reach, accelerometer=kind == "accelerometer")
-    gyro = np.maximum(noise_level(*(run.omega[part] for part in run.used())), LEAST_NOISE * _size(run.omega))
+    gyro = np.maximum(noise_level(*(run.omega[segment] for segment in run.used())), LEAST_NOISE * _size(run.omega))
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
 
@@ -121,14 +123,16 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
 def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
     """Return the model of decimated rows, and what is known beforehand."""
     alignment, kind = setting.alignment, setting.specific_force
-    known = prior(setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still")
+    beforehand = prior(
+        setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still"
+    )
     to_imu = np.asarray(exponential(jnp.asarray(alignment.rotation, float))).T
     up, gravity = jnp.asarray(to_imu[:, 2]), jnp.asarray(float(setting.gravity))
     model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
     if kind == "still" and alignment.sigma_tilt is None:
         up = jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment)))
         model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
-    return model, known
+    return model, beforehand
 
 
 def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.ndarray) -> None:
@@ -148,8 +152,8 @@ def noise_in_alpha(rate: float, rows: InBand, gyro_noise: np.ndarray, weight: np
     """Return what white noise of the gyro adds to ``Ωᵀ W Ω`` of one row, expected, through alpha alone, (6, 6)."""
     taps = low_pass(rate, rows.band, rows.factor)
     slope = np.gradient(taps) * rate if len(taps) > 1 else np.array([rate / 2] * 2)
-    parts = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
-    return np.einsum("k,kji,jl,kle->ie", gyro_noise**2 * (slope**2).sum(), parts, weight, parts)
+    rows_of_alpha = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
+    return np.einsum("k,kji,jl,kle->ie", gyro_noise**2 * (slope**2).sum(), rows_of_alpha, weight, rows_of_alpha)
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
@@ -157,7 +161,7 @@ def whitener(covariance: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
-def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
+def noise_of(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
     """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
 
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
@@ -167,7 +171,7 @@ def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
     bins = max(int(share * (spectrum.shape[1] - 1)), 1)
     inside = spectrum[:, 1 : bins + 1]
-    taken = np.trace(np.linalg.solve(np.asarray(fit.of_data) + np.diag(known.counted), np.asarray(fit.of_data)))
+    taken = np.trace(np.linalg.solve(np.asarray(fit.of_data) + np.diag(beforehand.counted), np.asarray(fit.of_data)))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
@@ -175,8 +179,8 @@ def noise_of(fit: Fit, known: Prior, model: Model) -> np.ndarray:
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
-def _check(name: str, model: Model, known: Prior, fit: Fit) -> None:
-    theta = np.asarray(known.theta(fit.z))
+def _check(name: str, model: Model, beforehand: Prior, fit: Fit) -> None:
+    theta = np.asarray(beforehand.theta(fit.z))
     if not (np.isfinite(theta).all() and bool(fit.converged)):
         raise RunError(
             f"the joint estimate of {name} does not converge: check signs, frames and what is declared of the "
@@ -194,28 +198,28 @@ def _size(signal: np.ndarray | Array) -> float:
     return float(np.sqrt(np.mean(np.square(np.asarray(signal)))))
 
 
-def _raw_noise(run: Run, model: Model, known: Prior) -> np.ndarray:
+def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     """Covariance of one sample's rows from the fourth differences."""
-    parts = run.used()
+    segments = run.used()
     level = [
-        np.maximum(noise_level(*(signal[part] for part in parts)), LEAST_NOISE * _size(signal))
+        np.maximum(noise_level(*(signal[segment] for segment in segments)), LEAST_NOISE * _size(signal))
         for signal in (run.force, run.moment)
     ]
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
-    x = unknowns(known.mean)
+    x = unknowns(beforehand.mean)
     arm = cross_matrix(np.asarray(x.r_cg))
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
     assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
-    accelerometer = np.maximum(noise_level(*(run.specific_force[part] for part in parts)), 1e-6)
+    accelerometer = np.maximum(noise_level(*(run.specific_force[segment] for segment in segments)), 1e-6)
     lever = float(x.mass[0]) * np.concatenate([np.eye(3), arm])
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
 
-def _start(model: Model, known: Prior, setting: Setting) -> np.ndarray:
+def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
     """Where to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
-    theta, alignment = np.array(known.mean), setting.alignment
+    theta, alignment = np.array(beforehand.mean), setting.alignment
     delays = np.array([alignment.delay])
     if 2 * np.pi * model.rows.band * 3 * alignment.sigma_delay > SAFE_PHASE:
         delays = tried_delays(model.rows.band, alignment)
@@ -225,8 +229,8 @@ def _start(model: Model, known: Prior, setting: Setting) -> np.ndarray:
     theta[SLICES["delay"]], theta[SLICES["inertia"]] = delays[best], tried[best][0]
     if model.specific_force == "still":
         theta[SLICES["gyro_bias"]] = _start_bias(model, turn.T, alignment)
-    found, *_ = np.linalg.lstsq(np.asarray(known.root), theta - np.asarray(known.mean), rcond=None)
-    return found
+    z, *_ = np.linalg.lstsq(np.asarray(beforehand.root), theta - np.asarray(beforehand.mean), rcond=None)
+    return z
 
 
 @eqx.filter_jit
@@ -235,8 +239,8 @@ def _spline(rows: InBand, delay: Array) -> tuple[Array, Array, Array]:
 
 
 def _evaluate(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    found = _spline(rows, jnp.asarray(delay, float))
-    return tuple(np.asarray(one) for one in found)  # type: ignore[return-value]
+    values = _spline(rows, jnp.asarray(delay, float))
+    return tuple(np.asarray(value) for value in values)  # type: ignore[return-value]
 
 
 def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
@@ -249,8 +253,8 @@ def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
 def _features(rows: InBand, turn: np.ndarray, delay: float) -> np.ndarray:
     """The regressor's features of the motion, (13, n); zero where a row must not be used."""
     value, slope, _ = _evaluate(rows, delay)
-    found = features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))
-    return np.asarray(found) * np.asarray(rows.used)
+    phi = features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))
+    return np.asarray(phi) * np.asarray(rows.used)
 
 
 def _plain(rows: InBand, turn: np.ndarray, delay: float) -> tuple[np.ndarray, float]:
@@ -258,15 +262,11 @@ def _plain(rows: InBand, turn: np.ndarray, delay: float) -> tuple[np.ndarray, fl
     used, phi = np.asarray(rows.used), _features(rows, turn, delay)
     force, moment = np.asarray(rows.force) * used, np.asarray(rows.moment) * used
     tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi)
-    lever, one = -np.einsum("jkl,kn->jnl", _LEVI_CIVITA, force), np.einsum("jk,n->jnk", np.eye(3), used)
-    matrix = np.concatenate([tensor, lever, one], axis=2).reshape(-1, 12)
+    lever, constant = np.einsum("kjl,kn->jnl", PI_OF_FORCE, force), np.einsum("jk,n->jnk", np.eye(3), used)
+    matrix = np.concatenate([tensor, lever, constant], axis=2).reshape(-1, 12)
     normal, right = matrix.T @ matrix, matrix.T @ moment.ravel()
-    found = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
-    return found[:6], float((moment**2).sum() - right @ found)
-
-
-_LEVI_CIVITA = -np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
-"""With ``(a × b)_j = -Σ E[j, k, l] a_k b_l``."""
+    solution = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    return solution[:6], float((moment**2).sum() - right @ solution)
 
 
 def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
@@ -276,7 +276,7 @@ def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nd
     up = (up / np.linalg.norm(up, axis=0)).T
     omega = _evaluate(rows, alignment.delay)[0][:3].T
     integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
-    hat = np.asarray(jax.vmap(cross_matrix)(jnp.asarray(up)))
+    hat = np.moveaxis(cross_matrix(up.T), -1, 0)
     turned = -rows.interval * np.cumsum(hat, axis=0)
     matrix = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2).reshape(-1, 6)
     sigma = np.maximum(np.broadcast_to(alignment.sigma_gyro_bias, 3), 1e-9)

@@ -84,11 +84,11 @@ def least(
 
     negative: Any = jax.jit(jax.value_and_grad(lambda x: -jnp.log(bounds(x)[0])))
     first = np.concatenate([np.zeros(len(rows)), np.eye(3)[TRIANGLE]])
-    found: Any = scipy.optimize.minimize(
-        lambda x: tuple(np.asarray(part, float) for part in negative(x)),
+    optimum: Any = scipy.optimize.minimize(
+        lambda x: tuple(np.asarray(array, float) for array in negative(x)),
         first, jac=True, method="L-BFGS-B", options={"maxiter": 2000, "maxfun": 4000},
     )  # fmt: skip
-    weights = np.exp(found.x[: len(rows)])
+    weights = np.exp(optimum.x[: len(rows)])
     lower = np.zeros((3, 3))
-    lower[TRIANGLE] = found.x[len(rows) :]
-    return Certified(float(jax.jit(bounds)(found.x)[1]), weights / weights.sum(), lower @ lower.T)
+    lower[TRIANGLE] = optimum.x[len(rows) :]
+    return Certified(float(jax.jit(bounds)(optimum.x)[1]), weights / weights.sum(), lower @ lower.T)

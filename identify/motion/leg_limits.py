@@ -47,13 +47,13 @@ def platform_motion(
     omega, alpha = jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
     rotation = attitude(trajectory.omega, t)
     to_a = lambda vectors: jnp.einsum("nij,nj->ni", rotation, vectors)  # noqa: E731
-    own = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(-still_from_omb, omega, alpha)
+    turning = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(-still_from_omb, omega, alpha)
     moved = jax.vmap(trajectory.displacement)(t)
     speed = jax.vmap(lambda at: jax.jvp(trajectory.displacement, (at,), (jnp.ones_like(at),))[1])(t)
     lever = jnp.broadcast_to(still_from_omb, omega.shape)
     position: Array = (jnp.asarray(platform.home) + still_from_omb)[None] - to_a(lever) + moved
     velocity = to_a(jnp.cross(omega, -lever)) + speed
-    acceleration = to_a(own) + jax.vmap(lambda at: acceleration_of(trajectory, at))(t)
+    acceleration = to_a(turning) + jax.vmap(lambda at: acceleration_of(trajectory, at))(t)
     return PlatformMotion(t, Pose(position, rotation), Twist(velocity, omega, acceleration, alpha))
 
 
@@ -91,10 +91,10 @@ def effort(
     """
     carried = Body(body.mass, r_cg_from_omb, body.inertia)
 
-    def one(pose: Pose, twist: Twist):
+    def of_instant(pose: Pose, twist: Twist):
         base, top = joint_angles(platform, pose)
-        own = acceleration_at(r_cg_from_omb, twist.omega, twist.alpha)
-        acceleration = pose.rotation.T @ twist.acceleration + own
+        turning = acceleration_at(r_cg_from_omb, twist.omega, twist.alpha)
+        acceleration = pose.rotation.T @ twist.acceleration + turning
         on_body = wrench(body, twist.omega, twist.alpha, acceleration + gravity * pose.rotation[2])
         return (
             legs(platform, pose, twist),
@@ -105,8 +105,8 @@ def effort(
             jnp.linalg.norm(acceleration),
         )
 
-    found, force, angle, cell_force, cell_moment, acceleration = jax.vmap(one)(motion.pose, motion.twist)
-    return Effort(found, force, angle, cell_force, cell_moment, motion.twist.omega, acceleration)
+    leg_motion, force, angle, cell_force, cell_moment, acceleration = jax.vmap(of_instant)(motion.pose, motion.twist)
+    return Effort(leg_motion, force, angle, cell_force, cell_moment, motion.twist.omega, acceleration)
 
 
 class Limits(NamedTuple):
@@ -141,39 +141,39 @@ class Limits(NamedTuple):
         return cls(ends, six, six, six, free, three, three, free, free, np.inf)
 
 
-def needs(found: Effort, bandwidth: float = np.inf) -> Limits:
+def needs(asked: Effort, bandwidth: float = np.inf) -> Limits:
     """Return the tightest limits of the legs under which a motion can be run; sensors and body are left free."""
     largest = lambda values: np.abs(np.asarray(values)).max(axis=0)  # noqa: E731
-    length = np.asarray(found.legs.length)
+    length = np.asarray(asked.legs.length)
     return Limits.none()._replace(
         length=np.stack([length.min(axis=0), length.max(axis=0)], axis=1),
-        speed=largest(found.legs.speed),
-        acceleration=largest(found.legs.acceleration),
-        force=largest(found.force),
+        speed=largest(asked.legs.speed),
+        acceleration=largest(asked.legs.acceleration),
+        force=largest(asked.force),
         bandwidth=bandwidth,
     )
 
 
-def shares(found: Effort, limits: Limits) -> dict[str, Float[Array, "n k"]]:
+def shares(asked: Effort, limits: Limits) -> dict[str, Float[Array, "n k"]]:
     """Return by quantity how much of its limit a motion uses at each instant: 1 is the limit; k legs or axes."""
-    return {name: jnp.abs(value) for name, value in signed_shares(found, limits).items()}
+    return {name: jnp.abs(value) for name, value in signed_shares(asked, limits).items()}
 
 
-def signed_shares(found: Effort, limits: Limits) -> dict[str, Any]:
+def signed_shares(asked: Effort, limits: Limits) -> dict[str, Any]:
     """Return the same with the quantities' signs, smooth in time. A length counts from the middle of its range."""
     low, high = limits.length.T
     finite = np.isfinite(high)
     middle, half = np.where(finite, (low + high) / 2, 0.0), np.where(finite, (high - low) / 2, np.inf)
     return {
-        "length": (found.legs.length - middle[None]) / half[None],
-        "speed": found.legs.speed / limits.speed[None],
-        "acceleration": found.legs.acceleration / limits.acceleration[None],
-        "force": found.force / limits.force[None],
-        "joint_angle": found.joint_angle / limits.joint_angle,
-        "cell_force": found.cell_force / limits.cell_force[None],
-        "cell_moment": found.cell_moment / limits.cell_moment[None],
-        "gyro_range": found.omega / limits.gyro_range,
-        "body_acceleration": found.body_acceleration[:, None] / limits.body_acceleration,
+        "length": (asked.legs.length - middle[None]) / half[None],
+        "speed": asked.legs.speed / limits.speed[None],
+        "acceleration": asked.legs.acceleration / limits.acceleration[None],
+        "force": asked.force / limits.force[None],
+        "joint_angle": asked.joint_angle / limits.joint_angle,
+        "cell_force": asked.cell_force / limits.cell_force[None],
+        "cell_moment": asked.cell_moment / limits.cell_moment[None],
+        "gyro_range": asked.omega / limits.gyro_range,
+        "body_acceleration": asked.body_acceleration[:, None] / limits.body_acceleration,
     }
 
 
@@ -194,10 +194,10 @@ class Peak(NamedTuple):
         return f"{self.quantity.replace('_', ' ')} of {where} at {self.t:.3f} s: {100 * self.share:.1f} % of its limit"
 
 
-def peaks(found: Effort, limits: Limits, t: Float[Array, " n"]) -> list[Peak]:
+def peaks(asked: Effort, limits: Limits, t: Float[Array, " n"]) -> list[Peak]:
     """Return each limited quantity's largest use, the largest first."""
     listed = []
-    for name, share in shares(found, limits).items():
+    for name, share in shares(asked, limits).items():
         values = np.asarray(share)
         instant, index = np.unravel_index(int(np.argmax(values)), values.shape)
         if values[instant, index] > 0:

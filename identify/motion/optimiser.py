@@ -80,11 +80,11 @@ def minimise(
     unknowns = np.asarray(start, float)
     multipliers, evaluations = np.zeros(jax.eval_shape(lagrangian.goal, unknowns)[1].shape), 0
     for number in range(rounds):
-        found: Any = scipy.optimize.minimize(
+        result: Any = scipy.optimize.minimize(
             lagrangian.at, unknowns, (multipliers, penalty), jac=True, method="L-BFGS-B",
             options={"maxiter": steps, "maxcor": 30},
         )  # fmt: skip
-        unknowns, evaluations = found.x, evaluations + found.nfev
+        unknowns, evaluations = result.x, evaluations + result.nfev
         objective, limits = lagrangian.parts(unknowns, multipliers)
         multipliers = np.maximum(multipliers + penalty * limits, 0.0)
         penalty = min(penalty * growth, heaviest)

@@ -78,8 +78,8 @@ class Periodic(eqx.Module):
 def accelerations(limits: Limits) -> Float[np.ndarray, "6"]:
     """Return an acceleration for each leg [m/s²] that its limits allow, roughly: the unit of the unknowns."""
     stroke = (limits.length[:, 1] - limits.length[:, 0]) / 2
-    found = np.minimum(limits.acceleration, np.minimum(TYPICAL * limits.speed, TYPICAL**2 * stroke))
-    return np.where(np.isfinite(found), found, 1.0)
+    allowed = np.minimum(limits.acceleration, np.minimum(TYPICAL * limits.speed, TYPICAL**2 * stroke))
+    return np.where(np.isfinite(allowed), allowed, 1.0)
 
 
 class Moved(NamedTuple):
@@ -112,8 +112,10 @@ def moved(
     rotation = jax.vmap(exponential)(at[:, 3:])
     position = jnp.asarray(platform.home)[None] + at[:, :3]
     of_platform = PlatformMotion(t, Pose(position, rotation), Twist(speed[:, :3], omega, acceleration[:, :3], alpha))
-    own = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(r_cg_from_omb, omega, alpha)
-    specific = own + jnp.einsum("nji,nj->ni", rotation, acceleration[:, :3]) + gravity * rotation[:, 2, :]
+    turning_acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(r_cg_from_omb, omega, alpha)
+    specific = (
+        turning_acceleration + jnp.einsum("nji,nj->ni", rotation, acceleration[:, :3]) + gravity * rotation[:, 2, :]
+    )
     return Moved(of_platform, Motion(t, omega.T, alpha.T, rotation, specific.T), jerk.T)
 
 

@@ -45,18 +45,18 @@ class Mixture(NamedTuple):
     def both_ways(self) -> "Mixture":
         """Return the same with its conjugate beside each pattern that is another, each for half of the time."""
         phasors, share = [], []
-        for one, part in zip(self.phasors, self.share, strict=True):
-            turned = np.abs(one.imag).max() > 1e-9
-            phasors += [one, one.conj()] if turned else [one]
-            share += [part / 2, part / 2] if turned else [part]
+        for pattern, share_of_time in zip(self.phasors, self.share, strict=True):
+            turned = np.abs(pattern.imag).max() > 1e-9
+            phasors += [pattern, pattern.conj()] if turned else [pattern]
+            share += [share_of_time / 2, share_of_time / 2] if turned else [share_of_time]
         return Mixture(np.array(phasors), np.array(share))
 
 
 def patterns() -> Complex[np.ndarray, "m 6"]:
     """Return the patterns of six legs, one of each pair of conjugates."""
     turns = [(0, *others) for others in itertools.product(range(PHASES), repeat=5)]
-    kept = [one for one in turns if one <= tuple(-turn % PHASES for turn in one)]
-    return np.exp(2j * np.pi * np.array(kept) / PHASES)
+    unique = [pattern for pattern in turns if pattern <= tuple(-turn % PHASES for turn in pattern)]
+    return np.exp(2j * np.pi * np.array(unique) / PHASES)
 
 
 def mixture(function: Uncertainty, to_alpha: Float[np.ndarray, "3 6"], *, small: float = SMALL) -> Mixture:
@@ -87,8 +87,8 @@ def optimal_shares(function: Uncertainty, points: Complex[np.ndarray, "m 3"]) ->
         raised = share * jnp.sqrt(steepness(function, points, share))
         return raised / raised.sum()
 
-    found: Any = jax.jit(lambda first: jax.lax.fori_loop(0, STEPS, better, first))
-    return np.asarray(found(jnp.full(len(points), 1 / len(points))))
+    iterate: Any = jax.jit(lambda first: jax.lax.fori_loop(0, STEPS, better, first))
+    return np.asarray(iterate(jnp.full(len(points), 1 / len(points))))
 
 
 def steepness(
@@ -96,11 +96,11 @@ def steepness(
 ) -> Float[Array, " m"]:
     """Return how fast each point makes a function less, ``-Re r_kᴴ f'(P) r_k``: none above the mean at its optimum."""
     slope = jax.grad(function)(mixed(points, share))
-    parts = jnp.asarray(np.stack([points.real, points.imag]))
-    return -jnp.einsum("cki,ij,ckj->k", parts, slope, parts)
+    real_and_imaginary = jnp.asarray(np.stack([points.real, points.imag]))
+    return -jnp.einsum("cki,ij,ckj->k", real_and_imaginary, slope, real_and_imaginary)
 
 
 def mixed(points: Complex[np.ndarray, "m 3"], share: Float[Array, " m"]) -> Float[Array, "3 3"]:
     """Return ``Re Σ λ_k r_k r_kᴴ``."""
-    parts = jnp.asarray(np.stack([points.real, points.imag]))
-    return jnp.einsum("k,cki,ckj->ij", share, parts, parts)
+    real_and_imaginary = jnp.asarray(np.stack([points.real, points.imag]))
+    return jnp.einsum("k,cki,ckj->ij", share, real_and_imaginary, real_and_imaginary)

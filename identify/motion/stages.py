@@ -67,7 +67,7 @@ class Stages(eqx.Module):
         """Time that each instant of :meth:`moved` stands for [s]."""
         n, ramps = len(self.periodic.t), 2 * len(self.in_ramp)
         full = np.maximum(np.diff(self.border) - 2 * self.ramp, 0.0) / n
-        return np.concatenate([np.append(np.full(n, one), np.full(ramps, self.between)) for one in full])
+        return np.concatenate([np.append(np.full(n, step), np.full(ramps, self.between)) for step in full])
 
     def moved(
         self,
@@ -86,13 +86,13 @@ class Stages(eqx.Module):
         """
         ramp, full = rising(self.in_ramp, self.ramp), len(self.periodic.t)
         falling = ramp[:, ::-1] * jnp.array([1.0, -1.0, 1.0, -1.0])[:, None]
-        kept = jnp.zeros((4, full)).at[0].set(1.0)
-        window = jnp.concatenate([kept, ramp, falling], axis=1)
+        at_full_size = jnp.zeros((4, full)).at[0].set(1.0)
+        window = jnp.concatenate([at_full_size, ramp, falling], axis=1)
         times, coordinates = [], []
-        for start, end, own in zip(self.border, self.border[1:], unknowns.reshape(self.count, -1), strict=False):
+        for start, end, of_stage in zip(self.border, self.border[1:], unknowns.reshape(self.count, -1), strict=False):
             t = [start + self.ramp + self.periodic.t, start + self.in_ramp, end - self.in_ramp[::-1]]
             times.append(np.concatenate(t))
-            coordinates.append(windowed(window, self.periodic.coordinates(own, times[-1])))
+            coordinates.append(windowed(window, self.periodic.coordinates(of_stage, times[-1])))
         at = jnp.asarray(np.concatenate(times))
         return moved(platform, at, jnp.concatenate(coordinates, axis=1), r_cg_from_omb, gravity)
 
@@ -104,13 +104,13 @@ class Stages(eqx.Module):
         """
         n, m = len(self.periodic.t), len(self.in_ramp)
         each = values.reshape(self.count, -1, values.shape[-1])
-        parts = [
+        kernels = [
             (by_series(n), each[:, :n]),
             (by_neighbours(m), each[:, n : n + m]),
             (by_neighbours(m), each[:, n + m :]),
         ]
-        found = [jnp.einsum("mn,snk->smk", jnp.asarray(kernel), part) for kernel, part in parts]
-        return jnp.concatenate(found, axis=1).reshape(-1, values.shape[-1])
+        finer = [jnp.einsum("mn,snk->smk", jnp.asarray(kernel), samples) for kernel, samples in kernels]
+        return jnp.concatenate(finer, axis=1).reshape(-1, values.shape[-1])
 
     def multisine(self, unknowns: Float[np.ndarray, " u"], *, short: bool = False) -> Multisine:
         """Return the trajectory that runs the stages one after the other.
@@ -125,7 +125,7 @@ class Stages(eqx.Module):
             spare = np.maximum(0.0, np.floor((np.diff(border) - 2 * self.ramp) / period - 2))
             border = border - period * np.concatenate([[0.0], np.cumsum(spare)])
         motions = jnp.asarray(unknowns).reshape(self.count, -1)
-        cosine, sine = np.concatenate([np.asarray(self.periodic.amplitudes(one)) for one in motions], axis=2)
+        cosine, sine = np.concatenate([np.asarray(self.periodic.amplitudes(motion)) for motion in motions], axis=2)
         start = None if self.count == 1 else np.repeat(border[:-1], len(self.periodic.frequency))
         frequency, duration = np.tile(self.periodic.frequency, self.count), np.array(border[-1])
         return Multisine(frequency, cosine, sine, duration, np.array(self.ramp), start)
@@ -133,11 +133,11 @@ class Stages(eqx.Module):
 
 def rising(t: Float[np.ndarray, " n"], ramp: float) -> Float[Array, "4 n"]:
     """Return the window that rises within a ramp, with its three derivatives."""
-    found, function = [], swell
+    derivatives, function = [], swell
     for order in range(4):
-        found.append(jax.vmap(function)(jnp.asarray(t / ramp)) / ramp**order)
+        derivatives.append(jax.vmap(function)(jnp.asarray(t / ramp)) / ramp**order)
         function = jax.grad(function)
-    return jnp.stack(found)
+    return jnp.stack(derivatives)
 
 
 def windowed(shape: Float[Array, "4 n"], motion: Float[Array, "4 n c"]) -> Float[Array, "4 n c"]:

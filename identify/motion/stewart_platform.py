@@ -113,12 +113,12 @@ def moved(pose: Pose, twist: Twist, time: Float[Array, ""]) -> Pose:
 
 def second_order(function, pose: Pose, twist: Twist):
     """Return a function of the pose and its first two time derivatives along a motion."""
-    zero, one = jnp.zeros_like(pose.position[0]), jnp.ones_like(pose.position[0])
+    zero, unit = jnp.zeros_like(pose.position[0]), jnp.ones_like(pose.position[0])
 
     def rate(time):
-        return jax.jvp(lambda s: function(moved(pose, twist, s)), (time,), (one,))
+        return jax.jvp(lambda s: function(moved(pose, twist, s)), (time,), (unit,))
 
-    (value, speed), (_, acceleration) = jax.jvp(rate, (zero,), (one,))
+    (value, speed), (_, acceleration) = jax.jvp(rate, (zero,), (unit,))
     return value, speed, acceleration
 
 
@@ -147,8 +147,8 @@ def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = 
         return lengths(platform, Pose(first.position + step[:3], first.rotation @ exponential(step[3:]))) - wanted
 
     solver: Any = optimistix.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
-    found: Any = optimistix.least_squares(miss, solver, jnp.zeros(6, wanted.dtype), max_steps=100, throw=False)
-    step = found.value
+    solution: Any = optimistix.least_squares(miss, solver, jnp.zeros(6, wanted.dtype), max_steps=100, throw=False)
+    step = solution.value
     for _ in range(2):  # to the last digit
         step = step - jnp.linalg.solve(jax.jacobian(miss)(step, None), miss(step, None))
     pose = Pose(first.position + step[:3], first.rotation @ exponential(step[3:]))
@@ -168,12 +168,12 @@ def joint_angles(platform: Platform, pose: Pose) -> tuple[Float[Array, "6"], Flo
     return _between(at_home, now), _between(at_home, now @ pose.rotation)
 
 
-def _between(one: Float[Array, "6 3"], other: Float[Array, "6 3"]) -> Float[Array, "6"]:
+def _between(first: Float[Array, "6 3"], second: Float[Array, "6 3"]) -> Float[Array, "6"]:
     """Angles between vectors, exact also where they are small."""
-    across = jnp.cross(one, other)
+    across = jnp.cross(first, second)
     square = (across**2).sum(axis=1)
     safe = jnp.where(square > 0, square, 1.0)
-    return jnp.arctan2(jnp.where(square > 0, jnp.sqrt(safe), 0.0), (one * other).sum(axis=1))
+    return jnp.arctan2(jnp.where(square > 0, jnp.sqrt(safe), 0.0), (first * second).sum(axis=1))
 
 
 def forces(platform: Platform, body: Body, pose: Pose, twist: Twist, gravity: Float[Array, ""]) -> Float[Array, "6"]:
@@ -190,7 +190,7 @@ def forces(platform: Platform, body: Body, pose: Pose, twist: Twist, gravity: Fl
         gravity: local gravity [m/s²], along −z of A.
     """
     up = gravity * jnp.array([0.0, 0.0, 1.0])
-    carried = sum(_load(one, pose, twist, up) for one in (platform.plate, body))
+    carried = sum(_load(rigid_body, pose, twist, up) for rigid_body in (platform.plate, body))
     halves = _of_legs(platform, pose, twist, up)
     return jnp.linalg.solve(jacobian(platform, pose).T, carried + halves)
 
@@ -198,8 +198,8 @@ def forces(platform: Platform, body: Body, pose: Pose, twist: Twist, gravity: Fl
 def _load(body: Body, pose: Pose, twist: Twist, up: Float[Array, "3"]) -> Float[Array, "6"]:
     """Generalised force (in A; about OMB, in B) that a rigid body on the platform takes."""
     at_omb = pose.rotation.T @ (twist.acceleration + up)
-    own = acceleration_at(body.r_cg_from_q, twist.omega, twist.alpha)
-    force, moment = wrench(body, twist.omega, twist.alpha, at_omb + own)
+    turning = acceleration_at(body.r_cg_from_q, twist.omega, twist.alpha)
+    force, moment = wrench(body, twist.omega, twist.alpha, at_omb + turning)
     return jnp.concatenate([pose.rotation @ force, moment])
 
 

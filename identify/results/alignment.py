@@ -35,39 +35,39 @@ class Aligned:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it: plain numbers for a delay, three for a rotation."""
-        parts = {"value": self.value, "standard_uncertainty": self.standard_uncertainty, "interval95": self.interval95,
-                 "prior_share": self.prior_share}  # fmt: skip
-        one = len(self.value) == 1
-        listed: dict[str, Any] = {name: (part[0] if one else part).tolist() for name, part in parts.items()}
-        return listed | {"estimated": self.estimated}
+        names = ("value", "standard_uncertainty", "interval95", "prior_share")
+        arrays = {name: getattr(self, name) for name in names}
+        scalar = len(self.value) == 1
+        figures: dict[str, Any] = {name: (array[0] if scalar else array).tolist() for name, array in arrays.items()}
+        return figures | {"estimated": self.estimated}
 
 
 def alignment_warnings(delay: Aligned, rotation: Aligned) -> list[str]:
     """Return a line for what the motion does not tell: there the declared uncertainty is all that stands behind it."""
-    found = []
+    warnings = []
     if delay.estimated and delay.prior_share[0] > TOLD_BY_PRIOR:
-        found.append(
+        warnings.append(
             f"the motion does not tell the delay: {100 * delay.prior_share[0]:.0f} % of its variance is what was "
             "declared; accelerate more, or declare it better"
         )
     axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > TOLD_BY_PRIOR]
     if rotation.estimated and axes:
-        found.append(
+        warnings.append(
             f"the motion does not tell the rotation between load cell and IMU about axis {_and(axes)}: the interval is "
             "what was declared; rotate about more axes, or declare it better"
         )
-    return found
+    return warnings
 
 
 def alignment_notes(delay: Aligned | None, rotation: Aligned | None) -> list[str]:
     """Return a line for each that was estimated."""
-    found = []
+    notes = []
     if delay is not None and delay.estimated:
-        found.append(f"delay of the IMU: {_with_error(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms")
+        notes.append(f"delay of the IMU: {_with_error(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms")
     if rotation is not None and rotation.estimated:
         angles, errors = np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty)
-        found.append(f"rotation vector of the IMU against the body frame: ({_with_error(angles, errors)})°")
-    return found
+        notes.append(f"rotation vector of the IMU against the body frame: ({_with_error(angles, errors)})°")
+    return notes
 
 
 def _with_error(values: np.ndarray, errors: np.ndarray) -> str:

@@ -24,11 +24,11 @@ def covariance_of(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> 
     A quantity of which nothing is known but that it lies in an interval (GUM 4.3.7).
     """
     open_ended = ~bounded.determined
-    found = covariance.copy()
-    found[open_ended] = found[:, open_ended] = 0.0
+    widened = covariance.copy()
+    widened[open_ended] = widened[:, open_ended] = 0.0
     width = np.ptp(bounded.interval95, axis=1)
-    found[open_ended, open_ended] = np.where(np.isfinite(width), width**2 / 12, np.nan)[open_ended]
-    return found
+    widened[open_ended, open_ended] = np.where(np.isfinite(width), width**2 / 12, np.nan)[open_ended]
+    return widened
 
 
 def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identification:
@@ -44,21 +44,21 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
     runs = [runs] if isinstance(runs, Run) else list(runs)
     sigma = np.maximum(result.standard_uncertainty, 1e-300)
     factor = np.maximum(np.ptp(result.interval95, axis=1) / 2 / sigma, 1.0)
-    found = admissible(result.inertia, result.covariance, factor, result.seen)
-    if found is None:
+    bounded = admissible(result.inertia, result.covariance, factor, result.seen)
+    if bounded is None:
         if result.seen is not None:
             raise RunError(f"what {runs[0].name} determines is no body's: check signs, frames and r_CG")
         return replace(result, warnings=(*result.warnings, *_impossible(result), *_hardly_known(result)))
-    bounded = replace(
+    weak = replace(
         result,
-        inertia=found.inertia,
-        bias=np.where(found.determined, result.bias, np.nan),
-        covariance=covariance_of(found, result.covariance),
-        interval95=found.interval95,
-        admissible=found,
+        inertia=bounded.inertia,
+        bias=np.where(bounded.determined, result.bias, np.nan),
+        covariance=covariance_of(bounded, result.covariance),
+        interval95=bounded.interval95,
+        admissible=bounded,
     )
-    said = _undetermined(found, result.covariance, runs) if not found.determined.all() else _changed(found)
-    return replace(bounded, warnings=(*result.warnings, said, *_hardly_known(bounded)))
+    text = _undetermined(bounded, result.covariance, runs) if not bounded.determined.all() else _changed(bounded)
+    return replace(weak, warnings=(*result.warnings, text, *_hardly_known(weak)))
 
 
 def _impossible(result: Identification) -> list[str]:
@@ -67,10 +67,10 @@ def _impossible(result: Identification) -> list[str]:
     return ["no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"]
 
 
-def _changed(found: Admissible) -> str:
-    moved = (found.inertia != found.plain).any()
+def _changed(bounded: Admissible) -> str:
+    moved = (bounded.inertia != bounded.plain).any()
     what = "the estimate is that of the nearest body" if moved else "it is kept"
-    return f"{found.reason}: {what}, intervals hold bodies only"
+    return f"{bounded.reason}: {what}, intervals hold bodies only"
 
 
 def _hardly_known(result: Identification) -> list[str]:
@@ -78,17 +78,17 @@ def _hardly_known(result: Identification) -> list[str]:
     moments = np.abs(result.inertia[[0, 3, 5]])
     scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
     wide = determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
-    names = [name for name, one in zip(COMPONENTS, wide, strict=True) if one]
+    names = [name for name, is_wide in zip(COMPONENTS, wide, strict=True) if is_wide]
     advice = "half the interval is more than half the moments there; record for longer, or rotate about more axes"
     return [f"{', '.join(names)} hardly known: {advice}"] if names else []
 
 
 def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
-    names = [name for name, known in zip(COMPONENTS, bounded.determined, strict=True) if not known]
+    names = [name for name, determined in zip(COMPONENTS, bounded.determined, strict=True) if not determined]
     ranges = [
         _range(name, *ends)
-        for name, ends, known in zip(COMPONENTS, 1e3 * bounded.interval95, bounded.determined, strict=True)
-        if not known
+        for name, ends, determined in zip(COMPONENTS, 1e3 * bounded.interval95, bounded.determined, strict=True)
+        if not determined
     ]
     return (
         f"{', '.join(names)} not determined: {_motion(bounded, covariance, runs)}; bodies with the rest have "
@@ -106,14 +106,14 @@ def _range(name: str, low: float, high: float) -> str:
 
 def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
     """How the body turns, and what is known about the one axis."""
-    omega = np.concatenate([run.omega[part] for run in runs for part in run.used()])
+    omega = np.concatenate([run.omega[segment] for run in runs for segment in run.used()])
     power, axes = np.linalg.eigh(omega.T @ omega)
     if power[1] < ONE_AXIS * power[2]:
         axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
         about = np.einsum("a,iab,b->i", axis, UNITS, axis)
         value, sigma = 1e3 * about @ bounded.plain, 1e3 * np.sqrt(about @ covariance @ about)
-        known = f"about which its moment is {value:.4g} ± {sigma:.2g} g·m²"
-        return f"the body turns about one axis only, {_vector(axis)}, {known}"
+        moment = f"about which its moment is {value:.4g} ± {sigma:.2g} g·m²"
+        return f"the body turns about one axis only, {_vector(axis)}, {moment}"
     if power[0] < ONE_AXIS * power[2]:
         return f"the body turns about axes of one plane only, across {_vector(axes[:, 0])}"
     return "the motion is too slow or too brief"

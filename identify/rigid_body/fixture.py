@@ -78,8 +78,8 @@ def check(whole: InertialParameters, part: InertialParameters) -> None:
     Raises:
         RunError: a mass is not known, or the part is not lighter than the whole.
     """
-    for what, one in (("body with its fixture", whole), ("fixture", part)):
-        if not np.isfinite(one.mass):
+    for what, parameters in (("body with its fixture", whole), ("fixture", part)):
+        if not np.isfinite(parameters.mass):
             raise RunError(
                 f"no mass of the {what}: a tare needs both masses; find them from static poses, or state them"
             )

@@ -60,8 +60,8 @@ class Principal(NamedTuple):
     @property
     def determined(self) -> np.ndarray:
         """Whether each axis is: neither turn that would move it is uncertain by more than ``LARGEST_ANGLE``."""
-        known = self.angles <= LARGEST_ANGLE
-        return np.array([known[1] & known[2], known[2] & known[0], known[0] & known[1]])
+        determined = self.angles <= LARGEST_ANGLE
+        return np.array([determined[1] & determined[2], determined[2] & determined[0], determined[0] & determined[1]])
 
     @property
     def note(self) -> str | None:
@@ -69,8 +69,8 @@ class Principal(NamedTuple):
         lost = [f"{k + 1}" for k in range(3) if not self.determined[k]]
         if not lost:
             return None
-        alike = "all three moments are" if len(lost) == 3 else f"the moments {' and '.join(lost)} are"
-        return f"{alike} alike within their uncertainty: the axes {', '.join(lost)} are not determined"
+        equal = "all three moments are" if len(lost) == 3 else f"the moments {' and '.join(lost)} are"
+        return f"{equal} alike within their uncertainty: the axes {', '.join(lost)} are not determined"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of them; the angle of a turn that is not determined is null."""
@@ -157,8 +157,8 @@ class InertialParameters:
         """
         turn = jnp.asarray(np.asarray(rotation, float))
         start = np.concatenate([self.values[1:], np.zeros(3), np.asarray(origin, float)])
-        known = np.nan_to_num(self.covariance) if np.isnan(self.mass) else self.covariance
-        spread = _block(known, np.zeros((6, 6)) if covariance is None else np.asarray(covariance, float))
+        finite = np.nan_to_num(self.covariance) if np.isnan(self.mass) else self.covariance
+        spread = _block(finite, np.zeros((6, 6)) if covariance is None else np.asarray(covariance, float))
 
         def moved(x):
             turned = exponential(x[10:13]) @ turn
@@ -175,12 +175,12 @@ class InertialParameters:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of them; the tensor about the origin is null where the mass is not known."""
-        known, u = bool(np.isfinite(self.mass)), self.standard_uncertainty
+        has_mass, u = bool(np.isfinite(self.mass)), self.standard_uncertainty
         return {
-            "mass": {"value": self.mass, "standard_uncertainty": float(u[0])} if known else None,
+            "mass": {"value": self.mass, "standard_uncertainty": float(u[0])} if has_mass else None,
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": u[1:4].tolist()},
             "about_cg": self.tensor.to_dict(),
-            "about_origin": self.about().to_dict() if known else None,
+            "about_origin": self.about().to_dict() if has_mass else None,
         }
 
     def _need_mass(self, what: str) -> None:

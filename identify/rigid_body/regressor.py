@@ -66,7 +66,7 @@ def pi(force: Float[Array, "3"]) -> Float[Array, "3 3"]:
     return -cross_matrix(force)
 
 
-def cross_matrix(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
+def cross_matrix(vector: Float[Array, "3 *n"]) -> Float[Array, "3 3 *n"]:
     """Return the matrix with ``cross_matrix(v) @ x == v × x``."""
     v1, v2, v3 = vector
     xp = vector.__array_namespace__()

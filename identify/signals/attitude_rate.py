@@ -93,7 +93,7 @@ def angular_velocity(
     half = len(taps)
     slope_taps = np.concatenate([-taps[::-1], [0.0], taps])
     value, slope = (
-        np.stack([np.convolve(part, kernel[::-1], "valid") for part in quaternion.T], axis=1)
+        np.stack([np.convolve(component, kernel[::-1], "valid") for component in quaternion.T], axis=1)
         for kernel in (smoother(half), slope_taps)
     )
     omega = 2 * _vector(value, slope) / (value**2).sum(axis=1, keepdims=True)

@@ -129,9 +129,9 @@ def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray
     count = (len(samples) - len(taps)) // factor + 1
     padded = samples[: (count - 1) * factor + len(taps)]
     skipped = -(len(taps) - 1) % factor  # so that the first complete sum is one of those kept
-    kept = scipy.signal.upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
+    decimated = scipy.signal.upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
     start = (len(taps) - 1 + skipped) // factor
-    return np.ascontiguousarray(kept[start : start + count])
+    return np.ascontiguousarray(decimated[start : start + count])
 
 
 def _usable(run: Run, taps: int) -> np.ndarray:

@@ -42,8 +42,8 @@ def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Arr
     """Filter each row; half the taps are lost at either end, m = n - taps + 1."""
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")
-    one = lambda signal: fftconvolve(signal, taps.astype(signal.dtype), mode="valid")  # noqa: E731
-    return jax.vmap(one)(signals)
+    filtered = lambda signal: fftconvolve(signal, taps.astype(signal.dtype), mode="valid")  # noqa: E731
+    return jax.vmap(filtered)(signals)
 
 
 def motion_band(omega: np.ndarray, rate: float) -> float:

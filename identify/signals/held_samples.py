@@ -7,6 +7,8 @@ another at rest. What tells is a step: a held or clipped signal comes and goes w
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identify.signals.segments import runs_of_true
+
 FROZEN = 5
 """Equal samples in a row that are no chance with any noise."""
 HELD = 0.2
@@ -23,19 +25,21 @@ def held(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
         return np.zeros(len(values), bool)
     usual = float(np.median(steps[steps > 0]))
     out = np.concatenate([steps, [0.0]])
-    found = np.zeros(len(values), bool)
-    for start, stop in _runs(same):
-        found[start:stop] = out[stop - 1] >= STEP * usual
-    return found
+    repeated = np.zeros(len(values), bool)
+    for start, stop in runs_of_true(same):
+        repeated[start:stop] = out[stop - 1] >= STEP * usual
+    return repeated
 
 
 def repeats(values: Float[np.ndarray, "n k"]) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Return which samples to drop, as the sensor is slower than its messages; and where it stood still for a while."""
     equal = held(values)
     if equal.mean() > HELD:
-        return _every(values, np.median([stop - start for start, stop in _runs(equal)])), np.zeros(len(values), bool)
+        return _every(values, np.median([stop - start for start, stop in runs_of_true(equal)])), np.zeros(
+            len(values), bool
+        )
     frozen = np.zeros(len(values), bool)
-    for start, stop in _runs(equal):
+    for start, stop in runs_of_true(equal):
         frozen[start - 1 : stop] = stop - start + 1 >= FROZEN
     return np.zeros(len(values), bool), frozen
 
@@ -43,26 +47,21 @@ def repeats(values: Float[np.ndarray, "n k"]) -> tuple[Bool[np.ndarray, " n"], B
 def _every(values: np.ndarray, usual: float) -> np.ndarray:
     """All repeats of a slower source, also where it happened to move little: runs of up to twice the usual length."""
     same = np.concatenate([[False], (np.diff(values, axis=0) == 0).all(axis=1)])
-    for start, stop in _runs(same):
+    for start, stop in runs_of_true(same):
         same[start:stop] = stop - start <= 2 * usual
     return same
 
 
 def saturated(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
     """Return which samples stay exactly at a column's largest or smallest value, five or more in a row."""
-    found = np.zeros(len(values), bool)
+    clipped = np.zeros(len(values), bool)
     for column in values.T:
         steps = np.abs(np.diff(column))
         if not (steps > 0).any():
             continue
         usual = float(np.median(steps[steps > 0]))
         for extreme in (column.min(), column.max()):
-            for start, stop in _runs(column == extreme):
+            for start, stop in runs_of_true(column == extreme):
                 ends = [steps[k] for k in (start - 1, stop - 1) if 0 <= k < len(steps)]
-                found[start:stop] |= stop - start >= FROZEN and max(ends) >= STEP * usual
-    return found
-
-
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+                clipped[start:stop] |= stop - start >= FROZEN and max(ends) >= STEP * usual
+    return clipped

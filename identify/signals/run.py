@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from identify.exceptions import RunError
 from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
+from identify.signals.segments import runs_of_true
 
 __all__ = ["Rest", "Run", "RunError"]
 
@@ -216,8 +217,7 @@ class Run:
         """Return the stretches of samples without one that must not be used."""
         if self.missing is None:
             return [slice(0, len(self.t))]
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], (~self.missing).astype(np.int8), [0]])))
-        return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+        return [slice(start, stop) for start, stop in runs_of_true(~self.missing)]
 
     def __repr__(self) -> str:
         return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"

@@ -110,15 +110,15 @@ def decisive(
     step = _thinning(rate, omega, stretches)
     coarse = [scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line") for signal in (omega, force, moment)]
     columns = _columns(rate / step, *coarse[:2])
-    parts = [(_cut(columns, rate / step, one), _cut(coarse[2], rate / step, one)) for one in stretches]
-    largest = max(float(values.var(axis=0).sum()) for _, values in parts)
-    known = [_information(*part, MISFIT * largest) for part in parts]
-    weight = np.array([np.trace(one) for one in known])
+    samples = [(_cut(columns, rate / step, segment), _cut(coarse[2], rate / step, segment)) for segment in stretches]
+    largest = max(float(values.var(axis=0).sum()) for _, values in samples)
+    information = [_information(*sample, MISFIT * largest) for sample in samples]
+    weight = np.array([np.trace(segment) for segment in information])
     order = list(np.argsort(-weight))
-    enough = 0.5 * np.linalg.eigvalsh(sum(known))[0]
+    enough = 0.5 * np.linalg.eigvalsh(sum(information))[0]
     chosen = [k for k in order if 3 * weight[k] >= weight[order[0]]]
     for k in order[len(chosen) :]:
-        if np.linalg.eigvalsh(sum(known[j] for j in chosen))[0] >= enough:
+        if np.linalg.eigvalsh(sum(information[j] for j in chosen))[0] >= enough:
             break
         chosen.append(k)
     return tuple(stretches[k] for k in sorted(chosen))
@@ -137,7 +137,7 @@ def _mean_and_spread(rate: float, signal: np.ndarray) -> tuple[np.ndarray, np.nd
     """Of the smoothed signal about each sample, over the window: mean (n, 3) and standard deviation (n,)."""
     n = len(signal)
     smooth = _average(signal - signal.mean(axis=0), min(n, round(SMOOTHING * rate)))
-    mean, square = (_average(part, min(n, round(WINDOW * rate))) for part in (smooth, smooth**2))
+    mean, square = (_average(values, min(n, round(WINDOW * rate))) for values in (smooth, smooth**2))
     return mean + signal.mean(axis=0), np.sqrt(np.maximum(square - mean**2, 0).sum(axis=1))
 
 
@@ -154,20 +154,20 @@ def _bias(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
 def _filled(mask: np.ndarray, longest: int) -> np.ndarray:
     """The mask with inner gaps below ``longest`` samples closed."""
     filled = mask.copy()
-    for start, stop in _runs(~mask):
+    for start, stop in runs_of_true(~mask):
         if start > 0 and stop < len(mask) and stop - start < longest:
             filled[start:stop] = True
     return filled
 
 
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and one past last sample of each run of True."""
+def runs_of_true(mask: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
+    """Return the first and the one past last sample of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _stretches(rate: float, mask: np.ndarray) -> tuple[Stretch, ...]:
-    return tuple(Stretch(start / rate, (stop - 1) / rate) for start, stop in _runs(mask))
+    return tuple(Stretch(start / rate, (stop - 1) / rate) for start, stop in runs_of_true(mask))
 
 
 def _cut(signal: np.ndarray, rate: float, stretch: Stretch) -> np.ndarray:
@@ -176,7 +176,7 @@ def _cut(signal: np.ndarray, rate: float, stretch: Stretch) -> np.ndarray:
 
 def _thinning(rate: float, omega: np.ndarray, stretches: Sequence[Stretch]) -> int:
     """By how much to thin out the samples: to sixteen times the band of the longest stretch's motion."""
-    longest = _cut(omega, rate, max(stretches, key=lambda one: one.seconds))
+    longest = _cut(omega, rate, max(stretches, key=lambda segment: segment.seconds))
     frequency, power = scipy.signal.welch(longest, fs=rate, nperseg=min(len(longest), max(round(4 * rate), 8)), axis=0)
     share = np.cumsum(power.sum(axis=1)) / max(power.sum(), 1e-300)
     band = max(float(frequency[np.searchsorted(share, 0.99)]), 1.0)

@@ -38,7 +38,7 @@ class Lines(NamedTuple):
     @classmethod
     def of(cls, stretches: Sequence[slice], rate: float) -> "Lines":
         """Return the lines of stretches of samples at a rate [Hz]."""
-        sizes = [one.stop - one.start for one in stretches]
+        sizes = [segment.stop - segment.start for segment in stretches]
         frequency = np.concatenate([np.arange(n) * rate / (2 * n) for n in sizes])
         constant = np.concatenate([np.sqrt(n) * (np.arange(n) == 0) for n in sizes])
         order = np.argsort(frequency, kind="stable")
@@ -51,8 +51,8 @@ class Lines(NamedTuple):
 
     def transform(self, signal: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
         """Return the cosine transform of samples, each stretch by itself."""
-        parts = [scipy.fft.dct(signal[one], axis=0, norm="ortho") for one in self.stretches]
-        return np.concatenate(parts)[self.order]
+        transformed = [scipy.fft.dct(signal[segment], axis=0, norm="ortho") for segment in self.stretches]
+        return np.concatenate(transformed)[self.order]
 
 
 class Spectrum(NamedTuple):

@@ -60,25 +60,25 @@ def centre(
     F, M, f = (np.asarray(x, float) for x in (force, moment, specific_force))
     _check(F, M, f, name)
     gravity = float(np.linalg.norm(f, axis=1).mean())
-    found = fit(F, M, f, attitudes)
-    if found.values[0] <= 0:
+    solution = fit(F, M, f, attitudes)
+    if solution.values[0] <= 0:
         raise RunError(
-            f"the force in {name} points along gravity (mass {found.values[0]:.4g} kg): the wrench is that on the "
+            f"the force in {name} points along gravity (mass {solution.values[0]:.4g} kg): the wrench is that on the "
             "other side, or the attitude is upside down; correct recording.wrench or the attitude's declaration"
         )
-    check = None if mass is None else _checked(found, mass)
+    check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:
-        found = fit(F, M, f, attitudes, mass=mass)
-    values, by = _parameters(found)
-    covariance, lasting = by @ found.covariance @ by.T, by @ found.lasting
-    degrees = found.degrees_of_freedom[list(ORDER)]
+        solution = fit(F, M, f, attitudes, mass=mass)
+    values, by = _parameters(solution)
+    covariance, lasting = by @ solution.covariance @ by.T, by @ solution.lasting
+    degrees = solution.degrees_of_freedom[list(ORDER)]
     if mass is not None and check is not None and check.contradicts:
         values[0], degrees[0] = mass[0], np.inf
         covariance[0], covariance[:, 0] = 0.0, 0.0
         covariance[0, 0] = mass[1] ** 2
         lasting[0] = 0.0
     result = Centre(
-        float(values[0]), values[1:4], values[4:7], values[7:], covariance, found.residuals, degrees, gravity,
+        float(values[0]), values[1:4], values[4:7], values[7:], covariance, solution.residuals, degrees, gravity,
         gain=check, largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
     )  # fmt: skip
     return _warned(result)
@@ -102,14 +102,14 @@ def foreseen_covariance(
     """
     values = np.zeros(LINEAR)
     values[0], values[4:7] = mass, mass * np.asarray(r_cg, float)
-    found = foreseen(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
-    _, by = _parameters(found)
-    return by @ found.covariance @ by.T
+    solution = foreseen(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
+    _, by = _parameters(solution)
+    return by @ solution.covariance @ by.T
 
 
-def _checked(found: Fit, mass: tuple[float, float]) -> GainCheck:
-    factor = float(scipy.stats.t.ppf(0.975, found.degrees_of_freedom[0]))
-    return gain_check(*mass, float(found.values[0]), float(np.sqrt(found.covariance[0, 0])), factor)
+def _checked(solution: Fit, mass: tuple[float, float]) -> GainCheck:
+    factor = float(scipy.stats.t.ppf(0.975, solution.degrees_of_freedom[0]))
+    return gain_check(*mass, float(solution.values[0]), float(np.sqrt(solution.covariance[0, 0])), factor)
 
 
 def _warned(result: Centre) -> Centre:
@@ -160,11 +160,11 @@ def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
         )
 
 
-def _parameters(found: Fit) -> tuple[np.ndarray, np.ndarray]:
+def _parameters(solution: Fit) -> tuple[np.ndarray, np.ndarray]:
     """The ten parameters, and their derivatives with respect to (m, F0, m r, M0)."""
-    mass, r_cg = found.values[0], found.values[4:7] / found.values[0]
+    mass, r_cg = solution.values[0], solution.values[4:7] / solution.values[0]
     by = np.eye(10)[list(ORDER)]
     by[1:4] /= mass
     by[1:4, 0] = -r_cg / mass
-    values = np.concatenate([[mass], r_cg, found.values[1:4], found.values[7:]])
+    values = np.concatenate([[mass], r_cg, solution.values[1:4], solution.values[7:]])
     return values, by

@@ -19,8 +19,8 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
         centre: mass and centre of gravity with their covariance.
     """
     variance = np.square(result.sigma_r_cg)
-    known = np.zeros((3, 6)) if result.cg_inertia_covariance is None else result.cg_inertia_covariance
-    by_centre = np.divide(known, variance[:, None], out=np.zeros_like(known), where=variance[:, None] > 0).T
+    by_cg = np.zeros((3, 6)) if result.cg_inertia_covariance is None else result.cg_inertia_covariance
+    by_centre = np.divide(by_cg, variance[:, None], out=np.zeros_like(by_cg), where=variance[:, None] > 0).T
     spread = centre.covariance[1:4, 1:4]
     covariance = result.covariance + by_centre @ (spread - np.diag(variance)) @ by_centre.T
     wider = np.sqrt(np.diag(covariance) / np.maximum(np.diag(result.covariance), 1e-300))

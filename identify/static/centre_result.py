@@ -105,8 +105,8 @@ class Centre(Result):
         (force, moment), (axes, along) = self.residual, self.directions
         degrees = np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS))
 
-        def block(value: Any, part: slice) -> dict[str, Any]:
-            return {"value": value.tolist(), "standard_uncertainty": u[part], "interval95": intervals[part]}
+        def block(value: Any, where: slice) -> dict[str, Any]:
+            return {"value": value.tolist(), "standard_uncertainty": u[where], "interval95": intervals[where]}
 
         return {
             "kind": KIND,
@@ -212,9 +212,9 @@ class Centre(Result):
         axes, along = self.directions
         worst, best = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−"), 1e3 * along[0]
         tilt = "" if self.largest_tilt is None else f"tilted by up to {np.degrees(self.largest_tilt):.3g}°: "
-        known = f"known worst along ({worst}), to {1e3 * along[2]:.2g} mm, and best to {best:.2g} mm"
-        found = f"{tilt}the centre of gravity is {known}"
-        return [found, *([] if self.gain is None else [self.gain.verdict])]
+        along_axes = f"known worst along ({worst}), to {1e3 * along[2]:.2g} mm, and best to {best:.2g} mm"
+        finding = f"{tilt}the centre of gravity is {along_axes}"
+        return [finding, *([] if self.gain is None else [self.gain.verdict])]
 
     def tables(self) -> list[Table]:
         """Return centre of gravity and offsets with their uncertainties."""
@@ -276,11 +276,11 @@ class _Content:
 
     def array(self, *keys: str, shape: tuple[int, ...]) -> np.ndarray:
         """Finite numbers of this shape, -1 for any length."""
-        found: Any = self.content
+        value: Any = self.content
         for key in keys:
-            found = found.get(key) if isinstance(found, Mapping) else None
+            value = value.get(key) if isinstance(value, Mapping) else None
         try:
-            values = np.asarray(found, float)
+            values = np.asarray(value, float)
         except (TypeError, ValueError):
             values = np.array(np.nan)
         fits = values.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, values.shape, strict=False))
@@ -289,8 +289,8 @@ class _Content:
         return values
 
     def texts(self, key: str) -> tuple[str, ...]:
-        found = self.content.get(key)
-        return tuple(map(str, found)) if isinstance(found, list) else ()
+        texts = self.content.get(key)
+        return tuple(map(str, texts)) if isinstance(texts, list) else ()
 
 
 def _read(cls: type[Centre], content: _Content) -> Centre:
@@ -304,8 +304,8 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         )
     if mass <= 0:
         raise RunError(f"mass of {content.name} is {mass:g} kg: give one above zero")
-    said = content.content.get("degrees_of_freedom")
-    free = [np.inf if value is None else value for value in said] if isinstance(said, list) else []
+    degrees = content.content.get("degrees_of_freedom")
+    free = [np.inf if value is None else value for value in degrees] if isinstance(degrees, list) else []
     if len(free) != n or not all(isinstance(value, (int, float)) and value > 0 for value in free):
         raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
     return cls(

@@ -49,8 +49,8 @@ def creeping(
         poses: force and moment of each [N, N·m].
         rate: sample rate [Hz].
     """
-    found = [changes(pose, rate) for pose in poses]
-    slopes, beyond = np.array([slope for slope, _ in found]), np.array([significant for _, significant in found])
+    tested = [changes(pose, rate) for pose in poses]
+    slopes, beyond = np.array([slope for slope, _ in tested]), np.array([significant for _, significant in tested])
     typical = np.median(np.abs(slopes), axis=0)
-    own = (beyond & (np.abs(slopes) > BEYOND * typical)).any(axis=1)
-    return own, slopes, bool(beyond.any(axis=1).mean() > 0.5)
+    creeps = (beyond & (np.abs(slopes) > BEYOND * typical)).any(axis=1)
+    return creeps, slopes, bool(beyond.any(axis=1).mean() > 0.5)

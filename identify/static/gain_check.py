@@ -41,8 +41,8 @@ class GainCheck:
     def verdict(self) -> str:
         """The check in words."""
         figures = f"{self.ratio:.5f} ± {self.ratio_uncertainty:.5f}, E_n {self.normalised:.2f}"
-        said = f"load cell's mass over the scale's {figures}"
-        return f"{said}: {'the gain agrees' if self.within else 'the load cell, or gravity, is off'}"
+        text = f"load cell's mass over the scale's {figures}"
+        return f"{text}: {'the gain agrees' if self.within else 'the load cell, or gravity, is off'}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what centre.json says of it."""

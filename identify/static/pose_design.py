@@ -33,8 +33,8 @@ def best_poses(candidates: int, count: int, cost: Cost, *, starts: int = 4, seed
         ValueError: no set that was tried has a finite cost.
     """
     generator = np.random.default_rng(seed)
-    found = [_improved(_start(generator, candidates, count, cost), candidates, cost) for _ in range(starts)]
-    best = min(found, key=cost)
+    designs = [_improved(_start(generator, candidates, count, cost), candidates, cost) for _ in range(starts)]
+    best = min(designs, key=cost)
     if not np.isfinite(cost(best)):
         raise ValueError(f"no {count} of {candidates} poses determine the centre of gravity")
     return np.sort(best)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from identify.rigid_body.regressor import cross_matrix
+
 CHANNELS = 6
 LINEAR = 10
 
@@ -69,15 +71,15 @@ def fit(
     tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
     scatter = _scatter(residuals, free, tilts)
     common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
-    known = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
+    common_effect = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
     if mass is not None:
-        left, by_mass = _observed(_covariance(gain, scatter, tilts, known), mass[1])
+        left, by_mass = _observed(_covariance(gain, scatter, tilts, common_effect), mass[1])
         values = left @ values + by_mass * mass[0]
         gain = np.einsum("pq,qnc->pnc", left, gain)
-        known = np.column_stack([left @ known, by_mass * mass[1]])
-    covariance = _covariance(gain, scatter, tilts, known)
+        common_effect = np.column_stack([left @ common_effect, by_mass * mass[1]])
+    covariance = _covariance(gain, scatter, tilts, common_effect)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
-    return Fit(values, covariance, measured - rows @ values, degrees, known[:, : attitudes.lasting])
+    return Fit(values, covariance, measured - rows @ values, degrees, common_effect[:, : attitudes.lasting])
 
 
 def foreseen(
@@ -98,8 +100,8 @@ def foreseen(
     gain = np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
     tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
     common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
-    known = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
-    return Fit(values, _covariance(gain, scatter, tilts, known), np.zeros((len(rows), CHANNELS)))
+    common_effect = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
+    return Fit(values, _covariance(gain, scatter, tilts, common_effect), np.zeros((len(rows), CHANNELS)))
 
 
 def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:
@@ -112,15 +114,13 @@ def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarra
     same = np.eye(len(covariance))
     square = np.minimum((covariance / np.outer(sigma, sigma)) ** 2, 1) * (1 - same)
     noise = ((1 - square) ** 2 * (1 - same)).sum() / max(free, 1.0)
-    kept = 1 - min(1.0, noise / max(square.sum(), 1e-300))
-    return covariance * (kept + (1 - kept) * same)
+    share = 1 - min(1.0, noise / max(square.sum(), 1e-300))
+    return covariance * (share + (1 - share) * same)
 
 
-def cross_matrices(v: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the matrices of ``v ×``."""
-    x, y, z = v.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+def cross_matrices(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the matrices of ``v ×`` of each vector."""
+    return np.moveaxis(cross_matrix(vectors.T), -1, 0)
 
 
 def _rows(f: np.ndarray) -> np.ndarray:
@@ -149,8 +149,8 @@ def _positive(matrix: np.ndarray) -> np.ndarray:
 
 def _scatter(residuals: np.ndarray, free: np.ndarray, tilts: np.ndarray) -> np.ndarray:
     """What the fit leaves beside the declared tilts, as a covariance across the six axes."""
-    found = shrunk(residuals.T @ residuals / np.sqrt(np.outer(free, free)), float(free.min()))
-    return _positive(found - np.einsum("nck,ndk->cd", tilts, tilts) / len(residuals))
+    shrunk_covariance = shrunk(residuals.T @ residuals / np.sqrt(np.outer(free, free)), float(free.min()))
+    return _positive(shrunk_covariance - np.einsum("nck,ndk->cd", tilts, tilts) / len(residuals))
 
 
 def _observed(covariance: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
@@ -159,11 +159,11 @@ def _observed(covariance: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndar
     return np.eye(LINEAR) - np.outer(by, np.eye(LINEAR)[0]), by
 
 
-def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, common_effect: np.ndarray) -> np.ndarray:
     """Of the estimate: from the residuals, from each pose's own tilt, from what is common to all."""
     of_tilts = np.einsum("pnc,nck->pnk", gain, tilts).reshape(LINEAR, -1)
     of_scatter = np.einsum("pnc,cd,qnd->pq", gain, scatter, gain)
-    return of_scatter + of_tilts @ of_tilts.T + known @ known.T
+    return of_scatter + of_tilts @ of_tilts.T + common_effect @ common_effect.T
 
 
 def _degrees(gain: np.ndarray, scatter: np.ndarray, free: float, variance: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
-from identify.estimators.rows import kept
+from identify.estimators.rows import usable_rows
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
@@ -82,7 +82,7 @@ def run_sums(
     """
     lost = int(np.ceil(np.abs(delays).max() * run.rate))
     plain = _elements(run, run.omega, estimator)
-    keep = kept(run, plain.shape[1])
+    keep = usable_rows(run, plain.shape[1])
     inside = keep[(keep >= lost) & (keep < plain.shape[1] - lost)]
     if 2 * len(inside) < len(keep):
         raise RunError(
