@@ -56,7 +56,7 @@ def whitened(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: O
     Arguments and errors are those of :func:`identify.estimators.information.information`.
     """
     rows = rows_of(run, estimator)
-    lines, matrix = Lines.of(rows.stretches, run.rate), rows.matrix
+    lines, matrix = Lines.of(rows.segments, run.rate), rows.matrix
     force, moment, motion = np.asarray(rows.force).T, np.asarray(rows.moment).T, np.asarray(rows.phi)
     mean_force = force.mean(axis=0)
     if offsets == "still":

@@ -102,7 +102,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     matrix = rows._replace(phi=phi).matrix
     about_cg = np.asarray(moment - jnp.cross(jnp.asarray(r_cg), force, axisb=0, axisc=0))
     residuals = about_cg.T - matrix @ inertia
-    lines = Lines.of(rows.stretches, run.rate)
+    lines = Lines.of(rows.segments, run.rate)
     transformed, spread = lines.transform(matrix), np.linalg.pinv(normal, hermitian=True)
     errors = _spectrum(lines, transformed, residuals, spread, estimator, run.rate, offsets)
     scores = errors.scores(transformed)
@@ -163,7 +163,7 @@ def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
 
 
 def longest(run: Run) -> np.ndarray:
-    """Return the angular velocity of the longest stretch in which every sample may be used."""
+    """Return the angular velocity of the longest segment in which every sample may be used."""
     return run.omega[max(run.used(), key=lambda segment: segment.stop - segment.start)]
 
 

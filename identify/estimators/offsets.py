@@ -13,7 +13,7 @@ import numpy as np
 from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from identify.signals.run import Rest, Run, RunError
-from identify.signals.segments import Stretch
+from identify.signals.segments import Segment
 
 BLOCK = 1.0
 """Seconds of rest whose means count as independent."""
@@ -64,8 +64,8 @@ def resting(run: Run) -> Rest:
     return run.rest
 
 
-def rest_of(run: Run, stretches: Sequence[Stretch]) -> Rest | None:
-    """Return what the load cell reads over some stretches of rest of a run; None: fewer than two seconds of it.
+def rest_of(run: Run, segments: Sequence[Segment]) -> Rest | None:
+    """Return what the load cell reads over some segments of rest of a run; None: fewer than two seconds of it.
 
     The covariance comes from the scatter of the means of one second each, which holds noise and slow drift.
     """
@@ -73,8 +73,8 @@ def rest_of(run: Run, stretches: Sequence[Stretch]) -> Rest | None:
     means: list[np.ndarray] = []
     wrench = np.hstack([run.force, run.moment])
     usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
-    for stretch in stretches:
-        first, last = np.searchsorted(run.t - run.t[0], [stretch.start, stretch.stop + 0.5 / run.rate])
+    for segment in segments:
+        first, last = np.searchsorted(run.t - run.t[0], [segment.start, segment.stop + 0.5 / run.rate])
         blocks = [slice(k, k + size) for k in range(int(first), int(last) - size + 1, size)]
         means += [wrench[block].mean(axis=0) for block in blocks if usable[block].all()]
     if len(means) < 2:

@@ -7,7 +7,7 @@ import scipy
 from jaxtyping import Float
 
 BINS = 300
-"""Most stretches of time, and most frequencies."""
+"""Most segments of time, and most frequencies."""
 POINTS = 1500
 """Most samples of the motion."""
 SEGMENTS = 8
@@ -21,7 +21,7 @@ class Trace:
     """A run's residual moment ``M - r × F - Ω I``, less the offsets that were removed, and the motion behind it."""
 
     t: Float[np.ndarray, " m"]
-    """Middle of each stretch of time [s]."""
+    """Middle of each segment of time [s]."""
     low: Float[np.ndarray, "m 3"]
     """Least residual in it, on each axis [N·m]."""
     high: Float[np.ndarray, "m 3"]
@@ -47,7 +47,7 @@ def trace(
 ) -> Trace:
     """Thin a run's fit for drawing.
 
-    The spectra (Welch) are those of the longest stretch without a gap, averaged over bands of equal ratio.
+    The spectra (Welch) are those of the longest segment without a gap, averaged over bands of equal ratio.
 
     Args:
         t: instants of the rows [s], with gaps where samples were left out.
@@ -69,12 +69,12 @@ def trace(
 
 
 def _edges(count: int, most: int) -> np.ndarray:
-    """Where each of at most so many stretches of equal length begins."""
+    """Where each of at most so many segments of equal length begins."""
     return np.unique(np.linspace(0, count, min(count, most) + 1).astype(int)[:-1])
 
 
 def _longest(t: np.ndarray, step: float) -> slice:
-    """The longest stretch without a gap."""
+    """The longest segment without a gap."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 1.5 * step) + 1, [len(t)]])
     longest = int(np.argmax(np.diff(cuts)))
     return slice(int(cuts[longest]), int(cuts[longest + 1]))

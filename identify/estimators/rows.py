@@ -26,7 +26,7 @@ class Rows(NamedTuple):
     """[N]."""
     moment: Float[Array, "3 n"]
     """About Q [N·m]."""
-    stretches: tuple[slice, ...]
+    segments: tuple[slice, ...]
     """Instants that follow one another without a gap."""
     instants: Int[np.ndarray, " n"]
     """Where they stand among the run's."""
@@ -64,9 +64,9 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
             f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
         )
     breaks = np.concatenate([[0], np.flatnonzero(np.diff(keep) > 1) + 1, [len(keep)]])
-    stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(breaks))
+    segments = tuple(slice(int(a), int(b)) for a, b in pairwise(breaks))
     half = (len(run.t) - phi.shape[1]) // 2
-    return Rows(phi[:, keep], force[:, keep], moment[:, keep], stretches, half + keep)
+    return Rows(phi[:, keep], force[:, keep], moment[:, keep], segments, half + keep)
 
 
 def usable_rows(run: Run, rows: int) -> np.ndarray:

@@ -214,7 +214,7 @@ def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
     return RunEstimate(
         run.name, run.sha256, fitted_run.theta[tensor], np.sqrt(np.diag(covariance)[tensor]),
         int(rows.used.sum()) * rows.factor, run.rate, np.sqrt(np.diag(fitted_run.noise)[-3:]), 1 / run.rate,
-        _offsets(theta, covariance), True, run.parts, run.found, run.left_out, run.overview,
+        _offsets(theta, covariance), True, run.segments, run.detected, run.left_out, run.overview,
         theta[SLICES["force_offset"]], trace=_trace(fitted_run, theta),
     )  # fmt: skip
 

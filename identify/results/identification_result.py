@@ -156,8 +156,8 @@ class Identification(Result):
                     "residual": run.residual.tolist(),
                     "correlation_time": run.correlation_time,
                     "mounting": run.mounting,
-                    "parts": [list(part) for part in run.parts],
-                    "parts_found": run.found,
+                    "parts": [list(segment) for segment in run.segments],
+                    "parts_found": run.detected,
                     "left_out": dict(run.left_out),
                 }
                 for run in self.runs
@@ -175,9 +175,9 @@ class Identification(Result):
 
     def _elsewhere(self) -> dict[str, Any]:
         """What result.json says of other points and frames; null where the mass is not known."""
-        known, datum = self.mass is not None, self.datum
+        has_mass, datum = self.mass is not None, self.datum
         return {
-            "about_q": self.parameters.about().to_dict() if known else None,
+            "about_q": self.parameters.about().to_dict() if has_mass else None,
             "about_datum": None if datum is None else self.parameters.in_datum(datum).to_dict(),
         }
 

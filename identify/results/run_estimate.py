@@ -35,14 +35,14 @@ class RunEstimate:
     """Constants of the load cell that were removed; None: not asked for."""
     alone: bool
     """Whether this run identifies the whole tensor by itself."""
-    parts: tuple[tuple[float, float], ...] = ()
+    segments: tuple[tuple[float, float], ...] = ()
     """From when to when it was used [s]; none: it is whole."""
-    found: bool = False
+    detected: bool = False
     """Whether these were found where it moves, not named."""
     left_out: Mapping[str, int] = field(default_factory=dict)
     """How many samples were left out, by reason."""
     overview: np.ndarray | None = None
-    """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s]."""
+    """Time and largest angular velocity of the whole run that the segments were cut from [s, rad/s]."""
     force_offset: np.ndarray | None = None
     """The force's offset [N]; None where neither mass nor accelerometer tell it."""
     mounting: str | None = None
@@ -55,21 +55,22 @@ class RunEstimate:
     @property
     def used(self) -> str | None:
         """What was used and what was left out, in words; None: all of it."""
-        parts = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in self.parts)
+        segments = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in self.segments)
         out = ", ".join(f"{count:,} samples {reason}" for reason, count in self.left_out.items() if count)
-        how = ", found where it moves" if self.found else ""
-        words = [f"used from {parts}{how}"] * bool(parts) + [f"left out: {out}"] * bool(out)
+        how = ", found where it moves" if self.detected else ""
+        words = [f"used from {segments}{how}"] * bool(segments) + [f"left out: {out}"] * bool(out)
         return f"{self.file}: {'; '.join(words)}" if words else None
 
 
-def run_estimate(part: Information, r_cg: np.ndarray, mass: float | None) -> RunEstimate:
+def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None) -> RunEstimate:
     """Return what a run says by itself; ``mass`` [kg], where stated, tells the force's offset."""
-    run = part.run
+    run = information.run
     return RunEstimate(
-        run.name, run.sha256, part.inertia, np.sqrt(np.diag(part.covariance)), part.rows, run.rate, part.residual,
-        part.correlation_time / run.rate, part.offsets, bool(part.excitation.identifiable.all()), run.parts,
-        run.found, run.left_out, run.overview, None if part.offsets is None else force_offset(run, r_cg, mass),
-        run.mounting, part.weight, part.trace,
+        run.name, run.sha256, information.inertia, np.sqrt(np.diag(information.covariance)), information.rows, run.rate,
+        information.residual, information.correlation_time / run.rate, information.offsets,
+        bool(information.excitation.identifiable.all()), run.segments, run.detected, run.left_out, run.overview,
+        None if information.offsets is None else force_offset(run, r_cg, mass), run.mounting, information.weight,
+        information.trace,
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ def residuals(runs: Sequence[RunEstimate]) -> Figure:
 
 
 def _in_time(axes: Axes, trace: Trace) -> None:
-    """The range of the residuals in each stretch of time, one strip an axis, nothing drawn across a gap."""
+    """The range of the residuals in each segment of time, one strip an axis, nothing drawn across a gap."""
     shift = 1.1 * 2 * max(float(np.abs(trace.low).max()), float(np.abs(trace.high).max()), 1e-300)
     steps = np.diff(trace.t)
     seen = np.append(steps < 3 * np.median(steps), True) if len(steps) else np.ones(1, bool)
@@ -113,8 +113,8 @@ def parts(runs: Sequence[RunEstimate]) -> Figure:
         for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
             t, speed = np.asarray(run.overview).T
             axes.plot(t, speed, color=PALETTE[0], linewidth=0.5)
-            for k, (start, stop) in enumerate(run.parts):
-                label = ("found where it moves" if run.found else "named") if k == 0 else None
+            for k, (start, stop) in enumerate(run.segments):
+                label = ("found where it moves" if run.detected else "named") if k == 0 else None
                 axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0, label=label)
             axes.set_ylabel("|ω| [rad/s]")
             axes.set_title(run.file, loc="left")

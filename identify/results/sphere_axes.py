@@ -53,10 +53,10 @@ def visited(path: Float[np.ndarray, "p 3"]) -> float:
         path: angular velocities or accelerations in B, in any unit.
     """
     size = np.linalg.norm(path, axis=1)
-    kept = size >= LARGE * size.max(initial=0)
+    fast = size >= LARGE * size.max(initial=0)
     if not size.max(initial=0) > 0:
         return 0.0
-    closeness = np.abs(directions() @ (path[kept] / size[kept, None]).T).max(axis=1)
+    closeness = np.abs(directions() @ (path[fast] / size[fast, None]).T).max(axis=1)
     return float(np.mean(closeness >= np.cos(NEAR)))
 
 

@@ -34,9 +34,9 @@ def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Fi
             row[0].set_title(f"{name[0]}, half of +b3")
             row[1].set_title(f"{name[0]}, half of −b3")
         _about(figure, panels[0, 2], rms_about(alpha), "α about each axis", "rms [rad/s²]", weak="least")
-        known = uncertainty_about(covariance)
-        known = Axes(known.directions, GRAM_METRE * known.values)
-        _about(figure, panels[1, 2], known, "moment of inertia about each axis", "u [g·m²]", weak="largest")
+        uncertainty = uncertainty_about(covariance)
+        uncertainty = Axes(uncertainty.directions, GRAM_METRE * uncertainty.values)
+        _about(figure, panels[1, 2], uncertainty, "moment of inertia about each axis", "u [g·m²]", weak="largest")
     return figure
 
 

@@ -53,48 +53,50 @@ class Tare:
 
 
 def subtract(
-    whole: InertialParameters, part: InertialParameters, cross: Float[np.ndarray, "10 10"] | None = None
+    whole: InertialParameters, fixture: InertialParameters, cross: Float[np.ndarray, "10 10"] | None = None
 ) -> InertialParameters:
     """Return the body that is left when a part is taken off, with its covariance (JCGM 102, 6.2.1.3).
 
     Args:
         whole: body and fixture together.
-        part: the fixture, with the load cell's own moving plate.
+        fixture: the fixture, with the load cell's own moving plate.
         cross: covariance of the whole's ten parameters (rows) with the part's (columns); None: nothing in common.
 
     Raises:
         RunError: a mass is not known, or the part is not lighter than the whole.
     """
-    check(whole, part)
+    check(whole, fixture)
     between = np.zeros((10, 10)) if cross is None else cross
-    spread = np.block([[whole.covariance, between], [between.T, part.covariance]])
-    values, covariance = propagated(left_over, np.concatenate([whole.values, part.values]), spread)
+    spread = np.block([[whole.covariance, between], [between.T, fixture.covariance]])
+    values, covariance = propagated(left_over, np.concatenate([whole.values, fixture.values]), spread)
     return InertialParameters(float(values[0]), values[1:4], values[4:], covariance)
 
 
-def check(whole: InertialParameters, part: InertialParameters) -> None:
+def check(whole: InertialParameters, fixture: InertialParameters) -> None:
     """See that a part can be taken off.
 
     Raises:
         RunError: a mass is not known, or the part is not lighter than the whole.
     """
-    for what, parameters in (("body with its fixture", whole), ("fixture", part)):
+    for what, parameters in (("body with its fixture", whole), ("fixture", fixture)):
         if not np.isfinite(parameters.mass):
             raise RunError(
                 f"no mass of the {what}: a tare needs both masses; find them from static poses, or state them"
             )
-    if part.mass >= whole.mass:
+    if fixture.mass >= whole.mass:
         raise RunError(
-            f"the fixture has {part.mass:.6g} kg, the body with it {whole.mass:.6g} kg: check which run is which"
+            f"the fixture has {fixture.mass:.6g} kg, the body with it {whole.mass:.6g} kg: check which run is which"
         )
 
 
 def left_over(both: Float[Array, "20"]) -> Float[Array, "10"]:
     """Return the ten parameters of what is left, from those of the whole and of the part."""
-    (mass, r_cg, inertia), (own, r_own, inertia_own) = _split(both[:10]), _split(both[10:])
-    left = mass - own
-    r_left = (mass * r_cg - own * r_own) / left
-    tensor = parallel_axis(inertia, mass, r_cg - r_left) - parallel_axis(inertia_own, own, r_own - r_left)
+    (mass, r_cg, inertia), (mass_of_fixture, r_cg_of_fixture, inertia_of_fixture) = _split(both[:10]), _split(both[10:])
+    left = mass - mass_of_fixture
+    r_left = (mass * r_cg - mass_of_fixture * r_cg_of_fixture) / left
+    tensor = parallel_axis(inertia, mass, r_cg - r_left) - parallel_axis(
+        inertia_of_fixture, mass_of_fixture, r_cg_of_fixture - r_left
+    )
     return jnp.concatenate([left[None], r_left, tensor])
 
 

@@ -49,7 +49,7 @@ def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Arr
 def motion_band(omega: np.ndarray, rate: float) -> float:
     """Return the highest frequency [Hz] at which a recorded motion stands out from the gyro's noise.
 
-    Welch's spectrum of the angular velocity, shape (n, 3), in eight stretches or more, against its own median above an
+    Welch's spectrum of the angular velocity, shape (n, 3), in eight segments or more, against its own median above an
     eighth of the rate; a Blackman–Harris window, whose leakage is below the noise of any gyro.
     """
     frequency, power = scipy.signal.welch(
@@ -68,9 +68,9 @@ def occupied_band(signal: np.ndarray, rate: float) -> float:
     return float(frequency[min(np.searchsorted(share, 0.8), len(frequency) - 1)])
 
 
-def noise_level(*stretches: np.ndarray) -> np.ndarray:
+def noise_level(*segments: np.ndarray) -> np.ndarray:
     """Return the standard deviation of white noise on each axis of samples (n, 3), from their fourth differences."""
-    differences = [np.diff(omega, 4, axis=0) for omega in stretches if len(omega) >= 6]
+    differences = [np.diff(omega, 4, axis=0) for omega in segments if len(omega) >= 6]
     if not differences:
         return np.zeros(3)
     return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)

@@ -17,20 +17,20 @@ from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.signals.run import Run, RunError
-from identify.signals.segments import Stretch
+from identify.signals.segments import Segment
 
 ROUNDS = 3
 """Linear steps to the bias: it turns a run by a radian at most."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Stretch]) -> Float[np.ndarray, "n 3"]:
+def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Segment]) -> Float[np.ndarray, "n 3"]:
     """Return the unit vector that points up, in B, at every instant of a run.
 
     Args:
         run: the whole run; level at its first instant where it has no accelerometer.
         r_cg: centre of gravity from Q, in B [m].
-        rests: stretches of rest, for the gyro's bias where there is no accelerometer.
+        rests: segments of rest, for the gyro's bias where there is no accelerometer.
 
     Raises:
         RunError: neither accelerometer nor rest.

@@ -22,7 +22,7 @@ NOTHING = (np.array([]), np.array([]))
 
 @dataclass(frozen=True)
 class Rest:
-    """What a load cell reads while the body rests on it, over some stretches."""
+    """What a load cell reads while the body rests on it, over some segments."""
 
     force: Float[np.ndarray, "3"]
     """Mean force [N]."""
@@ -51,17 +51,17 @@ class Run:
     sha256: str | None = None
     """Hash of the file it was read from."""
     missing: Bool[np.ndarray, " n"] | None = None
-    """Instants that must not be used: inside a gap of a sensor, beside a bad sample, outside the parts; None: none."""
+    """Instants that must not be used: in a gap of a sensor, beside a bad sample, outside the segments; None: none."""
     warnings: tuple[str, ...] = field(default=())
     """What a reader of the result should know of the data."""
     left_out: Mapping[str, int] = field(default_factory=dict)
     """How many samples were left out, by reason."""
-    parts: tuple[tuple[float, float], ...] = ()
+    segments: tuple[tuple[float, float], ...] = ()
     """From when to when the run was cut [s]; none: it is whole."""
-    found: bool = False
-    """Whether the parts were found, not named."""
+    detected: bool = False
+    """Whether the segments were detected by their motion, not named."""
     overview: Float[np.ndarray, "m 2"] | None = None
-    """Time and largest angular velocity of the whole run that the parts were cut from [s, rad/s], for a figure."""
+    """Time and largest angular velocity of the whole run that the segments were cut from [s, rad/s], for a figure."""
     specific_force: Float[np.ndarray, "n 3"] | None = None
     """What the accelerometer reads, in B [m/s²]; None: there is none."""
     imu_position: Float[np.ndarray, "3"] | None = None
@@ -193,28 +193,28 @@ class Run:
             )
         names = ("t", "force", "moment", "omega", "specific_force", "missing")
         signals = {name: getattr(self, name)[keep] for name in names if getattr(self, name) is not None}
-        return replace(self, **signals, parts=((start, stop),))
+        return replace(self, **signals, segments=((start, stop),))
 
-    def within(self, parts: Iterable[tuple[float, float]]) -> "Run":
-        """Return the run with all left out that lies outside the parts, each from one instant to another [s].
+    def within(self, segments: Iterable[tuple[float, float]]) -> "Run":
+        """Return the run with all left out that lies outside the segments, each from one instant to another [s].
 
         Nothing is joined: differentiators and filters do not reach across what is left out.
 
         Raises:
-            RunError: fewer than two samples lie within a part.
+            RunError: fewer than two samples lie within a segment.
         """
-        parts = tuple(sorted((float(start), float(stop)) for start, stop in parts))
-        for start, stop in parts:
+        segments = tuple(sorted((float(start), float(stop)) for start, stop in segments))
+        for start, stop in segments:
             self.between(start, stop)
-        cut = self.between(parts[0][0], parts[-1][1])
-        inside = np.any([(cut.t >= start) & (cut.t <= stop) for start, stop in parts], axis=0)
+        cut = self.between(segments[0][0], segments[-1][1])
+        inside = np.any([(cut.t >= start) & (cut.t <= stop) for start, stop in segments], axis=0)
         missing = ~inside if cut.missing is None else ~inside | cut.missing
         outside = {"outside the part": len(self.t) - int(inside.sum())}
         left_out = {**self.left_out, **outside} if outside["outside the part"] else self.left_out
-        return replace(cut, missing=missing if missing.any() else None, parts=parts, left_out=left_out)
+        return replace(cut, missing=missing if missing.any() else None, segments=segments, left_out=left_out)
 
     def used(self) -> list[slice]:
-        """Return the stretches of samples without one that must not be used."""
+        """Return the segments of samples without one that must not be used."""
         if self.missing is None:
             return [slice(0, len(self.t))]
         return [slice(start, stop) for start, stop in runs_of_true(~self.missing)]

@@ -1,9 +1,9 @@
-"""Still and moving stretches of a recording, and which of the moving ones tell of the tensor. Plain arrays, SI units.
+"""Still and moving segments of a recording, and which of the moving ones tell of the tensor. Plain arrays, SI units.
 
 A recording holds more than its experiment: the body is mounted, poses are held, a start fails, something knocks. What
 moves is told from what rests by the angular velocity, smoothed so that vibration and white noise do not count, about
-the gyro's bias, over half a second. Which of the moving stretches count is a question of information: how much of
-``ΩᵀΩ`` a stretch holds against how badly the wrench in it fits ANY body (hands do not).
+the gyro's bias, over half a second. Which of the moving segments count is a question of information: how much of
+``ΩᵀΩ`` a segment holds against how badly the wrench in it fits ANY body (hands do not).
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ SLOWEST = 0.02
 LARGEST_BIAS = 0.1
 """Of a gyro at rest [rad/s]."""
 PAUSE = 1.0
-"""Rest that parts two stretches of motion [s]."""
+"""Rest that parts two segments of motion [s]."""
 MISFIT = 1e-4
 """Part of the largest motion's variance of moment that counts as explained."""
 
@@ -37,7 +37,7 @@ PER_SAMPLE = 4.0
 """Thinned-out samples that count as one independent."""
 
 
-class Stretch(NamedTuple):
+class Segment(NamedTuple):
     """From one instant to another [s], counted from the first sample's."""
 
     start: float
@@ -49,21 +49,21 @@ class Stretch(NamedTuple):
         return self.stop - self.start
 
 
-def moving(rate: float, omega: Float[np.ndarray, "n 3"]) -> tuple[Stretch, ...]:
-    """Return the stretches in which the body moves; pauses shorter than a second do not part them.
+def moving(rate: float, omega: Float[np.ndarray, "n 3"]) -> tuple[Segment, ...]:
+    """Return the segments in which the body moves; pauses shorter than a second do not part them.
 
     Args:
         rate: sample rate [Hz].
         omega: angular velocity [rad/s].
     """
     moves = _filled(_moves(rate, omega), round(PAUSE * rate))
-    return _stretches(rate, moves)
+    return _segments(rate, moves)
 
 
 def still(
     rate: float, omega: Float[np.ndarray, "n 3"], *others: Float[np.ndarray, "n 3"], shortest: float = 1.0
-) -> tuple[Stretch, ...]:
-    """Return the stretches in which the body rests and the other signals are steady.
+) -> tuple[Segment, ...]:
+    """Return the segments in which the body rests and the other signals are steady.
 
     Steady is what varies within half a second no more than three times as much as it does in a quiet quarter of the
     rest: a hand on the body is not.
@@ -72,7 +72,7 @@ def still(
         rate: sample rate [Hz].
         omega: angular velocity [rad/s].
         others: signals that must be steady too: force, moment, specific force.
-        shortest: shortest stretch to return [s].
+        shortest: shortest segment to return [s].
     """
     rests = ~_moves(rate, omega)
     for signal in (omega, *others) if rests.any() else ():
@@ -81,7 +81,7 @@ def still(
         rests = rests & (spread <= STEADY * quiet + 1e-12 * np.abs(signal).max())
         if not rests.any():
             break
-    return tuple(stretch for stretch in _stretches(rate, rests) if stretch.seconds >= shortest)
+    return tuple(segment for segment in _segments(rate, rests) if segment.seconds >= shortest)
 
 
 def decisive(
@@ -89,9 +89,9 @@ def decisive(
     omega: Float[np.ndarray, "n 3"],
     force: Float[np.ndarray, "n 3"],
     moment: Float[np.ndarray, "n 3"],
-    stretches: Sequence[Stretch],
-) -> tuple[Stretch, ...]:
-    """Return the stretches that tell of the tensor, in the order of time.
+    segments: Sequence[Segment],
+) -> tuple[Segment, ...]:
+    """Return the segments that tell of the tensor, in the order of time.
 
     Each is weighed by its ``ΩᵀΩ`` over the square of the variance that the best rigid body leaves of its moment: noise
     would count once, but what no body explains misleads. Kept are those that weigh at least a third of the best one,
@@ -103,14 +103,14 @@ def decisive(
         omega: angular velocity [rad/s].
         force: on the body at a point that stays [N].
         moment: on the body about this point [N·m].
-        stretches: to choose from.
+        segments: to choose from.
     """
-    if len(stretches) < 2:
-        return tuple(stretches)
-    step = _thinning(rate, omega, stretches)
+    if len(segments) < 2:
+        return tuple(segments)
+    step = _thinning(rate, omega, segments)
     coarse = [scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line") for signal in (omega, force, moment)]
     columns = _columns(rate / step, *coarse[:2])
-    samples = [(_cut(columns, rate / step, segment), _cut(coarse[2], rate / step, segment)) for segment in stretches]
+    samples = [(_cut(columns, rate / step, segment), _cut(coarse[2], rate / step, segment)) for segment in segments]
     largest = max(float(values.var(axis=0).sum()) for _, values in samples)
     information = [_information(*sample, MISFIT * largest) for sample in samples]
     weight = np.array([np.trace(segment) for segment in information])
@@ -121,7 +121,7 @@ def decisive(
         if np.linalg.eigvalsh(sum(information[j] for j in chosen))[0] >= enough:
             break
         chosen.append(k)
-    return tuple(stretches[k] for k in sorted(chosen))
+    return tuple(segments[k] for k in sorted(chosen))
 
 
 def _moves(rate: float, omega: np.ndarray) -> Bool[np.ndarray, " n"]:
@@ -166,17 +166,17 @@ def runs_of_true(mask: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
-def _stretches(rate: float, mask: np.ndarray) -> tuple[Stretch, ...]:
-    return tuple(Stretch(start / rate, (stop - 1) / rate) for start, stop in runs_of_true(mask))
+def _segments(rate: float, mask: np.ndarray) -> tuple[Segment, ...]:
+    return tuple(Segment(start / rate, (stop - 1) / rate) for start, stop in runs_of_true(mask))
 
 
-def _cut(signal: np.ndarray, rate: float, stretch: Stretch) -> np.ndarray:
-    return signal[round(stretch.start * rate) : round(stretch.stop * rate) + 1]
+def _cut(signal: np.ndarray, rate: float, segment: Segment) -> np.ndarray:
+    return signal[round(segment.start * rate) : round(segment.stop * rate) + 1]
 
 
-def _thinning(rate: float, omega: np.ndarray, stretches: Sequence[Stretch]) -> int:
-    """By how much to thin out the samples: to sixteen times the band of the longest stretch's motion."""
-    longest = _cut(omega, rate, max(stretches, key=lambda segment: segment.seconds))
+def _thinning(rate: float, omega: np.ndarray, segments: Sequence[Segment]) -> int:
+    """By how much to thin out the samples: to sixteen times the band of the longest segment's motion."""
+    longest = _cut(omega, rate, max(segments, key=lambda segment: segment.seconds))
     frequency, power = scipy.signal.welch(longest, fs=rate, nperseg=min(len(longest), max(round(4 * rate), 8)), axis=0)
     share = np.cumsum(power.sum(axis=1)) / max(power.sum(), 1e-300)
     band = max(float(frequency[np.searchsorted(share, 0.99)]), 1.0)
@@ -191,7 +191,7 @@ def _columns(rate: float, omega: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 def _information(columns: np.ndarray, moment: np.ndarray, least: float) -> np.ndarray:
-    """``ΩᵀΩ`` of one stretch over the squared variance of the moment that no rigid body explains, (6, 6)."""
+    """``ΩᵀΩ`` of one segment over the squared variance of the moment that no rigid body explains, (6, 6)."""
     if len(moment) < 4:
         return np.zeros((6, 6))
     rows, values = columns - columns.mean(axis=0), (moment - moment.mean(axis=0)).reshape(-1)

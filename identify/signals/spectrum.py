@@ -1,8 +1,8 @@
 """How errors are correlated across axes and in time: their spectrum, from the cosine transform of residuals.
 
-The cosine transform (DCT-II, orthonormal) of each stretch without a gap turns n samples into n lines at the frequencies
+The cosine transform (DCT-II, orthonormal) of each segment without a gap turns n samples into n lines at the frequencies
 ``j rate / 2n``. It is orthogonal, so the regression stays the same regression; and the lines of a stationary error are
-nearly uncorrelated, also of one that drifts, since the transform knows no jump from a stretch's end to its beginning
+nearly uncorrelated, also of one that drifts, since the transform knows no jump from a segment's end to its beginning
 (Ahmed, Natarajan and Rao 1974, doi:10.1109/T-C.1974.223784). What is left is a covariance across the axes at each line,
 ``S``, that varies slowly along frequency: an average of the residuals' products over neighbouring lines, divided by
 the degrees of freedom that the fit left there. Errors of one axis that follow those of another with a delay are taken
@@ -25,33 +25,33 @@ LEAST_GAIN = 1e-4
 
 
 class Lines(NamedTuple):
-    """Where the lines of a run's stretches lie, in the order of frequency."""
+    """Where the lines of a run's segments lie, in the order of frequency."""
 
     frequency: Float[np.ndarray, " m"]
     """[Hz]."""
     constant: Float[np.ndarray, " m"]
     """The transform of a constant 1."""
     order: np.ndarray
-    """From the stretches' lines, one stretch after the other, to these."""
-    stretches: tuple[slice, ...]
+    """From the segments' lines, one segment after the other, to these."""
+    segments: tuple[slice, ...]
 
     @classmethod
-    def of(cls, stretches: Sequence[slice], rate: float) -> "Lines":
-        """Return the lines of stretches of samples at a rate [Hz]."""
-        sizes = [segment.stop - segment.start for segment in stretches]
+    def of(cls, segments: Sequence[slice], rate: float) -> "Lines":
+        """Return the lines of segments of samples at a rate [Hz]."""
+        sizes = [segment.stop - segment.start for segment in segments]
         frequency = np.concatenate([np.arange(n) * rate / (2 * n) for n in sizes])
         constant = np.concatenate([np.sqrt(n) * (np.arange(n) == 0) for n in sizes])
         order = np.argsort(frequency, kind="stable")
-        return cls(frequency[order], constant[order], order, tuple(stretches))
+        return cls(frequency[order], constant[order], order, tuple(segments))
 
     @property
     def constants(self) -> int:
         """How many lines, the first ones, are those of constants."""
-        return len(self.stretches)
+        return len(self.segments)
 
     def transform(self, signal: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
-        """Return the cosine transform of samples, each stretch by itself."""
-        transformed = [scipy.fft.dct(signal[segment], axis=0, norm="ortho") for segment in self.stretches]
+        """Return the cosine transform of samples, each segment by itself."""
+        transformed = [scipy.fft.dct(signal[segment], axis=0, norm="ortho") for segment in self.segments]
         return np.concatenate(transformed)[self.order]
 
 

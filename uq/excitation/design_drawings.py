@@ -103,18 +103,18 @@ def _shown(design: Design) -> tuple[Any, Any]:
     still = jnp.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else jnp.zeros(3)
     whole = platform_motion(experiment.platform, spec.trajectory, t, still)
     motion = jax.tree.map(lambda x: x[len(t) - round(shown * RATE) :], whole)
-    found = effort(
+    asked = effort(
         experiment.platform, experiment.body, jnp.asarray(experiment.r_cg_from_omb), motion,
         jnp.asarray(experiment.gravity),
     )  # fmt: skip
-    return motion, found
+    return motion, asked
 
 
 def _scene(experiment: Experiment, motion: Any) -> Scene:
     """What the drawing of the platform shows."""
     step = round(RATE / FRAMES)
-    part = slice(0, round(PLAYED * RATE) + 1, step)
-    position, rotation = (np.asarray(x)[part] for x in motion.pose)
+    shown = slice(0, round(PLAYED * RATE) + 1, step)
+    position, rotation = (np.asarray(x)[shown] for x in motion.pose)
     seconds = (len(position) - 1) / FRAMES
     return scene(experiment.platform, experiment.body, experiment.r_cg_from_omb, position, rotation, seconds)
 

@@ -44,29 +44,29 @@ def motion(
     return figure
 
 
-def legs(t: Float[np.ndarray, " n"], found: Effort, limits: Limits) -> Figure:
+def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> Figure:
     """Draw the legs' lengths, speeds, accelerations and forces over a stretch of time, in parts of each leg's limit.
 
     Args:
         t: instants [s].
-        found: what the motion asks for at these.
+        asked: what the motion asks for at these.
         limits: of the rig; a length counts from the middle of its range.
     """
     low, high = limits.length.T
     with np.errstate(invalid="ignore"):
-        length = (np.asarray(found.legs.length) - (low + high) / 2) / ((high - low) / 2)
+        length = (np.asarray(asked.legs.length) - (low + high) / 2) / ((high - low) / 2)
     rows = {
         "length, from the middle": np.nan_to_num(length),
-        "speed": np.asarray(found.legs.speed) / limits.speed,
-        "acceleration": np.asarray(found.legs.acceleration) / limits.acceleration,
-        "force": np.asarray(found.force) / limits.force,
+        "speed": np.asarray(asked.legs.speed) / limits.speed,
+        "acceleration": np.asarray(asked.legs.acceleration) / limits.acceleration,
+        "force": np.asarray(asked.force) / limits.force,
     }
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
         panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
-        for panel, (name, parts) in zip(panels, rows.items(), strict=True):
+        for panel, (name, shares) in zip(panels, rows.items(), strict=True):
             for k in range(6):
-                panel.plot(t, 100 * parts[:, k], color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
+                panel.plot(t, 100 * shares[:, k], color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
             for end in (-100, 100):
                 panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
             panel.set(title=name, xlim=(t[0], t[-1]))
@@ -117,17 +117,17 @@ def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
         asked: targets of ``moments`` and ``products`` [kg·m²].
     """
     t = np.geomspace(max(growth.own / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.own, 300)
-    parts = growth.at(t)
+    variances = growth.at(t)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for panel, goal in zip(panels, ("moments", "products"), strict=True):
-            total = GRAM_METRE * average(parts.sum(axis=1), goal)
+            total = GRAM_METRE * average(variances.sum(axis=1), goal)
             panel.plot(t, total, color="black", linewidth=1.6, label="total")
             for k, name in enumerate(growth.names):
                 colour, dashes = PALETTE[1:][k % 7], ("-", "--", ":")[k // 7 % 3]
                 text = label(display_name(name))
-                panel.plot(t, GRAM_METRE * average(parts[:, k], goal), color=colour, linestyle=dashes, label=text)
+                panel.plot(t, GRAM_METRE * average(variances[:, k], goal), color=colour, linestyle=dashes, label=text)
             for target in asked.get(goal, ()):
                 panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
             panel.axvline(growth.own, color=PALETTE[7], linewidth=0.8)

@@ -35,10 +35,10 @@ def goal_of(name: str, inertia: Float[np.ndarray, "6"], reference: Float[np.ndar
     """
     if name not in GOALS:
         raise ExperimentError(f"unknown goal '{name}': choose one of {', '.join(GOALS)}")
-    parts = _parts(name, inertia)
-    base = parts(jnp.asarray(reference))
+    widths = _parts(name, inertia)
+    base = widths(jnp.asarray(reference))
     base = base.max() if name == "worst" else base
-    return lambda covariance: ((parts(covariance) / base) ** SHARP).mean() ** (1 / SHARP)
+    return lambda covariance: ((widths(covariance) / base) ** SHARP).mean() ** (1 / SHARP)
 
 
 def _parts(name: str, inertia: np.ndarray) -> Callable[[Array], Array]:
@@ -48,7 +48,7 @@ def _parts(name: str, inertia: np.ndarray) -> Callable[[Array], Array]:
         slope = jnp.asarray(principal_slope(inertia, int(name[-1]) - 1))
         return lambda covariance: jnp.sqrt(slope @ covariance @ slope)[None]
     which = {"all": (MOMENTS, PRODUCTS), "moments": (MOMENTS,), "products": (PRODUCTS,)}[name]
-    return lambda covariance: jnp.stack([expanded(covariance)[jnp.array(part)].mean() for part in which])
+    return lambda covariance: jnp.stack([expanded(covariance)[jnp.array(components)].mean() for components in which])
 
 
 def principal_slope(inertia: Float[np.ndarray, "6"], axis: int) -> Float[np.ndarray, "6"]:

@@ -46,15 +46,15 @@ def design_report(
     for number, (name, spec) in enumerate(specs.items()):
         tell("budgets", number, len(specs))
         laws[name] = law(_matched(experiment, name, spec, bands[name]), name)[name, NAME]
-    own = _matched(experiment, NAME, design.spec, design.band)
+    matched = _matched(experiment, NAME, design.spec, design.band)
     tell("sensors", 0, 1)
-    sensors = sensor_worth(own, NAME)
-    growth = growth_of(own, NAME)
+    sensors = sensor_worth(matched, NAME)
+    growth = growth_of(matched, NAME)
     durations = []
     for k, wanted in enumerate(GOALS):
         tell("durations", k, len(GOALS))
         half = average(np.diag(laws[NAME].total.covariance), wanted) / 2
-        durations += [required_duration(own, target, goal=wanted, growth=growth) for target in targets or (half,)]
+        durations += [required_duration(matched, target, goal=wanted, growth=growth) for target in targets or (half,)]
     tell("durations", len(GOALS), len(GOALS))
     record = provenance(**experiment.inputs(), goal=goal)
     return DesignReport(design, goal, laws, bands, sensors, tuple(durations), files, record)

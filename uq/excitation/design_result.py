@@ -82,11 +82,11 @@ class DesignReport(Result):
     def trajectory_table(self) -> Table:
         """Return 3σ of each trajectory by component, averages, change against the reference."""
         base, rows = self.averages("reference"), []
-        for name, found in self.laws.items():
-            own = self.averages(name)
-            cells = [f"{GRAM_METRE * x:.3g}" for x in found.total.three_sigma]
+        for name, breakdown in self.laws.items():
+            averages = self.averages(name)
+            cells = [f"{GRAM_METRE * x:.3g}" for x in breakdown.total.three_sigma]
             for goal in GOALS:
-                cells += [f"{GRAM_METRE * own[goal]:.3g}", _change(own[goal], base[goal])]
+                cells += [f"{GRAM_METRE * averages[goal]:.3g}", _change(averages[goal], base[goal])]
             rows.append([name, f"{self.bands[name]:.3g}", *cells])
         pairs = [(least, base[goal]) for goal, least in self.bound.items() if least is not None]
         if pairs:
@@ -100,7 +100,7 @@ class DesignReport(Result):
         head = ["alone, g·m²", *(f"{name}, {goal}" for name in self.laws for goal in GOALS)]
         rows = []
         for source in next(iter(self.laws.values())).sources:
-            variances = [np.diag(found.sources[source].covariance) for found in self.laws.values()]
+            variances = [np.diag(breakdown.sources[source].covariance) for breakdown in self.laws.values()]
             cells = [f"{GRAM_METRE * average(variance, goal):.3g}" for variance in variances for goal in GOALS]
             rows.append([source.replace("_", " "), *cells])
         return Table("Each source alone: average 3σ, g·m²", head, rows)
@@ -115,21 +115,24 @@ class DesignReport(Result):
 
     def verdicts(self) -> list[str]:
         """Return what the design says in words."""
-        own, base = self.averages(NAME), self.averages("reference")
-        parts = [
-            f"of the {goal} {GRAM_METRE * own[goal]:.3g} g·m² ({_change(own[goal], base[goal])} %)" for goal in GOALS
+        averages, base = self.averages(NAME), self.averages("reference")
+        changes = [
+            f"of the {goal} {GRAM_METRE * averages[goal]:.3g} g·m² ({_change(averages[goal], base[goal])} %)"
+            for goal in GOALS
         ]
-        said = [f"Average 3σ {' and '.join(parts)}, against the reference, by the law with every declared source."]
+        sentences = [
+            f"Average 3σ {' and '.join(changes)}, against the reference, by the law with every declared source."
+        ]
         if not self.design.improved:
-            said.append("No design beat the reference: the reference itself is returned.")
+            sentences.append("No design beat the reference: the reference itself is returned.")
         names = sorted({peak.quantity.replace("_", " ") for peak in self.design.active})
-        said.append(f"What limits it: {', '.join(names)}." if names else "No limit is used up.")
+        sentences.append(f"What limits it: {', '.join(names)}." if names else "No limit is used up.")
         if self.design.bound is not None:
             bounds = [
                 f"{GRAM_METRE * least:.3g} g·m² ({goal})" for goal, least in self.bound.items() if least is not None
             ]
-            said.append(f"No motion under these limits promises less than {' and '.join(bounds)}.")
-        return said
+            sentences.append(f"No motion under these limits promises less than {' and '.join(bounds)}.")
+        return sentences
 
     def files(self) -> dict[str, bytes]:
         """Return the files' bytes by name."""
@@ -145,11 +148,11 @@ class DesignReport(Result):
             "trajectories": {
                 name: {
                     "band_Hz": self.bands[name],
-                    "groups": {group: s.to_dict() for group, s in found.groups.items()},
-                    "sources": {source: s.to_dict() for source, s in found.sources.items()},
+                    "groups": {group: s.to_dict() for group, s in breakdown.groups.items()},
+                    "sources": {source: s.to_dict() for source, s in breakdown.sources.items()},
                     "average_three_sigma": {goal: GRAM_METRE * x for goal, x in self.averages(name).items()},
                 }
-                for name, found in self.laws.items()
+                for name, breakdown in self.laws.items()
             },
             "promised_three_sigma": _by_component(GRAM_METRE * design.expanded),
             "promised_three_sigma_reference": _by_component(GRAM_METRE * design.expanded_reference),
@@ -159,7 +162,7 @@ class DesignReport(Result):
             "active": [str(peak) for peak in design.active],
             "starts": [_plain(dataclasses.asdict(start)) for start in design.starts],
             "sensors": self.sensors.to_dict(),
-            "durations": [one.to_dict() for one in self.durations],
+            "durations": [duration.to_dict() for duration in self.durations],
             "files": list(self.files_of),
             "provenance": dict(self.provenance),
         }
@@ -202,8 +205,8 @@ def _by_component(values: np.ndarray) -> dict[str, float]:
     return dict(zip(COMPONENTS, np.asarray(values).tolist(), strict=True))
 
 
-def _change(own: float, base: float) -> str:
-    return fixed(100 * (own / base - 1), 1)
+def _change(value: float, base: float) -> str:
+    return fixed(100 * (value / base - 1), 1)
 
 
 COMPUTED = (

@@ -38,7 +38,7 @@ def _lines(of: Scene) -> Iterator[str]:
     )
     yield _animated(boxes, of.seconds, f'fill="none" stroke="{PALETTE[0]}" stroke-width="1.5"')
     x, y = of.centre.T * SIZE
-    values = [";".join(f"{value:.1f}" for value in part) for part in (x, y)]
+    values = [";".join(f"{value:.1f}" for value in places) for places in (x, y)]
     moves = "".join(_animate(name, text, of.seconds) for name, text in zip(("cx", "cy"), values, strict=True))
     yield f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="4" fill="{PALETTE[6]}">{moves}</circle>'
     yield "</svg>"

@@ -49,13 +49,13 @@ def scene(
         seconds: how long the motion lasts [s].
     """
     to_a = lambda points: position[:, None] + np.einsum("nij,kj->nki", rotation, points)  # noqa: E731
-    parts = [np.asarray(platform.base)[None], to_a(np.asarray(platform.joints)), to_a(cuboid(body) + r_cg_from_omb),
+    groups = [np.asarray(platform.base)[None], to_a(np.asarray(platform.joints)), to_a(cuboid(body) + r_cg_from_omb),
              to_a(np.asarray(r_cg_from_omb)[None])]  # fmt: skip
-    seen = [_projected(part) for part in parts]
-    every = np.concatenate([part.reshape(-1, 2) for part in seen])
+    seen = [_projected(outline) for outline in groups]
+    every = np.concatenate([outline.reshape(-1, 2) for outline in seen])
     low, high = every.min(axis=0), every.max(axis=0)
     scale = (1 - 2 * MARGIN) / max((high - low).max(), 1e-9)
-    base, plate, corners, centre = (0.5 + scale * (part - (low + high) / 2) for part in seen)
+    base, plate, corners, centre = (0.5 + scale * (outline - (low + high) / 2) for outline in seen)
     return Scene(base[0], plate, corners, centre[:, 0], seconds)
 
 

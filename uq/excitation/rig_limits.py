@@ -34,21 +34,21 @@ def resolved_limits(experiment: Experiment, per_period: int) -> Limits:
     """
     if experiment.limits is None:
         raise ExperimentError("missing table [platform.limits]: state what the platform can do")
-    found = experiment.limits.figures
-    if not np.isfinite(found.bandwidth):
+    limits = experiment.limits.figures
+    if not np.isfinite(limits.bandwidth):
         raise ExperimentError("missing key platform.limits.bandwidth: state the command's highest frequency")
     if experiment.limits.trajectory is not None:
         _, spec = experiment.select(experiment.limits.trajectory)
-        own = needs(efforts(experiment, spec, per_period * found.bandwidth))
-        free = {"length": np.isinf(found.length).any(axis=1)[:, None]}
-        free |= {name: np.isinf(getattr(found, name)) for name in ("speed", "acceleration", "force")}
-        found = found._replace(
-            **{name: np.where(at, getattr(own, name), getattr(found, name)) for name, at in free.items()}
+        needed = needs(efforts(experiment, spec, per_period * limits.bandwidth))
+        free = {"length": np.isinf(limits.length).any(axis=1)[:, None]}
+        free |= {name: np.isinf(getattr(limits, name)) for name in ("speed", "acceleration", "force")}
+        limits = limits._replace(
+            **{name: np.where(at, getattr(needed, name), getattr(limits, name)) for name, at in free.items()}
         )
-    if not (np.isfinite(found.length).all() and np.isfinite(found.speed).all()):
+    if not (np.isfinite(limits.length).all() and np.isfinite(limits.speed).all()):
         raise ExperimentError("missing key platform.limits.length or speed: state both, or needs_of a trajectory")
-    _carried_at_home(experiment, found)
-    return found
+    _carried_at_home(experiment, limits)
+    return limits
 
 
 def _carried_at_home(experiment: Experiment, limits: Limits) -> None:
@@ -73,11 +73,11 @@ def efforts(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Effort
     filled = np.append(t, np.full(-len(t) % PIECE, t[-1]))
     still = jnp.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else jnp.zeros(3)
     motion = platform_motion(experiment.platform, spec.trajectory, jnp.asarray(filled), still)
-    found: list[Any] = []
+    pieces: list[Any] = []
     for first in range(0, len(t), PIECE):
-        part = jax.tree.map(lambda x, first=first: x[first : first + PIECE], motion)
-        found.append(jax.tree.map(np.asarray, _effort(experiment, part)))
-    return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(t)], *found)
+        piece = jax.tree.map(lambda x, first=first: x[first : first + PIECE], motion)
+        pieces.append(jax.tree.map(np.asarray, _effort(experiment, piece)))
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(t)], *pieces)
 
 
 def instants(spec: TrajectorySpec, rate: float) -> np.ndarray:

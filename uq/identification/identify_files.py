@@ -14,7 +14,7 @@ from identify.identification import identify
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
-from identify.signals.segments import Stretch, still
+from identify.signals.segments import Segment, still
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
@@ -137,12 +137,14 @@ def _prepared(
     begin = min([float(chosen.t[0]), *(rest.start for rest in rests)])
     end = max([float(chosen.t[-1]), *(rest.stop for rest in rests)])
     run = recorded.run.between(begin, end)
-    rests = tuple(Stretch(one.start - begin, one.stop - begin) for one in rests)
+    rests = tuple(Segment(one.start - begin, one.stop - begin) for one in rests)
     run, more = undo(run, rests, experiment)
     if recording.offsets == "still":
         run = replace(run, rest=rest_of(run, rests))
-    used = run.within(chosen.parts) if chosen.parts else run
-    return replace(used, parts=chosen.parts, found=chosen.found, left_out=chosen.left_out, overview=chosen.overview), (
+    used = run.within(chosen.segments) if chosen.segments else run
+    return replace(
+        used, segments=chosen.segments, detected=chosen.detected, left_out=chosen.left_out, overview=chosen.overview
+    ), (
         *assumed,
         *more,
     )
@@ -152,11 +154,11 @@ def _of_weight(recording: Recording) -> tuple[str, ...]:
     return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
 
 
-def _near(run: Run, chosen: Run) -> tuple[Stretch, ...]:
+def _near(run: Run, chosen: Run) -> tuple[Segment, ...]:
     """The segments of rest within the span that counts, the last before and the first after it [s]."""
     shift = float(run.t[0])
     found = still(run.rate, run.omega, run.force, run.moment)
-    rests = [Stretch(one.start + shift, one.stop + shift) for one in found]
+    rests = [Segment(one.start + shift, one.stop + shift) for one in found]
     start, stop = float(chosen.t[0]), float(chosen.t[-1])
     before = [rest for rest in rests if rest.stop < start][-1:]
     after = [rest for rest in rests if rest.start > stop][:1]

@@ -45,7 +45,7 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
 
     Args:
         path: a table with one row a pose (.csv, .tsv, .txt), whose columns ``[poses]`` names; or a recorded run with
-            an accelerometer or with the platform's pose, each of whose still stretches is a pose.
+            an accelerometer or with the platform's pose, each of whose still segments is a pose.
         experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
         windows: the parts of a recorded run that count; none: all of it.
 
@@ -184,7 +184,7 @@ def _steady(run: Run, rests: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[
 
 
 def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]:
-    """Return the usable samples of each still stretch of a second or more within the wanted parts [s]."""
+    """Return the usable samples of each still segment of a second or more within the wanted parts [s]."""
     others = () if run.specific_force is None else (run.specific_force,)
     found = still(run.rate, run.omega, run.force, run.moment, *others)
     usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing

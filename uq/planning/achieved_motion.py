@@ -11,23 +11,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import jax.numpy as jnp
 import numpy as np
-import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from identify.motion.trajectory import Trajectory
-from identify.motion.window import Scalar
 from identify.reporting import Drawing, Result, Section
-from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.signals.filters import lowpass
 from identify.signals.run import Run
 from identify.text_tables import Table, fixed, with_error
-from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
+from uq.planning.measured_trajectory import measured_trajectory
 from uq.planning.required_duration import average
+from uq.planning.stillness import SLOWEST, Stillness, stillness_of
 from uq.planning.tracking import Followed, follow, plan_at, verdicts
 from uq.propagation.experiment_law import law
 from uq.recorded.load_run import load
@@ -35,54 +30,6 @@ from uq.report.input_tables import source_tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-SLOWEST = 0.2
-"""Frequency below which no displacement is told from an acceleration [Hz]."""
-CLOSE = 20.0
-"""Samples of the measured motion to a period of its highest frequency."""
-
-
-class Sampled(Trajectory):
-    """A measured rotation: a cubic spline through its samples, at rest outside of them."""
-
-    pieces: Float[Array | np.ndarray, "4 n 3"]
-    """Coefficients of each interval, the cube's first [rad/s]."""
-    interval: Scalar
-    """Between samples [s]."""
-    duration: Scalar
-    """Duration [s]."""
-    ramp: Scalar
-    """Of the plan [s]."""
-    plan: Trajectory
-    """Whose displacement it is taken to have."""
-
-    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
-        """Return the angular velocity in B at ``t``."""
-        count = self.pieces.shape[1]
-        number = jnp.clip(jnp.floor(t / self.interval), 0.0, count - 1.0)
-        x = jnp.clip(t, 0.0, count * self.interval) - number * self.interval
-        a, b, c, d = jnp.asarray(self.pieces)[:, number.astype(int)]
-        return ((a * x + b) * x + c) * x + d
-
-    def displacement(self, t: Float[Array, ""]) -> Float[Array, "3"]:
-        """Return the plan's displacement."""
-        return self.plan.displacement(t)
-
-
-@dataclass(frozen=True)
-class Stillness:
-    """How the centre of gravity moved, root mean square over the run, all axes together."""
-
-    acceleration: float
-    """Measured, up to the motion's band [m/s²]."""
-    planned: float
-    """[m/s²]."""
-    apart: float
-    """Measured less planned [m/s²]."""
-    displacement: float
-    """Of the measured motion at ``SLOWEST`` and above [m]."""
-    by: str
-    """Which sensor says so."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -201,8 +148,8 @@ class Achieved(Result):
         ours, theirs = ([average((s / 3) ** 2, goal) for goal in ("moments", "products")]
                         for s in (self.three_sigma, self.planned_three_sigma))  # fmt: skip
         pairs = zip(("moments", "products"), ours, theirs, strict=True)
-        said = [f"{name} {GRAM_METRE * a:.3g} g·m² (planned {GRAM_METRE * b:.3g})" for name, a, b in pairs]
-        return f"average 3σ of what was run: {', '.join(said)}"
+        averages = [f"{name} {GRAM_METRE * a:.3g} g·m² (planned {GRAM_METRE * b:.3g})" for name, a, b in pairs]
+        return f"average 3σ of what was run: {', '.join(averages)}"
 
     def title(self) -> str:
         """Return which run stands beside which plan."""
@@ -232,95 +179,34 @@ def achieved(
     if trajectory is None and "designed" in experiment.trajectories:
         trajectory = "designed"
     name, spec = experiment.select(trajectory)
-    own = experiment.estimator(estimator)
-    if own.band is None:
-        raise ExperimentError(f"estimator '{own.name}' has no band: give the motion's highest frequency")
-    recorded = load(path, experiment.recording, band=own.band, marks=False)
+    estimator_spec = experiment.estimator(estimator)
+    if estimator_spec.band is None:
+        raise ExperimentError(f"estimator '{estimator_spec.name}' has no band: give the motion's highest frequency")
+    recorded = load(path, experiment.recording, band=estimator_spec.band, marks=False)
     run, warnings = recorded.run, list(recorded.run.warnings)
     followed = follow(run, spec)
     lag = followed.common_lag
-    measured = _motion_of(run, spec, followed, own.band)
+    measured = measured_trajectory(run, spec, followed, estimator_spec.band)
     covered = min(run.t[-1] - run.t[0], lag + spec.duration) - max(0.0, lag)
     if covered < 0.98 * spec.duration:
         warnings.append(f"the run holds {covered:.4g} s of the plan's {spec.duration:g} s: the rest counts as rest")
     trajectories = {name: measured, "plan": spec} if name != "plan" else {name: measured, "the plan": spec}
     of_plan = list(trajectories)[1]
-    found = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), None, own.name)
-    breakdown = found[name, own.name]
+    result = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), None, estimator_spec.name)
+    breakdown = result[name, estimator_spec.name]
     return Achieved(
         name,
         run.name,
         followed,
-        _stillness(run, experiment, spec, measured, lag, own.band),
-        found[of_plan, own.name].total.three_sigma,
+        stillness_of(run, experiment, spec, measured, lag, estimator_spec.band),
+        result[of_plan, estimator_spec.name].total.three_sigma,
         breakdown.total.three_sigma,
         {source: statistics.three_sigma for source, statistics in breakdown.sources.items()},
-        own.name,
+        estimator_spec.name,
         _trace(run, spec, lag),
         (*warnings, *verdicts(followed)),
         provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": run.sha256}]),
     )
-
-
-def _motion_of(run: Run, spec: TrajectorySpec, followed: Followed, band: float) -> TrajectorySpec:
-    """The measured motion as a trajectory: without offset, low-passed above its band, from the plan's start."""
-    t = run.t - run.t[0] - followed.common_lag
-    omega = run.omega - followed.offset
-    nyquist = 3 * band  # flat to 0.4 of it
-    if nyquist < run.rate / 2:
-        taps = lowpass(run.rate, nyquist)
-        half = len(taps) // 2
-        omega = scipy.signal.oaconvolve(np.pad(omega, ((half, half), (0, 0))), taps[:, None], mode="valid", axes=0)
-    stride = max(1, int(run.rate / (CLOSE * band)))
-    interval = stride / run.rate
-    at = np.arange(int(np.ceil(spec.duration / interval)) + 1) * interval
-    inside = (at >= t[0]) & (at <= t[-1])
-    values = np.where(inside[:, None], scipy.interpolate.CubicSpline(t, omega)(np.clip(at, t[0], t[-1])), 0.0)
-    pieces = scipy.interpolate.CubicSpline(at, values).c
-    ramp = spec.trajectory.ramp  # type: ignore[attr-defined]
-    found = Sampled(pieces, np.array(interval), np.array(spec.duration), np.asarray(ramp), spec.trajectory)
-    return dataclasses.replace(spec, trajectory=found)
-
-
-def _stillness(
-    run: Run, experiment: Experiment, spec: TrajectorySpec, measured: TrajectorySpec, lag: float, band: float
-) -> Stillness | None:
-    """How the centre of gravity moved, by the accelerometer, or else by the load cell's force."""
-    if experiment.r_cg_from_q is None or experiment.mass is None:
-        return None
-    motion, plan = true_motion(experiment, measured), true_motion(experiment, spec)
-    upward = experiment.gravity * np.asarray(motion.rotation)[:, 2]
-    planned = np.asarray(plan.specific_force_cg.T) - experiment.gravity * np.asarray(plan.rotation)[:, 2]
-    at = np.asarray(motion.t)
-    t = run.t - run.t[0] - lag
-    if run.specific_force is not None:
-        reading = scipy.interpolate.CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
-        offset = np.asarray(experiment.r_cg_from_q) - (0.0 if run.imu_position is None else run.imu_position)
-        turning = np.asarray(motion.omega.T), np.asarray(motion.alpha.T)
-        force, by = specific_force_at(reading, *turning, offset), "accelerometer"
-    else:
-        reading = scipy.interpolate.CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
-        force, by = reading / experiment.mass, "load cell"
-    inside = (at >= t[0]) & (at <= t[-1])
-    in_a = np.einsum("nij,nj->ni", np.asarray(motion.rotation), np.asarray(force) - upward)
-    plan_in_a = np.einsum("nij,nj->ni", np.asarray(plan.rotation), planned)
-    own, theirs = (_in_band(x[inside], spec.rate, band) for x in (in_a, plan_in_a))
-    difference = _in_band((in_a - plan_in_a)[inside], spec.rate, band)
-    return Stillness(_rms(own[0]), _rms(theirs[0]), _rms(difference[0]), _rms(own[1]), by)
-
-
-def _in_band(acceleration: np.ndarray, rate: float, band: float) -> tuple[np.ndarray, np.ndarray]:
-    """An acceleration from ``SLOWEST`` up to a band, and the displacement that it makes, (n, 3) each."""
-    spectrum = np.fft.rfft(acceleration, axis=0)
-    frequency = np.fft.rfftfreq(len(acceleration), 1 / rate)[:, None]
-    kept = (frequency >= SLOWEST) & (frequency <= band)
-    turn = (2 * np.pi * np.where(kept, frequency, 1.0)) ** 2
-    both = (np.where(kept, spectrum, 0), np.where(kept, -spectrum / turn, 0))
-    return tuple(np.fft.irfft(one, len(acceleration), axis=0) for one in both)  # type: ignore[return-value]
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
 
 def _trace(run: Run, spec: TrajectorySpec, lag: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -100,8 +100,8 @@ class MotionExport(Result):
         return [dataclasses.replace(table, caption="") for table in self.tables()]
 
     def _caption(self) -> str:
-        parts = f"{100 * self.speed:g} % of the speed, {100 * self.amplitude:g} % of the amplitude"
-        rehearsal = "" if self.speed == self.amplitude == 1 else f"; rehearsal at {parts}"
+        shares = f"{100 * self.speed:g} % of the speed, {100 * self.amplitude:g} % of the amplitude"
+        rehearsal = "" if self.speed == self.amplitude == 1 else f"; rehearsal at {shares}"
         return f"Exported motion, {self.seconds:.4g} s{rehearsal}"
 
     def section(self) -> Section:
@@ -143,9 +143,9 @@ def export_motion(
         RuntimeError: a file does not say what it should.
     """
     platform = experiment.platform
-    for what, part in (("speed", speed), ("amplitude", amplitude)):
-        if not 0 < part <= 1:
-            raise ExperimentError(f"a rehearsal at {part:g} of the {what}: give a part above 0 and at most 1")
+    for what, share in (("speed", speed), ("amplitude", amplitude)):
+        if not 0 < share <= 1:
+            raise ExperimentError(f"a rehearsal at {share:g} of the {what}: give a part above 0 and at most 1")
     motion = commanded(experiment, spec, speed=speed, amplitude=amplitude)
     table, packets = motion.every(FINE // RATE), motion.every(FINE // MOOG_RATE)
     contents = {f"{name}.csv": csv(table), f"{name}.pi.txt": pi_waves(table), f"{name}.moog.bin": moog_packets(packets)}
@@ -162,10 +162,10 @@ def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.
     count = int(np.ceil(spec.duration / speed * FINE / step)) * step + 1
     t = np.arange(count) / FINE
     platform = experiment.platform
-    found = platform_motion(platform, scaled(spec.trajectory, amplitude), jnp.asarray(t * speed), jnp.asarray(still))
-    length = _lengths(platform, found.pose)
-    position = np.asarray(found.pose.position) - np.asarray(platform.home)
-    return Commanded(t, position, np.asarray(found.pose.rotation), np.asarray(length))
+    motion = platform_motion(platform, scaled(spec.trajectory, amplitude), jnp.asarray(t * speed), jnp.asarray(still))
+    length = _lengths(platform, motion.pose)
+    position = np.asarray(motion.pose.position) - np.asarray(platform.home)
+    return Commanded(t, position, np.asarray(motion.pose.rotation), np.asarray(length))
 
 
 @eqx.filter_jit
@@ -207,7 +207,7 @@ def _read_back(
     again = _lengths(
         platform, Pose(jnp.asarray(from_csv.position + np.asarray(platform.home)), jnp.asarray(by_quaternion))
     )
-    found = {
+    differences = {
         f"{name}.csv": max(
             _apart(from_csv, table),
             float(np.abs(by_quaternion - table.rotation).max()),
@@ -217,17 +217,17 @@ def _read_back(
         f"{name}.pi.txt": _apart(from_pi, table),
         f"{name}.moog.bin": _apart(from_moog, packets),
     }
-    for file, difference in found.items():
+    for file, difference in differences.items():
         if not difference < (SINGLE if file.endswith(".bin") else EXACT):
             raise RuntimeError(f"{file} is {difference:.3g} m or rad from the motion")
-    return found
+    return differences
 
 
-def _apart(one: Commanded, other: Commanded) -> float:
+def _apart(motion: Commanded, other: Commanded) -> float:
     """Largest difference of instant, position or attitude; infinite for another number of instants."""
-    if one.t.shape != other.t.shape:
+    if motion.t.shape != other.t.shape:
         return np.inf
-    pairs = ((one.t, other.t), (one.position, other.position), (one.rotation, other.rotation))
+    pairs = ((motion.t, other.t), (motion.position, other.position), (motion.rotation, other.rotation))
     return max(float(np.abs(a - b).max()) for a, b in pairs)
 
 
@@ -235,7 +235,7 @@ def _about(
     experiment: Experiment,
     contents: Mapping[str, bytes],
     name: str,
-    parts: Mapping[str, float],
+    rehearsal: Mapping[str, float],
     differences: Mapping[str, float],
 ) -> dict[str, Any]:
     """The sidecar: what the files' numbers mean."""
@@ -267,17 +267,17 @@ def _about(
     }
     return {
         **MEANING,
-        **parts,
+        **rehearsal,
         "home_m": np.asarray(platform.home).tolist(),
         "base_joints_m": np.asarray(platform.base).tolist(),
         "platform_joints_m": np.asarray(platform.joints).tolist(),
         "files": {
             file: {
-                **said,
+                **content,
                 "sha256": hashlib.sha256(contents[file]).hexdigest(),
                 "largest_difference": differences[file],
             }
-            for file, said in files.items()
+            for file, content in files.items()
         },
     }
 

@@ -45,7 +45,7 @@ class Commanded:
 
     def every(self, step: int) -> "Commanded":
         """Return every ``step``-th instant."""
-        return Commanded(*(part[::step] for part in (self.t, self.position, self.rotation, self.length)))
+        return Commanded(*(samples[::step] for samples in (self.t, self.position, self.rotation, self.length)))
 
 
 def csv(motion: Commanded) -> bytes:
@@ -90,9 +90,9 @@ def _wave_lines(motion: Commanded) -> Iterator[str]:
     angles = scipy.spatial.transform.Rotation.from_matrix(motion.rotation).as_euler(ORDER, degrees=True)[:, ::-1]
     for table, values in enumerate(_decimals(np.hstack([1e3 * motion.position, angles]), 8).T, start=1):
         for first in range(0, len(values), PI_POINTS):
-            part = values[first : first + PI_POINTS]
-            points = " ".join(f"{value:.8f}" for value in part)
-            yield f"WAV {table} {'&' if first else 'X'} PNT 1 {len(part)} {points}"
+            points_of_line = values[first : first + PI_POINTS]
+            points = " ".join(f"{value:.8f}" for value in points_of_line)
+            yield f"WAV {table} {'&' if first else 'X'} PNT 1 {len(points_of_line)} {points}"
 
 
 def read_pi_waves(content: bytes, rate: float) -> Commanded:
@@ -106,8 +106,8 @@ def read_pi_waves(content: bytes, rate: float) -> Commanded:
         command, table, append, kind, first, count, *points = line.split()
         if (command, kind, first) != ("WAV", "PNT", "1") or int(count) != len(points) or append not in "X&":
             raise ValueError(f"no wave of points: {line[:40]}")
-        kept = tables.get(int(table), []) if append == "&" else []
-        tables[int(table)] = kept + [float(point) for point in points]
+        before = tables.get(int(table), []) if append == "&" else []
+        tables[int(table)] = before + [float(point) for point in points]
     values = np.array([tables[k] for k in range(1, 7)]).T
     rotation = scipy.spatial.transform.Rotation.from_euler(ORDER, values[:, :2:-1], degrees=True).as_matrix()
     return Commanded(np.arange(len(values)) / rate, 1e-3 * values[:, :3], rotation, np.zeros((len(values), 0)))

@@ -105,12 +105,12 @@ class PosePlan(Result):
     def tables(self) -> list[Table]:
         """Return predicted standard uncertainties beside those of the naive poses."""
         rows = []
-        for name, unit, own, other in zip(
+        for name, unit, designed, other in zip(
             PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty, strict=True
         ):
             scale, shown = {"m": (1e3, "mm"), "kg": (1e3, "g")}.get(unit, (1.0, unit))
-            pair = [f"{scale * own:.3g}", f"{scale * other:.3g}"]
-            rows.append([name, shown, *pair, fixed(100 * (own / other - 1), 1)])
+            pair = [f"{scale * designed:.3g}", f"{scale * other:.3g}"]
+            rows.append([name, shown, *pair, fixed(100 * (designed / other - 1), 1)])
         title = "Static poses for mass and centre of gravity: what they promise"
         return [Table(title, ["", "u in", "designed", "naive", "change, %"], rows, POSE_NOTE)]
 
@@ -190,8 +190,8 @@ def plan_poses(
         return uncertain(force[chosen], experiment.poses or Poses(), None, np.eye(3))
 
     def cost(chosen: np.ndarray) -> float:
-        own = attitudes(chosen)
-        return log_determinant(force[chosen], mass, centre, scatter, own, parameters=parameters)
+        uncertainty = attitudes(chosen)
+        return log_determinant(force[chosen], mass, centre, scatter, uncertainty, parameters=parameters)
 
     def promised(chosen: np.ndarray) -> np.ndarray:
         return foreseen_covariance(force[chosen], mass, centre, scatter, attitudes(chosen))
@@ -201,13 +201,13 @@ def plan_poses(
     except ValueError as error:
         raise ExperimentError(f"{error}: the platform leans by {np.degrees(reach.max()):.2g}° at most") from None
     naive = _naive(experiment, reach, count)
-    own = uncertain(naive, experiment.poses or Poses(), None, np.eye(3))
+    uncertainty = uncertain(naive, experiment.poses or Poses(), None, np.eye(3))
     return PosePlan(
         np.asarray(place.position)[chosen] - np.asarray(experiment.platform.home),
         np.asarray(place.rotation)[chosen],
         np.asarray(_lengths(experiment.platform, place))[chosen],
         promised(chosen),
-        foreseen_covariance(naive, mass, centre, scatter, own),
+        foreseen_covariance(naive, mass, centre, scatter, uncertainty),
         reach,
         hold,
         provenance=experiment.inputs(),
@@ -222,10 +222,10 @@ def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray
     """
     azimuths = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
     tilts = np.linspace(0, MOST_TILT, TILTS)
-    grid = [part.ravel() for part in np.meshgrid(azimuths, tilts, PIVOTS, indexing="ij")]
+    grid = [values.ravel() for values in np.meshgrid(azimuths, tilts, PIVOTS, indexing="ij")]
     poses = _leaning(experiment.platform, *map(jnp.asarray, grid))
     used = shares(_at_rest(experiment, poses), limits)
-    used = np.concatenate([np.asarray(part) for part in used.values()], axis=1).max(axis=1)
+    used = np.concatenate([np.asarray(values) for values in used.values()], axis=1).max(axis=1)
     allowed = (used <= 1 + 1e-9).reshape(AZIMUTHS, TILTS, len(PIVOTS))
     if not allowed[:, 0].any():
         raise ExperimentError(f"the platform cannot stand at home with the body: {_worst(experiment, limits)}")
@@ -233,10 +233,10 @@ def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray
     furthest = np.where(unbroken, tilts[None, :, None], -1.0).max(axis=1)
     pivot = furthest.argmax(axis=1)
     reach = furthest.max(axis=1)
-    each = [(azimuth, part * most, PIVOTS[k]) for azimuth, most, k in zip(azimuths, reach, pivot, strict=True)
-            for part in (1.0, 0.5)]  # fmt: skip
-    kept = np.array([(0.0, 0.0, 0.0), *(one for one in each if one[1] > 0)])
-    return _leaning(experiment.platform, *map(jnp.asarray, kept.T)), reach
+    each = [(azimuth, values * most, PIVOTS[k]) for azimuth, most, k in zip(azimuths, reach, pivot, strict=True)
+            for values in (1.0, 0.5)]  # fmt: skip
+    poses_to_try = np.array([(0.0, 0.0, 0.0), *(pose for pose in each if pose[1] > 0)])
+    return _leaning(experiment.platform, *map(jnp.asarray, poses_to_try.T)), reach
 
 
 def _naive(experiment: Experiment, reach: np.ndarray, count: int) -> np.ndarray:
@@ -254,12 +254,12 @@ def _leaning(
 ) -> Pose:
     """Poses whose b3 leans towards an azimuth about a point ``pivot`` above OMB."""
 
-    def one(azimuth, tilt, pivot):
+    def leaning(azimuth, tilt, pivot):
         rotation = exponential(tilt * jnp.stack([-jnp.sin(azimuth), jnp.cos(azimuth), jnp.zeros_like(azimuth)]))
         about = jnp.stack([jnp.zeros_like(pivot), jnp.zeros_like(pivot), pivot])
         return Pose(jnp.asarray(platform.home) + about - rotation @ about, rotation)
 
-    return jax.vmap(one)(azimuth, tilt, pivot)
+    return jax.vmap(leaning)(azimuth, tilt, pivot)
 
 
 def _at_rest(experiment: Experiment, poses: Pose) -> Effort:
@@ -271,9 +271,9 @@ def _at_rest(experiment: Experiment, poses: Pose) -> Effort:
 
 
 def _worst(experiment: Experiment, limits: Limits) -> str:
-    home = jax.tree.map(lambda part: part[None], experiment.platform.home_pose)
-    found = _at_rest(experiment, home)
-    return str(peaks(found, limits, jnp.zeros(1))[0])
+    home = jax.tree.map(lambda array: array[None], experiment.platform.home_pose)
+    asked = _at_rest(experiment, home)
+    return str(peaks(asked, limits, jnp.zeros(1))[0])
 
 
 @eqx.filter_jit

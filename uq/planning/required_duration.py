@@ -167,38 +167,38 @@ def required_duration(
     name, spec = experiment.select(trajectory)
     growth = growth or growth_of(experiment, name, estimator)
     now = average(growth.at(spec.duration).sum(axis=0), goal)
-    found = _solve(growth, target, goal, spec)
-    if found is None:
+    seconds = _solve(growth, target, goal, spec)
+    if seconds is None:
         least, source = _floor(growth, goal, spec)
         return Duration(target, goal, None, least, source, spec.duration, now, growth)
     for _ in range(ROUNDS):
-        if found * spec.rate > MOST_SAMPLES:
-            reached = average(growth.at(found).sum(axis=0), goal)
-            return Duration(target, goal, found, reached, None, spec.duration, now, growth, checked=False)
-        reached = average(_variances(experiment, name, spec, found, estimator).sum(axis=0), goal)
+        if seconds * spec.rate > MOST_SAMPLES:
+            reached = average(growth.at(seconds).sum(axis=0), goal)
+            return Duration(target, goal, seconds, reached, None, spec.duration, now, growth, checked=False)
+        reached = average(_variances(experiment, name, spec, seconds, estimator).sum(axis=0), goal)
         if abs(reached / target - 1) < CLOSE:
             break
-        model = average(growth.at(found).sum(axis=0), goal)
+        model = average(growth.at(seconds).sum(axis=0), goal)
         again = _solve(growth, target * model / reached, goal, spec)
-        if again is None or abs(again / found - 1) < 1e-3:
+        if again is None or abs(again / seconds - 1) < 1e-3:
             break
-        found = again
-    return Duration(target, goal, found, reached, None, spec.duration, now, growth)
+        seconds = again
+    return Duration(target, goal, seconds, reached, None, spec.duration, now, growth)
 
 
 def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> Growth:
     """Return how each source's variance depends on a trajectory's duration, from the law at two durations."""
     name, spec = experiment.select(trajectory)
     T = spec.duration
-    one, two = (_variances(experiment, name, spec, duration, estimator) for duration in (T, 2 * T))
+    once, twice = (_variances(experiment, name, spec, duration, estimator) for duration in (T, 2 * T))
     averaged = np.array([source.error_kind.averages_out for source in experiment.sources])[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.where((one > 0) & (two > 0), one / two, 1.0)
+        ratio = np.where((once > 0) & (twice > 0), once / twice, 1.0)
         lost = np.where(averaged & (ratio > 1), (ratio - 2) / (ratio - 1) * T, np.nan)
         power = np.where(np.isnan(lost), -np.log2(ratio), 0.0)
     drifts = np.array([source.perturbs in DRIFTS for source in experiment.sources])[:, None]
     power = np.clip(power, -MOST_POWER, np.where(drifts, MOST_POWER, 0.0))
-    return Growth(tuple(source.name for source in experiment.sources), T, one, lost, power)
+    return Growth(tuple(source.name for source in experiment.sources), T, once, lost, power)
 
 
 def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:
@@ -229,20 +229,20 @@ def shortest(spec: TrajectorySpec) -> float:
 
 def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:
     """Return the average 3σ of a goal's components."""
-    found = 3 * np.sqrt(variance[..., list(GOALS[goal])]).mean(axis=-1)
-    return float(found) if np.ndim(found) == 0 else found
+    widths = 3 * np.sqrt(variance[..., list(GOALS[goal])]).mean(axis=-1)
+    return float(widths) if np.ndim(widths) == 0 else widths
 
 
 def _variances(
     experiment: Experiment, name: str, spec: TrajectorySpec, duration: float, estimator: str | None
 ) -> np.ndarray:
     """Each source's variance by the law, scaled so that they add up to the total's: (sources, 6)."""
-    own = experiment.estimator(estimator).name
+    chosen = experiment.estimator(estimator).name
     trajectories = {name: lasting(spec, duration)}
-    found = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), name, own)[name, own]
-    each = np.array([np.diag(found.sources[source.name].covariance) for source in experiment.sources])
+    breakdown = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), name, chosen)[name, chosen]
+    each = np.array([np.diag(breakdown.sources[source.name].covariance) for source in experiment.sources])
     total = each.sum(axis=0)
-    return each * (np.diag(found.total.covariance) / np.where(total > 0, total, 1.0))
+    return each * (np.diag(breakdown.total.covariance) / np.where(total > 0, total, 1.0))
 
 
 def _durations(spec: TrajectorySpec) -> np.ndarray:
@@ -267,10 +267,10 @@ def _solve(growth: Growth, target: float, goal: str, spec: TrajectorySpec) -> fl
 def _floor(growth: Growth, goal: str, spec: TrajectorySpec) -> tuple[float, str]:
     """The least average 3σ that any duration approaches, and the source with the largest part in it."""
     durations = _durations(spec)
-    parts = growth.at(durations)
-    widths = average(parts.sum(axis=-2), goal)
+    variances = growth.at(durations)
+    widths = average(variances.sum(axis=-2), goal)
     k = int(np.argmin(widths))
-    shares = (parts[k] / parts[k].sum(axis=0))[:, list(GOALS[goal])].mean(axis=1)
+    shares = (variances[k] / variances[k].sum(axis=0))[:, list(GOALS[goal])].mean(axis=1)
     return float(widths[k]), growth.names[int(np.argmax(shares))]
 
 

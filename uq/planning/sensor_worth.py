@@ -99,11 +99,11 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
         ExperimentError: an unknown name, or a source that the law cannot take.
     """
     name, _ = experiment.select(trajectory)
-    own = experiment.estimator(estimator).name
-    prepared = prepare_law(experiment, name, own)
+    chosen = experiment.estimator(estimator).name
+    prepared = prepare_law(experiment, name, chosen)
 
     def width(sources: Sequence[Source]) -> np.ndarray:
-        return _three_sigma(prepared, sources, name, own)
+        return _three_sigma(prepared, sources, name, chosen)
 
     names = tuple(source.name for source in experiment.sources)
     derivative, halved = np.zeros((len(names), 6)), np.zeros((len(names), 6))
@@ -112,7 +112,7 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
         derivative[k] = np.log(more / less) / np.log((1 + STEP) / (1 - STEP))
         halved[k] = half
     now = width(experiment.sources)
-    return SensorWorth(names, name, own, now, derivative, halved, provenance=experiment.inputs())
+    return SensorWorth(names, name, chosen, now, derivative, halved, provenance=experiment.inputs())
 
 
 def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: str, estimator: str) -> np.ndarray:

@@ -41,9 +41,9 @@ class Followed:
     @property
     def common_lag(self) -> float:
         """The axes' lag, weighted by its standard errors [s]."""
-        known = np.isfinite(self.lag)
-        weight = 1 / np.maximum(self.lag_standard_error[known], 1e-12) ** 2
-        return float((weight * self.lag[known]).sum() / weight.sum())
+        fitted = np.isfinite(self.lag)
+        weight = 1 / np.maximum(self.lag_standard_error[fitted], 1e-12) ** 2
+        return float((weight * self.lag[fitted]).sum() / weight.sum())
 
 
 def follow(run: Run, spec: TrajectorySpec) -> Followed:
@@ -68,14 +68,14 @@ def follow(run: Run, spec: TrajectorySpec) -> Followed:
             if not active[k]:
                 offset[k], residual[k] = measured[inside, k].mean(), measured[inside, k].std()
                 continue
-            found = np.linalg.lstsq(columns, measured[inside, k], rcond=None)[0]
-            left = measured[inside, k] - columns @ found
-            gain[k], offset[k], residual[k] = found[0], found[2], np.sqrt(np.mean(left**2))
+            solution = np.linalg.lstsq(columns, measured[inside, k], rcond=None)[0]
+            left = measured[inside, k] - columns @ solution
+            gain[k], offset[k], residual[k] = solution[0], solution[2], np.sqrt(np.mean(left**2))
             if not gain[k] > 0:
                 raise _unlike(run)
             spread = residual[k] * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
             error[k] = spread[0], spread[1] / gain[k]
-            lag[k] += np.clip(found[1] / gain[k], -0.05, 0.05)
+            lag[k] += np.clip(solution[1] / gain[k], -0.05, 0.05)
     gain[~active], lag[~active] = np.nan, np.nan
     return Followed(gain, error[:, 0], lag, error[:, 1], offset, residual)
 
@@ -120,12 +120,12 @@ def verdicts(followed: Followed) -> list[str]:
     """What is to be said of a platform that did not follow."""
     off = np.abs(followed.gain - 1)
     worst = int(np.nanargmax(off))
-    said = []
+    lines = []
     if off[worst] > 0.05:
-        said.append(
+        lines.append(
             f"the platform ran {100 * followed.gain[worst]:.3g} % of the planned amplitude about axis {worst + 1}"
         )
     spread = np.nanmax(followed.lag) - np.nanmin(followed.lag)
     if spread > 5e-3:
-        said.append(f"the axes lag by unequal times, {1e3 * spread:.3g} ms apart")
-    return said
+        lines.append(f"the axes lag by unequal times, {1e3 * spread:.3g} ms apart")
+    return lines

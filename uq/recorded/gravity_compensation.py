@@ -9,14 +9,14 @@ from identify.estimators.offsets import rest_of
 from identify.rigid_body.dynamics import moment_about
 from identify.signals.gravity_direction import UP, upward
 from identify.signals.run import Run, RunError
-from identify.signals.segments import Stretch
+from identify.signals.segments import Segment
 from uq.experiment.experiment import Experiment
 
 LEVEL = 0.02
 """Tilt of a rest that counts as level [rad]."""
 
 
-def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Run, tuple[str, ...]]:
+def undo(run: Run, rests: Sequence[Segment], experiment: Experiment) -> tuple[Run, tuple[str, ...]]:
     """Return a run with the body's weight in its wrench again, and what this assumes.
 
     Args:
@@ -47,7 +47,7 @@ def undo(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> tuple[Ru
     return run, ()
 
 
-def _check_level(run: Run, rests: Sequence[Stretch], experiment: Experiment) -> None:
+def _check_level(run: Run, rests: Sequence[Segment], experiment: Experiment) -> None:
     """Refuse a level that the moment at rest contradicts; a tilt and an offset look alike in it."""
     rest = rest_of(run, rests[:1])
     if rest is None:

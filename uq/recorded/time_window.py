@@ -123,7 +123,7 @@ def cut(run: Run, windows: Sequence[TimeWindow] | None, marks: Sequence[tuple[fl
     if not segments or (segments[0].start == 0 and segments[0].stop >= last - first - 0.5 / run.rate):
         return run
     spans = ((first + start, min(first + stop, last)) for start, stop in segments)
-    return replace(run.within(spans), found=True, overview=_overview(run))
+    return replace(run.within(spans), detected=True, overview=_overview(run))
 
 
 def _overview(run: Run) -> np.ndarray:

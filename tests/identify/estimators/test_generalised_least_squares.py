@@ -26,7 +26,7 @@ def rows_of(motion):
 
 
 def test_the_transform_keeps_the_regression(generator):
-    """Orthonormal: each stretch's lines have the samples' sums of products, and a constant is in its first line."""
+    """Orthonormal: each segment's lines have the samples' sums of products, and a constant is in its first line."""
     lines = Lines.of([slice(0, 30), slice(30, 47)], rate=10.0)
     signal = generator.normal(size=(47, 2))
     np.testing.assert_allclose(lines.transform(signal).T @ lines.transform(signal), signal.T @ signal, rtol=1e-12)
@@ -91,7 +91,7 @@ def test_without_noise_it_is_exact_and_finds_the_offset(estimator):
 
 
 def test_a_gap_is_not_reached_across():
-    """Two stretches with one offset: the answer stays within its uncertainty of the whole run's."""
+    """Two segments with one offset: the answer stays within its uncertainty of the whole run's."""
     run = lab.run(lab.ROD, lab.swing(30.0), np.random.default_rng(3), memory=MEMORY, mixing=MIXING)
     keep = (run.t < 12) | (run.t > 14)
     cut = Run.from_channels(run.t, run.force, run.moment, run.t[keep], run.omega[keep])

@@ -116,7 +116,7 @@ def test_a_slow_turn_about_one_axis_is_no_rest(generator):
 
 
 def test_units_of_rate_do_not_matter(short):
-    """The same scene at a quarter of the rate has the same stretches."""
+    """The same scene at a quarter of the rate has the same segments."""
     scene = record(short, np.random.default_rng(3))
     fine = moving(RATE, scene.omega)
     coarse = moving(RATE / 4, scene.omega[::4])

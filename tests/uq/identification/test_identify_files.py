@@ -229,13 +229,15 @@ def test_without_options_the_right_stretch_is_found(short, scene):
     cut = identify_files([path], declare(short), windows=[TimeWindow(recorded.start, recorded.stop)])
     assert error(found.inertia, cut.inertia) < 0.005
     (run,) = found.runs
-    assert run.found
-    assert not cut.runs[0].found
-    assert len(run.parts) == 1
-    assert f"used from {run.parts[0][0]:.2f} to {run.parts[0][1]:.2f} s, found where it moves" in repr(found)
-    assert run.left_out["outside the part"] == len(recorded.t) - round((run.parts[0][1] - run.parts[0][0]) * 400) - 1
+    assert run.detected
+    assert not cut.runs[0].detected
+    assert len(run.segments) == 1
+    assert f"used from {run.segments[0][0]:.2f} to {run.segments[0][1]:.2f} s, found where it moves" in repr(found)
+    assert (
+        run.left_out["outside the part"] == len(recorded.t) - round((run.segments[0][1] - run.segments[0][0]) * 400) - 1
+    )
     content = found.to_dict()["runs"][0]
-    assert content["parts"] == [list(run.parts[0])]
+    assert content["parts"] == [list(run.segments[0])]
     assert content["left_out"] == {"outside the part": run.left_out["outside the part"]}
 
 

@@ -15,8 +15,10 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.toml_text import toml_text
-from uq.planning.achieved_motion import SLOWEST, Sampled, achieved
+from uq.planning.achieved_motion import achieved
+from uq.planning.measured_trajectory import MeasuredRotation
 from uq.planning.motion_export import scaled
+from uq.planning.stillness import SLOWEST
 from uq.planning.tracking import follow
 from uq.recorded.load_run import load_run
 
@@ -131,7 +133,7 @@ def test_a_sampled_rotation_is_its_spline(preset):
 
     at = np.arange(81) / 40
     values = np.sin(2 * np.pi * np.multiply.outer(at, np.ones(3)) + np.arange(3))
-    made = Sampled(
+    made = MeasuredRotation(
         CubicSpline(at, values).c, np.array(1 / 40), np.array(2.0), np.array(0.1), preset.trajectories["T1"].trajectory
     )
     t = jnp.linspace(0.3, 1.7, 57)

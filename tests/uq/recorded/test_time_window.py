@@ -72,7 +72,7 @@ def test_a_part_with_too_few_samples():
     with pytest.raises(RunError, match=r"fewer than two samples in run between 0\.101 and 0\.105 s"):
         run.within([(0.3, 0.5), (0.101, 0.105)])
     cut = run.within([(0.6, 0.8), (0.3, 0.5)])
-    assert cut.parts == ((0.3, 0.5), (0.6, 0.8))
+    assert cut.segments == ((0.3, 0.5), (0.6, 0.8))
     assert [part.stop - part.start for part in cut.used()] == [21, 21]
     assert cut.left_out == {"outside the part": 58}
 
@@ -125,7 +125,7 @@ def test_a_part_between_marks(short, tmp_path, marked, apart, capsys):
     by_name = identify_files([path], declare(short), windows=[TimeWindow("go ω", "end")])
     by_time = identify_files([path], declare(short), windows=[TimeWindow(2.0, 17.5)])
     np.testing.assert_array_equal(by_name.inertia, by_time.inertia)
-    assert by_name.runs[0].parts == ((2.0, 17.5),)
+    assert by_name.runs[0].segments == ((2.0, 17.5),)
 
 
 def test_the_command_takes_parts(short, tmp_path, marked, capsys):

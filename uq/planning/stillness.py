@@ -1,0 +1,71 @@
+"""How still the centre of gravity was in a recorded run: its acceleration and displacement within the motion's band."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from identify.rigid_body.dynamics import specific_force_at
+from identify.signals.run import Run
+from uq.campaign.trial_setup import true_motion
+from uq.experiment.experiment import Experiment, TrajectorySpec
+
+SLOWEST = 0.2
+"""Frequency below which no displacement is told from an acceleration [Hz]."""
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """How the centre of gravity moved, root mean square over the run, all axes together."""
+
+    acceleration: float
+    """Measured, up to the motion's band [m/s²]."""
+    planned: float
+    """[m/s²]."""
+    apart: float
+    """Measured less planned [m/s²]."""
+    displacement: float
+    """Of the measured motion at ``SLOWEST`` and above [m]."""
+    by: str
+    """Which sensor says so."""
+
+
+def stillness_of(
+    run: Run, experiment: Experiment, spec: TrajectorySpec, measured: TrajectorySpec, lag: float, band: float
+) -> Stillness | None:
+    """Return how the centre of gravity moved, by the accelerometer, or else by the load cell's force; None: unknown."""
+    if experiment.r_cg_from_q is None or experiment.mass is None:
+        return None
+    motion, plan = true_motion(experiment, measured), true_motion(experiment, spec)
+    upward = experiment.gravity * np.asarray(motion.rotation)[:, 2]
+    planned = np.asarray(plan.specific_force_cg.T) - experiment.gravity * np.asarray(plan.rotation)[:, 2]
+    at = np.asarray(motion.t)
+    t = run.t - run.t[0] - lag
+    if run.specific_force is not None:
+        reading = scipy.interpolate.CubicSpline(t, run.specific_force)(np.clip(at, t[0], t[-1]))
+        offset = np.asarray(experiment.r_cg_from_q) - (0.0 if run.imu_position is None else run.imu_position)
+        turning = np.asarray(motion.omega.T), np.asarray(motion.alpha.T)
+        force, by = specific_force_at(reading, *turning, offset), "accelerometer"
+    else:
+        reading = scipy.interpolate.CubicSpline(t, run.force)(np.clip(at, t[0], t[-1]))
+        force, by = reading / experiment.mass, "load cell"
+    inside = (at >= t[0]) & (at <= t[-1])
+    in_a = np.einsum("nij,nj->ni", np.asarray(motion.rotation), np.asarray(force) - upward)
+    plan_in_a = np.einsum("nij,nj->ni", np.asarray(plan.rotation), planned)
+    measured_band, planned_band = (_in_band(x[inside], spec.rate, band) for x in (in_a, plan_in_a))
+    difference = _in_band((in_a - plan_in_a)[inside], spec.rate, band)
+    return Stillness(_rms(measured_band[0]), _rms(planned_band[0]), _rms(difference[0]), _rms(measured_band[1]), by)
+
+
+def _in_band(acceleration: np.ndarray, rate: float, band: float) -> tuple[np.ndarray, np.ndarray]:
+    """An acceleration from ``SLOWEST`` up to a band, and the displacement that it makes, (n, 3) each."""
+    spectrum = np.fft.rfft(acceleration, axis=0)
+    frequency = np.fft.rfftfreq(len(acceleration), 1 / rate)[:, None]
+    inside = (frequency >= SLOWEST) & (frequency <= band)
+    turn = (2 * np.pi * np.where(inside, frequency, 1.0)) ** 2
+    both = (np.where(inside, spectrum, 0), np.where(inside, -spectrum / turn, 0))
+    return tuple(np.fft.irfft(spectrum_of, len(acceleration), axis=0) for spectrum_of in both)  # type: ignore[return-value]
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
