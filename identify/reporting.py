@@ -27,7 +27,7 @@ class Drawing:
     """A figure that is drawn when it is asked for, so that a result costs no matplotlib."""
 
     name: str
-    """Stem of its files; one result has no two alike."""
+    """Stem of its files; unique in a result."""
     caption: str
     draw: Callable[[], "Figure"]
     animate: Callable[[], bytes] | None = None
@@ -155,7 +155,7 @@ class Result:
 
 
 def stem(*names: str) -> str:
-    """Return a figure's name made of names: no two alike, and no character that leads out of the folder."""
+    """Return a figure's name made of names: unique, and no character that leads out of the folder."""
     return "-".join(quote(name, safe="") for name in names)
 
 

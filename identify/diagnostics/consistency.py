@@ -190,7 +190,7 @@ def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
 
 
 def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) -> Fit | None:
-    """Return what a cause explains of the residual moment beside what is in the base; None: nothing can be told.
+    """Return what a cause explains of the residual moment beside what is in the base; None: too few residuals.
 
     Args:
         moment: residual moment [N·m].
@@ -245,7 +245,7 @@ SAID = {
     "attitude": "attitude in a way that no error of r_CG explains (a cable, or the mass)",
 }
 SCALED = {"delay": 1e3, "rotation": 180 / np.pi, "gyro bias": -1e3, "drift": 2.0, "centre of gravity": 1e3}
-"""From a fit's coefficients to the figures that are said."""
+"""From a fit's coefficients to the figures in the text."""
 
 
 def _verdict(fit: Fit, total: float, name: str) -> Verdict:

@@ -1,4 +1,4 @@
-"""A line in a spectrum (a resonance, mains hum, an imbalance), told from coloured noise by its surroundings."""
+"""A line in a spectrum (a resonance, mains hum, an imbalance), against coloured noise by its surroundings."""
 
 from typing import NamedTuple
 

@@ -117,7 +117,7 @@ def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, st
 
 
 def roundness(inertia: Float[Array, "6"]) -> Float[Array, ""]:
-    """Return ``3 log(tr Σ / 3) - log det Σ``: zero for a body alike about all axes, infinite for a flat one."""
+    """Return ``3 log(tr Σ / 3) - log det Σ``: zero for a body with equal moments, infinite for a flat one."""
     moments = jnp.tensordot(inertia, jnp.asarray(SECOND_MOMENT, inertia.dtype), axes=1)
     return 3 * jnp.log(jnp.trace(moments) / 3) - jnp.linalg.slogdet(moments)[1]
 

@@ -45,11 +45,11 @@ class Pooling:
     scatter_degrees_of_freedom: int
     """Of ``from_scatter``: one less than the mountings, or runs, that were repeated."""
     drawn_anew: Float[np.ndarray, "6"]
-    """Standard uncertainty of the pooled tensor from declared sources that each mounting draws anew [kg·m²]."""
+    """Standard uncertainty of the pooled tensor from declared sources that change from mounting to mounting [kg·m²]."""
 
     @property
     def foreseen(self) -> np.ndarray:
-        """Standard uncertainty from residuals, and from sources that each mounting draws anew [kg·m²]."""
+        """Standard uncertainty from residuals, and from sources that change from mounting to mounting [kg·m²]."""
         return np.sqrt(np.diag(self.from_residuals) + self.drawn_anew**2)
 
     @property

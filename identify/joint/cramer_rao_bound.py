@@ -1,7 +1,7 @@
 """The hybrid Cramér–Rao bound: what no estimator can beat, given the noise and what is known beforehand.
 
 The inverse of the samples' Fisher information plus the precision of the priors, over every unknown that is left free
-(van Trees, Detection, Estimation, and Modulation Theory I, 2.4.3). For priors drawn anew in each experiment it bounds
+(van Trees, Detection, Estimation, and Modulation Theory I, 2.4.3). For priors drawn in each experiment it bounds
 the mean square of the errors. The true angular velocity counts as known once smoothed.
 """
 

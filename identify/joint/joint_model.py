@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.motion.attitude import magnus_turn
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential
@@ -204,7 +205,7 @@ def attitude_at_nodes(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
 
 
 def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> Float[Array, "n 3"]:
-    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points, as in `trajectory`."""
+    """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points."""
 
     def omega(fraction: float) -> Array:
         value = rows.motion[0, cell, :3]
@@ -213,4 +214,4 @@ def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> 
         return value - slow_terms(rows, rows.step * cell.astype(since.dtype) + fraction * since, x).T
 
     first, second = omega(0.5 - np.sqrt(3) / 6), omega(0.5 + np.sqrt(3) / 6)
-    return since[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * since**2)[:, None] * jnp.cross(first, second)
+    return magnus_turn(first, second, since)

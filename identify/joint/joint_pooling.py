@@ -21,7 +21,7 @@ class Pooled(NamedTuple):
     """The estimate from all runs."""
 
     theta: list[np.ndarray]
-    """Each run's unknowns, what is shared being alike."""
+    """Each run's unknowns, those that are shared being equal."""
     covariance: np.ndarray
     """Of the unknowns of the first run, (count, count)."""
     of_prior: np.ndarray

@@ -31,7 +31,7 @@ REACH = 4.0
 
 @dataclass(frozen=True)
 class Setting:
-    """What a joint estimate is told beside the runs."""
+    """What a joint estimate needs to know beside the runs."""
 
     blocks: Mapping[tuple[str, ...], Known]
     """Mass, r_CG, offsets of force and moment; what is known together, in one block."""
@@ -44,7 +44,7 @@ class Setting:
     scale: float = 1.0
     """Order of magnitude of the tensor [kg·m²]."""
     noise: np.ndarray | None = None
-    """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: the residuals tell it."""
+    """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: from the residuals."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def fitted(model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting,
         model: the run.
         beforehand: what is known beforehand.
         noise: covariance of one row's noise, (rows, rows): declared, or a first guess.
-        setting: what else is told; with ``setting.noise`` the covariance is kept.
+        setting: all else that is declared; with ``setting.noise`` the covariance is kept.
         name: what messages call the run.
     """
     start, tolerance = (

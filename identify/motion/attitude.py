@@ -26,10 +26,17 @@ def attitude(
     """
     h = jnp.diff(t)
     middle, offset = (t[1:] + t[:-1]) / 2, np.sqrt(3) / 6
-    w1, w2 = (jax.vmap(omega)(middle + sign * offset * h) for sign in (-1, 1))
-    turn = h[:, None] / 2 * (w1 + w2) + (np.sqrt(3) / 12 * h**2)[:, None] * jnp.cross(w1, w2)
+    first_omega, second_omega = (jax.vmap(omega)(middle + sign * offset * h) for sign in (-1, 1))
+    turn = magnus_turn(first_omega, second_omega, h)
     first = jnp.eye(3, dtype=t.dtype) if start is None else start
     return running_product(jnp.concatenate([first[None], jax.vmap(exponential)(turn)]))
+
+
+def magnus_turn(
+    first: Float[Array, "n 3"], second: Float[Array, "n 3"], step: Float[Array, " n"]
+) -> Float[Array, "n 3"]:
+    """Return the rotation vectors [rad] of steps [s], from the angular velocities at each step's two Gauss points."""
+    return step[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * step**2)[:, None] * jnp.cross(first, second)
 
 
 def running_product(matrices: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:

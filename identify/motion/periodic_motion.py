@@ -1,7 +1,7 @@
 """A periodic motion of the platform, from amplitudes: pose and three derivatives in closed form over one period.
 
 An optimiser's unknowns are the amplitudes of the legs' accelerations as they would be if the legs' Jacobian stayed
-that of home, each in units of what its leg may do: so every unknown weighs alike, whatever the platform.
+that of home, each in units of what its leg may do: so every unknown has the same weight, whatever the platform.
 """
 
 from typing import NamedTuple

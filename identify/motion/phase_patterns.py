@@ -3,7 +3,7 @@
 While the legs follow one wave, each at its own phase, their accelerations' second moment L is the real part of
 ``A p pᴴ A`` but for the wave's mean square: A is the diagonal of what each may do, p one complex number of modulus one
 for each leg. Which patterns p are to have which shares of the time is a problem of optimal design: the least convex
-function of ``P = K L Kᵀ``. Its optimum is told by its directional derivatives: none points from P down to a pattern
+function of ``P = K L Kᵀ``. Its optimum is known by its directional derivatives: none points from P down to a pattern
 (Kiefer and Wolfowitz 1960, doi:10.4153/CJM-1960-030-4); the multiplicative algorithm finds it (Silvey, Titterington and
 Torsney 1978, doi:10.1080/03610927808827719). It takes few patterns, since P has six numbers. Phases of sixths of a turn
 are tried, the first leg's nought: 7,776 patterns, and half of them suffice, since a pattern and its conjugate, which
@@ -31,7 +31,7 @@ SMALL = 0.1
 MOST = 4
 """Patterns that are kept at most."""
 LITTLE = 1e-3
-"""Of the moment of all patterns alike, added: some goals want one pattern alone, which tells nothing of the rest."""
+"""Of the moment of all patterns in equal shares, added: some goals want a single pattern, whose moment is singular."""
 
 
 class Mixture(NamedTuple):

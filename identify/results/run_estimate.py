@@ -46,7 +46,7 @@ class RunEstimate:
     force_offset: np.ndarray | None = None
     """The force's offset [N]; None where neither mass nor accelerometer tell it."""
     mounting: str | None = None
-    """Name of the mounting of the body; None: not said."""
+    """Name of the mounting of the body; None: not declared."""
     weight: float = 1.0
     """Inverse of the rows' effective noise variance, which weighs it among the runs [(N·m)⁻²]."""
     trace: Trace | None = field(default=None, repr=False)

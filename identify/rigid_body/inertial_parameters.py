@@ -197,8 +197,8 @@ def principal_axes(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray
     """Return principal moments and axes with their uncertainty.
 
     In the principal axes a small change of the tensor moves moment i by its entry ii, and turns the axes i and j by its
-    entry ij over the difference of their moments. Of moments that are alike within their uncertainty neither the axes
-    nor which of the two is larger can be told; the larger then comes out too large on average.
+    entry ij over the difference of their moments. Of moments that are equal within their uncertainty neither the axes
+    nor which of the two is larger is determined; the larger then comes out too large on average.
 
     Args:
         inertia: packed tensor [kg·m²].

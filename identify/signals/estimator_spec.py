@@ -20,7 +20,7 @@ class EstimatorSpec:
     window: int | None = None
     """Points of the smoothing differentiator; None: the longest whose gain holds over the band."""
     lowpass: float | None = None
-    """Cut-off [Hz] of the Gaussian filter that both sides of the regression pass through alike; None: no filter."""
+    """Cut-off [Hz] of the Gaussian filter that both sides of the regression pass through; None: no filter."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, with a ValueError."""

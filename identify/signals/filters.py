@@ -1,4 +1,4 @@
-"""Low-pass filters without phase, for both sides of the regression alike; and the band of a recorded motion."""
+"""Low-pass filters without phase, for both sides of the regression; and the band of a recorded motion."""
 
 import jax
 import numpy as np

@@ -47,7 +47,7 @@ def beside(bad: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
 def below(
     nyquist: float, times: list[np.ndarray], columns: list[np.ndarray], intervals: list[float], name: str
 ) -> tuple[list[np.ndarray], list[np.ndarray], float]:
-    """Both sensors' samples at uniform instants of their own, alike without what lies above ``nyquist`` [Hz]."""
+    """Both sensors' samples at uniform instants of their own, both without what lies above ``nyquist`` [Hz]."""
     uniform, filtered, reach = [], [], 0.0
     for t, values, interval in zip(times, columns, intervals, strict=True):
         taps = lowpass(1 / interval, nyquist)
@@ -64,7 +64,7 @@ def below(
 
 
 def jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:
-    """Return what is to be said of the stamps' jitter, if it is worth saying."""
+    """Return a warning of the stamps' jitter, where it is large."""
     steps = np.diff(t)
     steps = steps[steps <= GAP * np.median(steps)]
     spread, mean = float(steps.std()), float(steps.mean())
@@ -74,7 +74,7 @@ def jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:
 
 
 def gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
-    """Return what is to be said of a channel's gaps, if it has any."""
+    """Return a warning of a channel's gaps, if it has any."""
     steps = np.diff(t)
     wide = steps > GAP * np.median(steps)
     if not wide.any():

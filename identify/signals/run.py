@@ -71,7 +71,7 @@ class Run:
     noise: ShapedNoise | None = None
     """The angular velocity's noise, where it was differentiated; None: it is white."""
     mounting: str | None = None
-    """Name of the mounting of the body that the run was made with; None: not said."""
+    """Name of the mounting of the body that the run was made with; None: not declared."""
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """What the recording says of its day and its instruments."""
     sensor_rates: tuple[float, float] | None = None

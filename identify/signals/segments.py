@@ -1,7 +1,7 @@
 """Still and moving segments of a recording, and which of the moving ones tell of the tensor. Plain arrays, SI units.
 
 A recording holds more than its experiment: the body is mounted, poses are held, a start fails, something knocks. What
-moves is told from what rests by the angular velocity, smoothed so that vibration and white noise do not count, about
+moves is seen by the angular velocity, smoothed so that vibration and white noise do not count, about
 the gyro's bias, over half a second. Which of the moving segments count is a question of information: how much of
 ``ΩᵀΩ`` a segment holds against how badly the wrench in it fits ANY body (hands do not).
 """

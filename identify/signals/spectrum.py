@@ -21,7 +21,7 @@ LEAST_LINES = 8
 SLOPE_LINES = 64
 """Lines, the first ones, that tell how the spectrum falls."""
 LEAST_GAIN = 1e-4
-"""Of a filter's power gain: what lies below is not told from what leaks there."""
+"""Of a filter's power gain: what lies below cannot be distinguished from leakage."""
 
 
 class Lines(NamedTuple):
@@ -112,8 +112,8 @@ def spectrum(
     A fit takes most from the residuals where its rows are strong, which in a brief run is where it matters: the
     products in a window are divided by the degrees of freedom left in it, not by its lines. The window of line j is
     ``2 j^0.6`` lines to either side, ``LEAST_LINES`` at least; a known filter's gain and a fitted power of the
-    frequency are divided out first. Lines of constants are told from their neighbours, and never smaller than their
-    own residual.
+    frequency are divided out first. Lines of constants stand apart from their neighbours, and are never
+    smaller than their own residual.
 
     Args:
         residuals: of the lines, in the order of frequency [N·m].

@@ -22,7 +22,7 @@ LEAST_TILT = 0.02
 LARGE_RESIDUAL = 0.03
 """Residual force, as a part of the weight, that is worth a warning."""
 UNEVEN = 5.0
-"""How much worse one direction of the centre of gravity is told than another, to be worth a warning."""
+"""Ratio of the centre of gravity's largest to its smallest uncertainty by direction, above which a warning is due."""
 SMALL = 1e-9
 """Uncertainty of a centre of gravity that no poses reach [m]."""
 ORDER = (0, 4, 5, 6, 1, 2, 3, 7, 8, 9)

@@ -1,4 +1,4 @@
-"""Mass, centre of gravity and offsets that static poses told: the result, and how it is read back."""
+"""Mass, centre of gravity and offsets from static poses: the result, and how it is read back."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

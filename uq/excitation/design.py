@@ -108,7 +108,7 @@ def design(
         experiment: body, sources, ``[platform] geometry`` and ``[platform.limits]``.
         goal: ``all`` (average 3σ of moments and of products, each against the reference's), ``moments``, ``products``,
             ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
-        reference: name of the trajectory to be beaten; its size and speed are chosen anew under the limits.
+        reference: name of the trajectory to be beaten; its size and speed are chosen for the limits.
         duration: of the run [s]; None: the reference's.
         starts: motions to start from: the first in stages, the second a spiral that keeps the centre of gravity still,
             the others random.

@@ -1,4 +1,4 @@
-"""What is to be said of a design, computed: its budget beside known trajectories, sensors, durations, files."""
+"""The report of a design, computed: its budget beside known trajectories, sensors, durations, files."""
 
 import dataclasses
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What is said of a design: its budget beside known trajectories, its limits, sensors, durations, files."""
+"""The report of a design: its budget beside known trajectories, its limits, sensors, durations, files."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ GOALS = ("moments", "products")
 
 @dataclass(frozen=True, repr=False)
 class DesignReport(Result):
-    """A design and everything that is to be said of it.
+    """A design and what its report states.
 
     Example: ``design_report(design(experiment)).to_frame().loc["designed"]``.
     """

@@ -1,4 +1,4 @@
-"""A trajectory as files that platforms read: made, read back, checked against the motion, and only then kept."""
+"""A trajectory as files that platforms read: made, read back and checked against the motion."""
 
 import dataclasses
 import hashlib
@@ -61,7 +61,7 @@ class MotionExport(Result):
     speed: float
     """Of the motion's own: below 1 in a rehearsal."""
     amplitude: float
-    """Of the motion's own, alike."""
+    """Of the motion's own."""
     seconds: float
     """Duration of what is exported [s]."""
     name: str = "motion"
@@ -156,7 +156,7 @@ def export_motion(
 
 
 def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.0, amplitude: float = 1.0) -> Commanded:
-    """Return what a platform is told to run a trajectory, ``FINE`` times a second, its last instant at rest."""
+    """Return what a platform is commanded to run a trajectory, ``FINE`` times a second, its last instant at rest."""
     still = np.asarray(experiment.r_cg_from_omb) if spec.still == "cg" else np.zeros(3)
     step = FINE // np.gcd(RATE, MOOG_RATE)  # so that every format ends at the same instant, at rest
     count = int(np.ceil(spec.duration / speed * FINE / step)) * step + 1

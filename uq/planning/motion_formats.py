@@ -32,7 +32,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True)
 class Commanded:
-    """What a platform is told to do, at uniform instants."""
+    """The motion that a platform is commanded, at uniform instants."""
 
     t: Float[np.ndarray, " n"]
     """Instants [s]."""
@@ -81,7 +81,7 @@ def read_csv(content: bytes) -> tuple[Commanded, Float[np.ndarray, "n 3 3"]]:
 def pi_waves(motion: Commanded) -> bytes:
     """Return GCS commands that fill a hexapod's wave tables 1 to 6 (X Y Z U V W) point by point, one after the other.
 
-    ``WAV table X PNT 1 count values`` begins a table anew, ``WAV table & PNT 1 count values`` adds to it.
+    ``WAV table X PNT 1 count values`` begins a new table, ``WAV table & PNT 1 count values`` adds to it.
     """
     return "\n".join([*_wave_lines(motion), ""]).encode()
 

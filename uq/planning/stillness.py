@@ -11,7 +11,7 @@ from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment, TrajectorySpec
 
 SLOWEST = 0.2
-"""Frequency below which no displacement is told from an acceleration [Hz]."""
+"""Frequency below which an acceleration gives no displacement [Hz]."""
 
 
 @dataclass(frozen=True)

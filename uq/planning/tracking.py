@@ -50,7 +50,7 @@ def follow(run: Run, spec: TrajectorySpec) -> Followed:
     """Return gain, lag and offset of a run's angular velocity against a trajectory's, on each axis.
 
     Raises:
-        RunError: the two are not alike.
+        RunError: the run does not follow the trajectory.
     """
     t, measured = run.t - run.t[0], np.asarray(run.omega)
     usable = np.ones(len(t), bool) if run.missing is None else ~run.missing
@@ -117,7 +117,7 @@ def _sampled(trajectory: Trajectory, t: Float[Array, " n"]) -> tuple[Array, Arra
 
 
 def verdicts(followed: Followed) -> list[str]:
-    """What is to be said of a platform that did not follow."""
+    """Return warnings of a platform that did not follow."""
     off = np.abs(followed.gain - 1)
     worst = int(np.nanargmax(off))
     lines = []

@@ -14,7 +14,7 @@ def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray)
     Args:
         t: instants [s].
         plan: in B [rad/s], (n, 3).
-        measured: alike.
+        measured: in the same order.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
