@@ -34,7 +34,7 @@ class Drawing:
     """Makes an SVG that moves, which a page shows in place of the figure; None: the figure stands for itself."""
 
 
-class Figures(Mapping[str, "Figure"]):
+class Figures(Mapping):  # without type arguments, since a runtime type checker would draw one to see what it is
     """Figures by name: ``result.figures()["budget"]`` is drawn when it is first asked for."""
 
     def __init__(self, drawings: Sequence[Drawing]) -> None:
@@ -135,8 +135,10 @@ class Result:
         except ImportError:
             raise ModuleNotFoundError("pandas is missing for to_frame(): pip install pandas") from None
         records = self.records()
-        texts = takewhile(lambda item: isinstance(item[1], str), records[0].items()) if records else ()
-        index = [name for name, _ in texts]
+        first = records[0] if records else {}
+        index = [name for name, _ in takewhile(lambda item: isinstance(item[1], str), first.items())]
+        if len(index) == len(first):  # texts alone: only the first names the row
+            index = index[:1]
         return DataFrame.from_records(records, index=index or None)
 
     def __repr__(self) -> str:

@@ -46,7 +46,8 @@ def test_mean_errors_of_the_central_difference_and_of_the_smoother(brief):
 
 
 def test_the_rows_stand_beside_the_sources(brief):
-    head, rows = brief.rows("central")
+    table = brief.comparison_table("central")
+    head, rows = table.head, table.rows
     assert head == ["central", "T1", "source", "T2", "source", "T3", "source", "T4", "source"]
     assert [row[0] for row in rows] == list(PRINTED)
     assert [row[2] for row in rows] == ["2.82", "5.13", "−43.5", "1.86", "−46.4"]

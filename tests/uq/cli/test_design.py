@@ -157,7 +157,7 @@ def test_the_report_says_what_was_asked(content, report):
     assert text.count("change, %") >= 3
     assert "No motion under these limits promises less than 1 g·m² (moments) and 0.5 g·m² (products)." in text
     assert "The bound leaves out: ramps take no time." in text
-    assert report.rows()[1][-1][0] == "bound"
+    assert report.trajectory_table().rows[-1][0] == "bound"
 
 
 def test_the_page_loads_nothing_and_its_platform_moves(content):

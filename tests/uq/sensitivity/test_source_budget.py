@@ -20,7 +20,6 @@ from uq.campaign.trial_setup import prepare_setup, true_motion
 from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.report.report_files import files, report
-from uq.sensitivity import budget_figures as budget_plot
 from uq.sensitivity.budget_shares import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
@@ -312,13 +311,13 @@ def test_a_finding_when_the_shares_do_not_add_up(result):
 
 
 def test_figures_show_every_source(result):
-    figure = budget_plot.shares(result["T1", "central"])
+    figure = result.figures()["budget-T1-central"]
     stacks, tensor = figure.axes[0], figure.axes[2]
     assert [t.get_text() for t in tensor.get_yticklabels()][:2] == ["F precision", "F bias"]
     assert len(stacks.patches) == 7 * len(COLUMNS)
     heights = np.reshape([p.get_height() for p in stacks.patches], (7, len(COLUMNS)))
     np.testing.assert_allclose(heights.sum(0), 100)
-    assert len(budget_plot.overview(result).axes[1].patches) == 4
+    assert len(result.figures()["budget"].axes[1].patches) == 4
 
 
 def test_the_command_adds_the_budget_to_the_report(tmp_path, capsys):

@@ -1,0 +1,131 @@
+"""What all results share: one set of tables makes terminal, notebook, JSON and DataFrame; figures are drawn when asked for."""
+
+import dataclasses
+import importlib
+import pkgutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import identify
+import uq
+from identify.reporting import Drawing, Figures, Result, plain, stem
+from identify.text_tables import Table
+from tests.pose_lab import series
+from tests.small_campaign import campaign
+from uq.propagation.law_of_propagation import propagate
+from uq.sources.distributions import Normal
+
+
+@dataclass(frozen=True, repr=False)
+class Weighed(Result):
+    """A result with the least that one says."""
+
+    mass: float
+    spread: np.ndarray
+    warnings: tuple[str, ...] = ()
+    drawn: ClassVar[list[str]] = []
+
+    def title(self):
+        return "One <weighing>"
+
+    def tables(self):
+        return [Table("", ["", "kg"], [["mass", f"{self.mass:g}"]]), Table("long", ["a"], [["b"]], long=True)]
+
+    def drawings(self):
+        return [Drawing("mass", "How heavy.", lambda: self.drawn.append("mass") or Figure())]
+
+
+@pytest.fixture
+def weighed():
+    return Weighed(2.0, np.array([1.0, np.nan]), ("it moved",))
+
+
+def test_terminal_and_notebook_show_the_same_but_for_long_tables(weighed):
+    assert repr(weighed) == "One <weighing>\n      kg\n────  ──\nmass   2\nattention: it moved"
+    html = weighed._repr_html_()
+    assert html.count("<table>") == 2
+    assert "<caption>One &lt;weighing&gt;</caption>" in html
+    assert html.endswith("<ul><li>attention: it moved</li></ul>")
+
+
+def test_json_has_every_field_and_no_nan(weighed):
+    assert weighed.to_dict() == {"mass": 2.0, "spread": [1.0, None], "warnings": ["it moved"]}
+    nested = {"a": (np.float64(np.inf), np.int64(3)), 4: Weighed(1.0, np.zeros((1, 2)))}
+    assert plain(nested) == {"a": [None, 3], "4": {"mass": 1.0, "spread": [[0.0, 0.0]], "warnings": []}}
+
+
+def test_figures_are_drawn_once_and_only_when_asked_for(weighed):
+    figures = weighed.figures()
+    assert list(figures) == ["mass"]
+    assert "How heavy." in repr(figures)
+    assert weighed.drawn == []
+    assert figures["mass"] is figures["mass"]
+    assert weighed.drawn == ["mass"]
+    assert len(Figures([])) == 0
+
+
+def test_every_result_has_a_section_even_if_it_says_nothing_more(weighed):
+    section = weighed.section()
+    assert (section.title, section.findings, section.front) == ("One <weighing>", ("it moved",), None)
+    assert [table.caption for table in section.tables] == ["", "long"]
+
+
+def test_names_of_figures_stay_in_the_folder():
+    assert stem("a", "../b", "ω") == "a-..%2Fb-%CF%89"
+
+
+def test_frames_hold_the_numbers_by_name():
+    pytest.importorskip("pandas")
+    result = campaign()
+    row = result.to_frame().loc[("T1", "central", "imu", "I33")]
+    assert row["mean_error"] == 1e3 * result["T1", "central"].groups["imu"].mean_error[5]
+    centre = series(np.random.default_rng(0))
+    assert centre.to_frame().loc[("cg_y", "m"), "standard_uncertainty"] == centre.standard_uncertainty[2]
+    law = propagate(lambda x: x["a"] * x["b"], {"a": Normal(1.0, 0.1), "b": Normal(2.0, 0.3)})
+    assert law.to_frame()["u from b"][0] == pytest.approx(0.3)
+    assert Weighed(2.0, np.ones(1)).to_frame().loc["mass", "kg"] == "2"  # texts alone: the first names the row
+
+
+def test_without_pandas_one_line_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ModuleNotFoundError, match=r"^pandas is missing for to_frame\(\): pip install pandas$"):
+        campaign().to_frame()
+
+
+def results():
+    """Every result of both packages."""
+    for package in (identify, uq):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            importlib.import_module(module.name)
+    found = [Result]
+    for kind in found:
+        found += kind.__subclasses__()
+    return [kind for kind in found if kind.__module__.split(".")[0] in ("identify", "uq") and kind is not Result]
+
+
+def test_no_result_shows_itself_in_a_way_of_its_own():
+    kinds = results()
+    assert len(kinds) >= 20
+    for kind in kinds:
+        assert dataclasses.is_dataclass(kind)
+        assert kind.__repr__ is Result.__repr__, kind
+        assert kind._repr_html_ is Result._repr_html_, kind
+        assert kind.tables is not Result.tables, kind
+        assert "Example: ``" in (kind.__doc__ or ""), kind
+
+
+def test_no_matplotlib_and_no_pandas_until_a_figure_or_frame_is_asked_for():
+    script = (
+        "import sys, uq, identify\n"
+        "for package in (uq, identify):\n"
+        "    [getattr(package, name) for name in package.__all__]\n"
+        "print(*{'matplotlib', 'pandas'} & set(sys.modules))\n"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    assert loaded.strip() == ""
