@@ -126,25 +126,25 @@ def montecarlo(
     settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
     limit, truth = trials, np.asarray(experiment.body.inertia)
     motions = true_motions(experiment, specs, devices) if sampling == "collapsed" else {}
-    kept = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
+    store = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
     def start(name: str) -> TrialLoop:
         motion = motions.pop(name, None)
         with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
             setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
         options: dict[str, Any] = {"devices": devices, "batch": batch, "stretch": stretch_for(setup)}
-        if kept is not None:
-            done = in_turn(lambda: kept.load(name, limit))
+        if store is not None:
+            done = in_turn(lambda: store.load(name, limit))
             agree("checkpoints", sum(map(trials_in, done)))
-            options |= {"done": done, "keep": lambda *stretch: kept.keep(name, *stretch)}
+            options |= {"done": done, "keep": lambda *stretch: store.keep(name, *stretch)}
         return TrialLoop(any_trials, setup, seed, **options)
 
     try:
-        if kept is not None or process_count() > 1:
+        if store is not None or process_count() > 1:
             identity = _identity(experiment, chosen, devices, settings)
             agree("campaigns", [identity, limit, wanted])
-        if kept is not None:
-            in_turn(lambda: kept.open(identity))
+        if store is not None:
+            in_turn(lambda: store.open(identity))
         runs: dict[str, TrialLoop] = {}
         breakdowns, stability = {}, None
         if goal is None:
@@ -163,8 +163,8 @@ def montecarlo(
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
             breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
     finally:
-        if kept is not None:
-            kept.close()
+        if store is not None:
+            store.close()
     meet()
     errors = {name: np.asarray(run.results(trials).inertia) - truth for name, run in runs.items()}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
@@ -220,11 +220,11 @@ def _until_stable(
             error = np.asarray(run.between(trials - block, trials).inertia)[:, :, 0] - truth
             for k in range(len(estimators)):
                 blocks[name, k].add(error[:, k])
-        found = {pair: blocks[pair].stability() for pair in pairs}
-        if all(of.stable for of in found.values()):
+        stability = {pair: blocks[pair].stability() for pair in pairs}
+        if all(of.stable for of in stability.values()):
             break
-        asked = min(most, max(trials + block, *(of.trials_needed(trials) for of in found.values())))
-    return trials, {name: {e: found[name, k] for k, e in enumerate(estimators)} for name in runs}
+        asked = min(most, max(trials + block, *(of.trials_needed(trials) for of in stability.values())))
+    return trials, {name: {e: stability[name, k] for k, e in enumerate(estimators)} for name in runs}
 
 
 def _limits(stability: Mapping[str, Mapping[str, Stability]] | None, trials: int) -> list[str]:

@@ -80,19 +80,23 @@ class EmulatedTables(Result):
         off = np.abs(self.errors[trajectory].mean(axis=1))
         return np.stack([off[:, list(group)].mean(axis=1) for group in (MOMENTS, PRODUCTS)], axis=1)
 
-    def gain(self, one: str, other: str) -> tuple[np.ndarray, np.ndarray]:
+    def gain(self, better: str, worse: str) -> tuple[np.ndarray, np.ndarray]:
         """Return how much smaller the average deviation of ``one`` is than that of ``other``, and its standard error.
 
         Moments, then products [kg·m²]; the difference is taken repeat by repeat.
         """
-        difference = self.average_deviation(other) - self.average_deviation(one)
+        difference = self.average_deviation(worse) - self.average_deviation(better)
         with np.errstate(invalid="ignore"):
             return difference.mean(axis=0), difference.std(axis=0, ddof=1) / np.sqrt(self.repeats)
 
     def rows3(self, repeat: int = 0, trajectory: str = "T1") -> tuple[list[str], list[list[str]]]:
         """Return head and rows of Table 3 of one repeat, beside the source's, in g·m²."""
-        found = self.errors[trajectory][repeat] + self.nominal
-        ours = {"expected": self.nominal, "mean": found.mean(axis=0), "standard deviation": found.std(axis=0, ddof=1)}
+        estimates = self.errors[trajectory][repeat] + self.nominal
+        ours = {
+            "expected": self.nominal,
+            "mean": estimates.mean(axis=0),
+            "standard deviation": estimates.std(axis=0, ddof=1),
+        }
         rows = []
         for name, values in ours.items():
             rows.append([f"{name}, emulated", *(_figure(GRAM_METRE * x) for x in values)])
@@ -113,11 +117,13 @@ class EmulatedTables(Result):
     def gain_rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of the paired differences, in g·m² and in their standard errors."""
         rows = []
-        for one, other in PAIRS:
-            if {one, other} <= set(self.errors):
-                for what, gain, error in zip(("moments", "products"), *self.gain(one, other), strict=True):
+        for better, worse in PAIRS:
+            if {better, worse} <= set(self.errors):
+                for what, gain, error in zip(("moments", "products"), *self.gain(better, worse), strict=True):
                     figure = with_error(GRAM_METRE * gain, GRAM_METRE * error, 4)
-                    rows.append([f"{other} less {one}, {what}", figure, _figure(gain / error if error else np.nan, 1)])
+                    rows.append(
+                        [f"{worse} less {better}, {what}", figure, _figure(gain / error if error else np.nan, 1)]
+                    )
         return ["average deviation", "difference", "in standard errors"], rows
 
     def to_dict(self) -> dict[str, Any]:

@@ -28,11 +28,11 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
     """Return what an adaptive campaign was asked and what it reached; None for one that is not adaptive."""
     if stability is None:
         return None
-    found = [of for trajectory in stability.values() for of in trajectory.values()]
+    verdicts = [of for trajectory in stability.values() for of in trajectory.values()]
     return {
-        "digits": found[0].goal.digits if found[0].goal.tolerance is None else None,
-        "stable": all(of.stable for of in found),
-        "blocks": found[0].blocks,
+        "digits": verdicts[0].goal.digits if verdicts[0].goal.tolerance is None else None,
+        "stable": all(of.stable for of in verdicts),
+        "blocks": verdicts[0].blocks,
         "trajectories": {
             trajectory: {
                 name: {"tolerance": _by_component(of.tolerance), "reached": _by_component(of.reached)}

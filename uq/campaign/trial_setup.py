@@ -82,22 +82,26 @@ def true_motions(
 
     Different rotations are computed side by side on this process's own of the devices, where they are left.
     """
-    own = cycle(device for device in devices if device.process_index == jax.process_index())
-    found: dict[str, Motion] = {}
+    local_devices = cycle(device for device in devices if device.process_index == jax.process_index())
+    motions: dict[str, Motion] = {}
     for name, spec in specs.items():
-        alike = next((other for other in found if _turn_alike(specs[other], spec)), None)
-        if alike is None:
-            with jax.default_device(next(own)):
-                found[name] = true_motion(experiment, spec)
+        equal_rotation = next((other for other in motions if _same_rotation(specs[other], spec)), None)
+        if equal_rotation is None:
+            with jax.default_device(next(local_devices)):
+                motions[name] = true_motion(experiment, spec)
             continue
-        still, of_alike = (platform_of(experiment, one).r_cg_from_still for one in (spec, specs[alike]))
-        found[name] = further_from_still(found[alike], np.asarray(still) - np.asarray(of_alike))
-    return found
+        still, still_of_equal = (
+            platform_of(experiment, each).r_cg_from_still for each in (spec, specs[equal_rotation])
+        )
+        motions[name] = further_from_still(motions[equal_rotation], np.asarray(still) - np.asarray(still_of_equal))
+    return motions
 
 
-def _turn_alike(one: TrajectorySpec, other: TrajectorySpec) -> bool:
+def _same_rotation(first: TrajectorySpec, second: TrajectorySpec) -> bool:
     return bool(
-        eqx.tree_equal((one.trajectory, one.duration, one.rate), (other.trajectory, other.duration, other.rate))
+        eqx.tree_equal(
+            (first.trajectory, first.duration, first.rate), (second.trajectory, second.duration, second.rate)
+        )
     )
 
 

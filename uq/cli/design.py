@@ -64,12 +64,12 @@ def run(arguments: argparse.Namespace) -> int:
         with ProgressBar(unit="steps") as bar:
             given = {name: value for name in ("goal", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
-            found = design(experiment, duration=duration, progress=bar, **given)
-            report = design_report(found, goal=given.get("goal", "all"), targets=targets, progress=bar)
-        more: list[Any] = [export_motion(experiment, found.spec), *_rehearsal(arguments, experiment, found.spec)]
+            designed = design(experiment, duration=duration, progress=bar, **given)
+            report = design_report(designed, goal=given.get("goal", "all"), targets=targets, progress=bar)
+        more: list[Any] = [export_motion(experiment, designed.spec), *_rehearsal(arguments, experiment, designed.spec)]
         count = POSES if arguments.poses is None else arguments.poses
         if count:
-            more.append(plan_poses(experiment, found.spec, found.limits, count=count, seed=given.get("seed", 0)))
+            more.append(plan_poses(experiment, designed.spec, designed.limits, count=count, seed=given.get("seed", 0)))
         finish(report, out, *more)
     return 0
 
@@ -83,10 +83,10 @@ def _check(arguments: argparse.Namespace) -> None:
     if arguments.achieved is None and arguments.trajectory is not None:
         raise ExperimentError("--trajectory names the plan of a recorded run: add --achieved, or use --reference")
     for name in ("rehearsal", "rehearsal_amplitude"):
-        part = getattr(arguments, name)
-        if part is not None and not 0 < part <= 1:
+        fraction = getattr(arguments, name)
+        if fraction is not None and not 0 < fraction <= 1:
             option = name.replace("_", "-")
-            raise ExperimentError(f"--{option} is {part:g}: give a part above 0 and at most 1")
+            raise ExperimentError(f"--{option} is {fraction:g}: give a part above 0 and at most 1")
     if arguments.poses is not None and arguments.poses != 0 and arguments.poses < 3:
         raise ExperimentError(f"--poses is {arguments.poses}: ask for three or more, or 0 for none")
 
@@ -95,8 +95,8 @@ def _rehearsal(arguments: argparse.Namespace, experiment: Experiment, spec) -> l
     speed, amplitude = arguments.rehearsal, arguments.rehearsal_amplitude
     if speed is None and amplitude is None:
         return []
-    parts = {"speed": speed or 1.0, "amplitude": amplitude or 1.0}
-    return [export_motion(experiment, spec, name="rehearsal", **parts)]
+    scaling = {"speed": speed or 1.0, "amplitude": amplitude or 1.0}
+    return [export_motion(experiment, spec, name="rehearsal", **scaling)]
 
 
 def _quantity(option: str, text: str, unit: str) -> float:

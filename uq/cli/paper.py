@@ -31,8 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
         checkpoint = None if out is None else checkpoint_of(kept_in(out), say)
         with ProgressBar(silent=not speaks) as progress:
 
-            def show(trajectory: str, trials: int, found: Mapping[str, Breakdown[Statistics]]) -> None:
-                for estimator, breakdown in found.items() if speaks else ():
+            def show(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:
+                for estimator, breakdown in breakdowns.items() if speaks else ():
                     progress.print(row(trajectory, trials, estimator, breakdown.total))
 
             given = {"trials": arguments.trials, "seed": arguments.seed, "dtype": arguments.dtype}

@@ -79,7 +79,7 @@ def _watch(arguments: argparse.Namespace) -> int:
 def _list(ports: list[str]) -> int:
     from rig.record import discover
 
-    found = discover.discover(ports or None)
-    for line in discover.table(found):
+    answers = discover.discover(ports or None)
+    for line in discover.table(answers):
         print(line)
     return 0

@@ -102,8 +102,8 @@ def _by_output(kind: Kind, draws: np.ndarray, probability: float, ends) -> Cover
     if draws.ndim == 0:
         raise ValueError("Argument `draws` must have the trials on its first axis, but is a single number.")
     columns = draws.reshape(len(draws), math.prod(draws.shape[1:])).T
-    found = np.array([ends(column[np.isfinite(column)], probability) for column in columns]).reshape(-1, 4)
-    return CoverageInterval(kind, probability, *(part.reshape(draws.shape[1:]) for part in found.T))
+    figures = np.array([ends(column[np.isfinite(column)], probability) for column in columns]).reshape(-1, 4)
+    return CoverageInterval(kind, probability, *(column.reshape(draws.shape[1:]) for column in figures.T))
 
 
 def _inside(trials: int, probability: float) -> int:
@@ -134,8 +134,10 @@ def _shortest(draws: np.ndarray, probability: float) -> tuple[float, ...]:
     size = len(draws) // SUBSAMPLES
     if _inside(size, probability) >= size:
         return low, high, math.nan, math.nan
-    parts = [_shortest_ends(part, probability) for part in draws[: size * SUBSAMPLES].reshape(SUBSAMPLES, size)]
-    scatter = np.sqrt(np.mean((np.array(parts) - [low, high]) ** 2, axis=0)) * SUBSAMPLES ** (-1 / 3)
+    ends = [
+        _shortest_ends(subsample, probability) for subsample in draws[: size * SUBSAMPLES].reshape(SUBSAMPLES, size)
+    ]
+    scatter = np.sqrt(np.mean((np.array(ends) - [low, high]) ** 2, axis=0)) * SUBSAMPLES ** (-1 / 3)
     return low, high, scatter[0], scatter[1]
 
 
@@ -185,8 +187,8 @@ class Verdict(Result):
 
     def reasons(self) -> list[str]:
         """Return a sentence for each output: that the law holds, or which end fails and why."""
-        parts = [np.ravel(x) for x in (self.d_low, self.d_high, self.tolerance, self.resolution)]
-        return [_reason(*map(float, part)) for part in zip(*parts, strict=True)]
+        columns = [np.ravel(x) for x in (self.d_low, self.d_high, self.tolerance, self.resolution)]
+        return [_reason(*map(float, row)) for row in zip(*columns, strict=True)]
 
     def rows(self, names: tuple[str, ...] | None = None) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of a table, one output a row."""

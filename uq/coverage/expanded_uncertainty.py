@@ -75,7 +75,7 @@ def of_tensor(result: Identification, *, factor: float | None = None, probabilit
     """
     value, u = result.inertia, result.standard_uncertainty
     usual = np.diff(result.interval95, axis=1)[:, 0] / 2 / np.where(u > 0, u, 1)
-    freedom = np.array([degrees_of_freedom(one) for one in usual])
+    freedom = np.array([degrees_of_freedom(factor) for factor in usual])
     k, p = _factor(freedom, factor, probability)
     k = usual if factor is None and probability in (None, USUAL) else k
     if k is usual:
