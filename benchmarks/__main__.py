@@ -15,7 +15,7 @@ jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
 
 import numpy as np  # noqa: E402
 
-from benchmarks.contenders import CORES, LABELS, TRAJECTORIES, contenders, in_stretches, setups  # noqa: E402
+from benchmarks.contenders import CORES, LABELS, TRAJECTORIES, contenders, in_segments, setups  # noqa: E402
 from benchmarks.reference import GROUPS  # noqa: E402
 from identify.text_tables import text_table  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
@@ -26,7 +26,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--rounds", type=int, default=5, help="alternations (5)")
     parser.add_argument(
-        "--trials", type=int, default=400, help="trials per trajectory and round (400), the engine's in whole stretches"
+        "--trials", type=int, default=400, help="trials per trajectory and round (400), the engine's in whole segments"
     )
     parser.add_argument("--loop-trials", type=int, default=4, help="the loop's trials per group and round (4)")
     parser.add_argument("--campaign", type=int, default=10_000, help="trials of the campaign that times are scaled to")
@@ -57,7 +57,7 @@ def measure(options: argparse.Namespace) -> dict:
         for name, way in ways.items():
             start = time.perf_counter()
             way(trials[name])
-            ran, asked = (in_stretches(n) if name.startswith("engine") else n for n in (trials[name], options.campaign))
+            ran, asked = (in_segments(n) if name.startswith("engine") else n for n in (trials[name], options.campaign))
             taken = (time.perf_counter() - start) * asked / ran
             once = 0.0
             if name.startswith("engine"):

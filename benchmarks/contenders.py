@@ -18,7 +18,7 @@ from uq.experiment.experiment import Experiment
 from uq.sources.draws import BLOCK
 from uq.sources.random_normals import normal_pairs
 from uq.trials.engines import AnySetup, default_batch, run_trials
-from uq.trials.trial_loop import stretch_of
+from uq.trials.trial_loop import segment_of
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 CORES = len(os.sched_getaffinity(0))
@@ -84,11 +84,11 @@ def _engine(prepared: list[AnySetup], trials: int):
     return [run_trials(one, trials, 0, jax.devices(), default_batch(jax.devices()[0])) for one in prepared]
 
 
-def in_stretches(trials: int) -> int:
-    """Return how many trials the engine really runs for so many: whole stretches."""
+def in_segments(trials: int) -> int:
+    """Return how many trials the engine really runs for so many: whole segments."""
     devices = jax.devices()
-    stretch = stretch_of(devices, default_batch(devices[0]), trials)
-    return -(-trials // stretch) * stretch
+    segment = segment_of(devices, default_batch(devices[0]), trials)
+    return -(-trials // segment) * segment
 
 
 def _pairs(key, block, dtype):

@@ -25,7 +25,7 @@ from uq.campaign.trial_setup import prepare_setup  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
 from uq.trials.engines import run_trials  # noqa: E402
 
-TRIALS, SAMPLES = (16, 192, 1920, 19_200), (720, 7200, 72_000, 720_000)  # trials: whole stretches of two devices
+TRIALS, SAMPLES = (16, 192, 1920, 19_200), (720, 7200, 72_000, 720_000)  # trials: whole segments of two devices
 
 
 def setup_of(samples: int = 72_000, sources: int = 7):

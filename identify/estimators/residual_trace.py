@@ -11,7 +11,7 @@ BINS = 300
 POINTS = 1500
 """Most samples of the motion."""
 SEGMENTS = 8
-"""Stretches over which a spectrum is averaged, at least."""
+"""Segments over which a spectrum is averaged, at least."""
 LONGEST = 4096
 """Most samples of one of them."""
 

@@ -29,7 +29,7 @@ def estimate(
     """Shift of ``b`` (n_b,) against ``a`` (n_a,), sampled at ``time_b`` and ``time_a`` [s], both increasing.
 
     Both are brought to a common grid of ``step`` [s]; the peak of the correlation coefficient within ``longest`` [s] is
-    refined by a parabola. Every shift is judged on the same stretch of ``b``, so that the ends do not pull the peak
+    refined by a parabola. Every shift is judged on the same segment of ``b``, so that the ends do not pull the peak
     towards zero. None when they overlap too little, stand still or do not resemble each other.
     """
     start, stop = max(time_a[0], time_b[0]), min(time_a[-1], time_b[-1])
@@ -48,7 +48,7 @@ def estimate(
 
 
 def _coefficients(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Correlation coefficient of ``y`` (m,) with every stretch of ``x`` (n,) of its length: (n - m + 1,)."""
+    """Correlation coefficient of ``y`` (m,) with every segment of ``x`` (n,) of its length: (n - m + 1,)."""
     m = len(y)
     y = y - y.mean()
     length = 2 ** int(np.ceil(np.log2(len(x) + m)))

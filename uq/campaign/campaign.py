@@ -20,7 +20,7 @@ from uq.files.provenance import provenance
 from uq.gram_sums.setup import Sampling
 from uq.trials.checkpoint import Checkpoint, code_digest
 from uq.trials.distributed import agree, in_turn, meet
-from uq.trials.engines import any_trials, default_batch, stretch_for
+from uq.trials.engines import any_trials, default_batch, segment_for
 from uq.trials.samplewise import needs_samples
 from uq.trials.trial_loop import TrialLoop, trials_in
 
@@ -89,7 +89,7 @@ def montecarlo(
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
         batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 500 if collapsed.
         devices: devices to spread the trials over; None for all.
-        progress: called after each stretch of trials.
+        progress: called after each segment of trials.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
         shown: called as a trajectory's figures come: early, after 200 trials, and when it is done; not if adaptive.
 
@@ -132,11 +132,11 @@ def montecarlo(
         motion = motions.pop(name, None)
         with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
             setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
-        options: dict[str, Any] = {"devices": devices, "batch": batch, "stretch": stretch_for(setup)}
+        options: dict[str, Any] = {"devices": devices, "batch": batch, "segment": segment_for(setup)}
         if store is not None:
             done = in_turn(lambda: store.load(name, limit))
             agree("checkpoints", sum(map(trials_in, done)))
-            options |= {"done": done, "keep": lambda *stretch: store.keep(name, *stretch)}
+            options |= {"done": done, "keep": lambda *segment: store.keep(name, *segment)}
         return TrialLoop(any_trials, setup, seed, **options)
 
     try:

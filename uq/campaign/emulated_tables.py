@@ -198,7 +198,7 @@ def emulated_tables(
     for name in trajectories:
         rig = _prepared(experiment, name, estimator, imperfections, runs)
         report = None if progress is None else lambda done, _, name=name: progress(name, done // runs, repeats)
-        inertia = all_trials(_emulated_runs, rig, repeats * runs, seed, stretch=runs, progress=report)
+        inertia = all_trials(_emulated_runs, rig, repeats * runs, seed, segment=runs, progress=report)
         errors[name] = inertia.reshape(repeats, runs, 6) - np.asarray(experiment.body.inertia)
     record = provenance(**experiment.inputs(), repeats=repeats, runs=runs, seed=seed, estimator=estimator)
     return EmulatedTables(runs, seed, np.asarray(experiment.body.inertia), errors, imperfections, tuple(warned), record)

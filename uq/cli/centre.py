@@ -18,7 +18,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--experiment", required=True, metavar="E.toml", help="columns, units, signs, frames and local gravity"
     )
-    add_window_options(parser, "every still stretch of a run is a pose")
+    add_window_options(parser, "every still segment of a run is a pose")
     parser.add_argument("--out", metavar="DIR", help="folder for centre.json and report.html")
 
 

@@ -21,7 +21,7 @@ LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
 def motion(
     t: Float[np.ndarray, " n"], omega: np.ndarray, alpha: np.ndarray, position: np.ndarray, names: Sequence[str] = ()
 ) -> Figure:
-    """Draw angular velocity, angular acceleration and the platform's displacement over a stretch of time.
+    """Draw angular velocity, angular acceleration and the platform's displacement over a segment of time.
 
     Args:
         t: instants [s].
@@ -45,7 +45,7 @@ def motion(
 
 
 def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> Figure:
-    """Draw the legs' lengths, speeds, accelerations and forces over a stretch of time, in parts of each leg's limit.
+    """Draw the legs' lengths, speeds, accelerations and forces over a segment of time, in parts of each leg's limit.
 
     Args:
         t: instants [s].

@@ -136,7 +136,7 @@ def _of_run(path: str | Path, experiment: Experiment, windows: Sequence[TimeWind
     means = np.array([wrench[rest].mean(axis=0) for rest in rests])
     specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment)
     seconds = sum(map(len, rests)) / run.rate
-    held = f"{len(rests)} still stretches are its poses, {seconds:.1f} s in all"
+    held = f"{len(rests)} still segments are its poses, {seconds:.1f} s in all"
     attitudes = uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation)
     return _Wrenches(
         means[:, :3], means[:, 3:], specific_force, recorded.rig, str(run.sha256),

@@ -108,7 +108,7 @@ def propagate_distributions(
     block = block or max(10_000, goal.least_block)
     warned = check_precision("float64")
     problem, blocks = _Problem(model, dict(sorted(inputs.items())), block), Blocks(goal)
-    loop = TrialLoop(_blocks, problem, seed, devices=jax.devices()[:1], stretch=1)  # a block at a time, until stable
+    loop = TrialLoop(_blocks, problem, seed, devices=jax.devices()[:1], segment=1)  # a block at a time, until stable
     while not loop.count or (loop.count + 1) * block <= most_trials:
         loop.reach(loop.count + 1)
         blocks.add(loop.between(loop.count - 1, loop.count).reshape(block, -1))

@@ -81,7 +81,7 @@ def outputs(
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
     problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(kept))
-    return all_trials(_outputs, problem, trials, seed, batch=_batch(trials, len(kept)), stretch=trials)
+    return all_trials(_outputs, problem, trials, seed, batch=_batch(trials, len(kept)), segment=trials)
 
 
 def _batch(trials: int, rows: int) -> int:
@@ -120,7 +120,7 @@ def walks(
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
     problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds))
-    return all_trials(_walks, problem, trials, seed, batch=_batch(trials, len(holds) + 1), stretch=trials)
+    return all_trials(_walks, problem, trials, seed, batch=_batch(trials, len(holds) + 1), segment=trials)
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> tuple[Array, Array]:

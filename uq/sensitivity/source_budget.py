@@ -60,7 +60,7 @@ def budget(
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         batch: pairs that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
         devices: devices to spread the pairs over; None for all.
-        progress: called after each stretch of pairs.
+        progress: called after each segment of pairs.
 
     Raises:
         ExperimentError: too few trials, no source, no such trajectory or estimator.

@@ -1,4 +1,4 @@
-"""What a long campaign has computed so far, in a folder: one file a stretch of trials, each with its checksum.
+"""What a long campaign has computed so far, in a folder: one file a segment of trials, each with its checksum.
 
 ``campaign.json`` says of what campaign the folder is; every part names it by its digest. A part is a line of JSON and
 the estimates as NumPy arrays. Several processes write into one folder, each the trials that it computed. Files are
@@ -31,7 +31,7 @@ EVERY = 5.0
 
 
 class Checkpoint:
-    """A folder with the stretches of one campaign that are done."""
+    """A folder with the segments of one campaign that are done."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class Checkpoint:
         self.digest, self.made, self.written = digest, made, time.monotonic()
 
     def load(self, trajectory: str, trials: int) -> list[TrialEstimates]:
-        """Return the stretches of a trajectory that are done, from its first trial on.
+        """Return the segments of a trajectory that are done, from its first trial on.
 
         Raises:
             ExperimentError: a part is cut, edited, missing, or of another campaign.
@@ -112,7 +112,7 @@ class Checkpoint:
         return parts
 
     def keep(self, trajectory: str, first: int, estimates: TrialEstimates) -> None:
-        """Take a stretch; write those that wait if it is time."""
+        """Take a segment; write those that wait if it is time."""
         path = self.folder / f"{_stem(trajectory)}-{first:010d}.part"
         header = {"format": FORMAT, "campaign": self.digest, "trajectory": trajectory, "first": first}
         header["processes"] = self.processes

@@ -147,14 +147,14 @@ def _told(message: str) -> str:
     return bytes(said[said > 0]).decode()
 
 
-def own_share(devices: Sequence[jax.Device], first: int, stretch: T) -> tuple[int, T]:
-    """Return the part of a stretch that this process computed, and the number of its first trial."""
+def own_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[int, T]:
+    """Return the part of a segment that this process computed, and the number of its first trial."""
     if not several():
-        return first, stretch
-    each = len(jax.tree.leaves(stretch)[0]) // len(devices)
+        return first, segment
+    each = len(jax.tree.leaves(segment)[0]) // len(devices)
     own = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
     begin, end = each * own[0], each * (own[-1] + 1)
-    return first + begin, jax.tree.map(lambda leaf: leaf[begin:end], stretch)
+    return first + begin, jax.tree.map(lambda leaf: leaf[begin:end], segment)
 
 
 @contextlib.contextmanager

@@ -20,10 +20,10 @@ from uq.sources.source import Source
 from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trials
 from uq.trials.samplewise import SampledSetup, needs_samples, prepare_samples, sampled_trial
 from uq.trials.trial import TrialEstimates, prepare, trials
-from uq.trials.trial_loop import STRETCH, Progress, all_trials
+from uq.trials.trial_loop import SEGMENT, Progress, all_trials
 
 AnySetup = Setup | SampledSetup | CollapsedSetup
-COLLAPSED_BATCH, COLLAPSED_STRETCH = 1000, 5000
+COLLAPSED_BATCH, COLLAPSED_SEGMENT = 1000, 5000
 """Trials that a device computes at a time, and between two reports of progress, when they hold no samples."""
 
 
@@ -69,9 +69,9 @@ def any_trials(
     return jax.vmap(by_number)(indices) if at_once else jax.lax.map(by_number, indices)
 
 
-def stretch_for(setup: AnySetup) -> int:
+def segment_for(setup: AnySetup) -> int:
     """Return about how many trials a device does between two reports of progress."""
-    return COLLAPSED_STRETCH if isinstance(setup, CollapsedSetup) else STRETCH
+    return COLLAPSED_SEGMENT if isinstance(setup, CollapsedSetup) else SEGMENT
 
 
 def default_batch(device: jax.Device, sampling: Sampling = "conditioned") -> int:
@@ -91,5 +91,5 @@ def run_trials(
 ) -> TrialEstimates:
     """Run trials 0 … ``trials`` - 1 spread over devices; return NumPy arrays with the trials on the leading axis."""
     return all_trials(
-        any_trials, setup, trials, seed, devices=devices, batch=batch, stretch=stretch_for(setup), progress=progress
+        any_trials, setup, trials, seed, devices=devices, batch=batch, segment=segment_for(setup), progress=progress
     )

@@ -25,7 +25,7 @@ from uq.trials.distributed import guarded, own_share, several
 Tree = TypeVar("Tree")
 Progress = Callable[[int, int], None]
 """Called with the trials done and the trials asked for."""
-STRETCH = 100
+SEGMENT = 100
 """About how many trials a device does between two reports of progress, where each holds samples."""
 
 
@@ -48,7 +48,7 @@ class TrialLoop:
         *,
         devices: Sequence[jax.Device] | None = None,
         batch: int = 1,
-        stretch: int = STRETCH,
+        segment: int = SEGMENT,
         done: Sequence[Any] = (),
         keep: Callable[[int, Any], None] | None = None,
     ) -> None:
@@ -60,12 +60,12 @@ class TrialLoop:
             seed: seed of every draw.
             devices: devices to spread the trials over; None for all.
             batch: trials that one device computes at a time.
-            stretch: about how many it computes between two reports of progress.
-            done: results of the first trials, stretch by stretch.
-            keep: called with the number of each further stretch's first trial and its results: those that this process
+            segment: about how many it computes between two reports of progress.
+            done: results of the first trials, segment by segment.
+            keep: called with the number of each further segment's first trial and its results: those that this process
                 computed.
         """
-        self.run, self.batch, self.stretch, self.keep = run, batch, stretch, keep
+        self.run, self.batch, self.segment, self.keep = run, batch, segment, keep
         self.devices = list(devices or jax.devices())
         self.mesh = Mesh(np.array(self.devices), ("trials",), axis_types=(AxisType.Auto,))
         self.problem, self.key = problem, jax.random.key(seed)
@@ -77,31 +77,31 @@ class TrialLoop:
         self.count = sum(map(trials_in, self.parts))
 
     def reach(self, trials: int, progress: Progress | None = None, *, asked: int | None = None) -> None:
-        """Run whole stretches until there are at least so many trials of those that are ``asked`` for in the end."""
+        """Run whole segments until there are at least so many trials of those that are ``asked`` for in the end."""
         asked = trials if asked is None else asked
-        stretch = self._stretch(asked)
+        segment = self._segment(asked)
         while self.count < trials:
-            begun = self._begin(stretch) if self.pending is None else self.pending
+            begun = self._begin(segment) if self.pending is None else self.pending
             with guarded():
                 part = jax.tree.map(np.asarray, begun)
             self.pending = None
             if self.keep:
                 self.keep(*own_share(self.devices, self.count, part))
             self.parts.append(part)
-            self.count += stretch
+            self.count += segment
             if progress:
                 progress(min(self.count, asked), asked)
 
     def begin(self, asked: int) -> None:
-        """Set the devices to work on the next stretch, that :meth:`reach` waits for, while others are prepared."""
+        """Set the devices to work on the next segment, that :meth:`reach` waits for, while others are prepared."""
         if self.count < asked and not several():
-            self.pending = self._begin(self._stretch(asked))
+            self.pending = self._begin(self._segment(asked))
 
-    def _stretch(self, asked: int) -> int:
-        return stretch_of(self.devices, self.batch, asked, self.stretch)
+    def _segment(self, asked: int) -> int:
+        return segment_of(self.devices, self.batch, asked, self.segment)
 
-    def _begin(self, stretch: int) -> Any:
-        numbers = np.arange(self.count, self.count + stretch)
+    def _begin(self, segment: int) -> Any:
+        numbers = np.arange(self.count, self.count + segment)
         split = jnp.asarray(numbers)
         if several():
             placed = NamedSharding(self.mesh, PartitionSpec("trials"))
@@ -143,7 +143,7 @@ def trials_in(results: Any) -> int:
     return len(jax.tree.leaves(results)[0])
 
 
-def stretch_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = STRETCH) -> int:
+def segment_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = SEGMENT) -> int:
     """Return how many trials are done between two reports of progress: whole batches, about ``least`` a device."""
     whole = batch * max(1, least // batch)
     return min(whole, -(-asked // len(devices))) * len(devices)

@@ -223,7 +223,7 @@ def scene(short, folder):
     return recorded, write(folder / "scene.mcap", signals)
 
 
-def test_without_options_the_right_stretch_is_found(short, scene):
+def test_without_options_the_right_segment_is_found(short, scene):
     recorded, path = scene
     found = identify_files([path], declare(short))
     cut = identify_files([path], declare(short), windows=[TimeWindow(recorded.start, recorded.stop)])

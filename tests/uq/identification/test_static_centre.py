@@ -359,7 +359,7 @@ def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, ac
     return path
 
 
-def test_each_still_stretch_of_a_run_is_a_pose(tmp_path, generator):
+def test_each_still_segment_of_a_run_is_a_pose(tmp_path, generator):
     """Means over 600 samples: 0.008 N, 0.0002 N·m and 0.0008 m/s² a pose; ten times these in mass, CG and offsets."""
     path = recorded(tmp_path / "run.mcap", generator)
     found = centre_file(path, Experiment.from_dict({"platform": {"gravity": "9.81 m/s^2"}, "poses": {}}))
@@ -367,7 +367,7 @@ def test_each_still_stretch_of_a_run_is_a_pose(tmp_path, generator):
     assert (np.abs(found.values - TRUTH) < 5 * found.standard_uncertainty + 1e-6).all()
     np.testing.assert_allclose(found.mass, MASS, rtol=2e-3)
     np.testing.assert_allclose(found.r_cg, R_CG, atol=2e-4)
-    assert "8 still stretches are its poses" in " ".join(found.assumptions)
+    assert "8 still segments are its poses" in " ".join(found.assumptions)
     assert "the accelerometer's offset is (0.3" in " ".join(found.assumptions)
 
 

@@ -15,7 +15,7 @@ def run(short):
 
 
 def test_the_level_of_white_noise_is_found_beside_a_motion_and_a_line(generator):
-    """A median over some 1,000 frequencies of eight stretches: 3 % is more than three standard errors."""
+    """A median over some 1,000 frequencies of eight segments: 3 % is more than three standard errors."""
     t = np.arange(16_000) / 400
     noise = generator.normal(0, [0.1, 1.0, 3.0], (len(t), 3))
     tones = np.sin(2 * np.pi * np.multiply.outer(t, [1.5, 1.5, 40.0])) * [30, 30, 3]

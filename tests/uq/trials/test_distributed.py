@@ -134,7 +134,7 @@ def estimates(first, count):
 
 
 def test_what_a_lost_process_left_unwritten_is_run_again(tmp_path):
-    """Two processes, of which the second wrote one stretch less: the first's last part is forgotten."""
+    """Two processes, of which the second wrote one segment less: the first's last part is forgotten."""
     both = [Checkpoint(tmp_path, every=0.0, processes=2, process=k) for k in range(2)]
     for member in both:
         member.open({"seed": 0})
