@@ -11,10 +11,7 @@ import pytest
 from benchmarks import house
 
 ROOT = Path(__file__).parent.parent
-LARGE = {  # to be divided; nothing may be added here
-    "uq/campaign/campaign.py",
-    "uq/identification/systematic.py",
-}
+LARGE = {"uq/identification/systematic.py"}  # to be divided; nothing may be added here
 
 
 def test_no_module_is_long():
