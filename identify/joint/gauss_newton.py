@@ -14,7 +14,6 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Bool, Float
 
-from identify.joint.joint_jacobian import linearised
 from identify.joint.joint_model import Model, kinematics, residuals, unknowns
 from identify.joint.priors import Prior
 
@@ -56,21 +55,12 @@ def solve(
         tolerance: of the solution, in standard uncertainties known beforehand.
     """
 
-    @jax.custom_jvp
-    def whitened(z):
-        x = unknowns(prior.theta(z))
-        return (whitener @ residuals(model, x, kinematics(model, x))).T.ravel()
-
-    @whitened.defjvp
-    def _in_closed_form(primals, tangents):
-        value, rows = _whitened(model, prior, whitener, *primals)
-        return value, rows @ tangents[0]
+    def weighed(z: Array, _: None) -> Any:
+        return _whitened(model, prior, whitener, z), prior.counted * z
 
     solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
-    solution: Any = optimistix.least_squares(
-        lambda z, _: (whitened(z), prior.counted * z), solver, start, max_steps=MOST_STEPS, throw=False
-    )
-    value, rows = _whitened(model, prior, whitener, solution.value)
+    solution: Any = optimistix.least_squares(weighed, solver, start, max_steps=MOST_STEPS, throw=False)
+    value, rows = _linearised(model, prior, whitener, solution.value)
     left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
     steps = jnp.asarray(solution.stats["num_steps"]).astype(start.dtype)
     return Fit(
@@ -78,18 +68,32 @@ def solve(
     )
 
 
-def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:
-    """Residuals in units of their noise, instant by instant, and their derivatives by z."""
-    left, jacobian = linearised(model, prior.theta(z))
-    rows = (whitener @ jacobian).reshape(-1, jacobian.shape[2]) @ prior.root
-    return (whitener @ left).T.ravel(), rows
+def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> Array:
+    """Residuals in units of their noise, instant by instant."""
+    x = unknowns(prior.theta(z))
+    return (whitener @ residuals(model, x, kinematics(model, x))).T.ravel()
+
+
+def _linearised(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:
+    """Residuals in units of their noise, and their derivatives by z.
+
+    By autodiff: in closed form the derivatives took half the time once compiled, and 0.8 of the processor time of a
+    whole identification of 72,000 samples, compilation included.
+    """
+
+    def twice(z: Array) -> tuple[Array, Array]:
+        value = _whitened(model, prior, whitener, z)
+        return value, value
+
+    rows, value = jax.jacfwd(twice, has_aux=True)(z)
+    return value, rows
 
 
 def information(
     model: Model, prior: Prior, whitener: Float[Array, "rows rows"], z: Float[Array, " free"]
 ) -> Float[Array, "free free"]:
     """Return the information of the samples on z."""
-    rows = _whitened(model, prior, whitener, z)[1]
+    rows = _linearised(model, prior, whitener, z)[1]
     return rows.T @ rows
 
 

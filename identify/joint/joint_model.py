@@ -87,7 +87,7 @@ def unknowns(theta: Float[Array, " count"]) -> Unknowns:
 
 
 class Kinematics(NamedTuple):
-    """The body's motion at the rows' instants, in B, and what it takes to differentiate it."""
+    """The body's motion at the rows' instants, in B."""
 
     omega: Float[Array, "3 n"]
     """Angular velocity [rad/s]."""
@@ -95,34 +95,21 @@ class Kinematics(NamedTuple):
     """Angular acceleration [rad/s²]."""
     specific_force: Float[Array, "3 n"] | None
     """At the centre of gravity [m/s²]; None: not known."""
-    own: Float[Array, "9 n"]
-    """Angular velocity, its derivative and specific force, where known, in the IMU's axes."""
-    rates: Float[Array, "9 n"]
-    """Their derivatives by time."""
-    attitude: Float[Array, "nodes 3 3"] | None
-    """From the IMU's axes at each node to those at the first, where it is integrated."""
 
 
 def kinematics(model: Model, x: Unknowns) -> Kinematics:
     """Return the motion that the IMU tells, ``delay`` later and turned into B."""
     rows, turn = model.rows, exponential(x.rotation)
     t = rows.t + x.delay[0]
-    value, slope, second = evaluate(rows.motion, rows.step, t)
-    spin = value[:3] - slow_terms(rows, rows.t, x)
-    attitude = None
+    value, slope, _ = evaluate(rows.motion, rows.step, t)
+    omega, alpha = turn @ (value[:3] - slow_terms(rows, rows.t, x)), turn @ slope[:3]
+    if model.specific_force == "none":
+        return Kinematics(omega, alpha, None)
     if model.specific_force == "still":
-        attitude = attitude_at_nodes(rows, x)
-        up = _vertical(model, x, attitude, t)
-        force, force_rate = model.gravity * up, model.gravity * jnp.cross(up, spin, axis=0)
-    elif model.specific_force == "accelerometer":
-        force, force_rate = value[3:] - x.accelerometer_bias[:, None], slope[3:]
-    else:
-        force = force_rate = jnp.zeros_like(spin)
-    signals, rates = jnp.concatenate([spin, slope[:3], force]), jnp.concatenate([slope[:3], second[:3], force_rate])
-    omega, alpha, at_imu = turn @ signals[:3], turn @ signals[3:6], turn @ signals[6:]
-    if model.specific_force == "accelerometer":
-        at_imu = at_imu + _carried(omega, alpha, x.r_cg - model.imu_position)
-    return Kinematics(omega, alpha, None if model.specific_force == "none" else at_imu, signals, rates, attitude)
+        up = _vertical(model, x, t)
+        return Kinematics(omega, alpha, model.gravity * (turn @ up))
+    at_imu = turn @ (value[3:] - x.accelerometer_bias[:, None])
+    return Kinematics(omega, alpha, at_imu + _carried(omega, alpha, x.r_cg - model.imu_position))
 
 
 def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "rows n"]:
@@ -168,26 +155,14 @@ def slow_terms(rows: InBand, t: Float[Array, " n"], x: Unknowns) -> Float[Array,
     return jnp.concatenate([x.gyro_bias[None], x.wander.reshape(WANDER, 3)]).T @ slow_basis(rows, t)
 
 
-def _vertical(model: Model, x: Unknowns, attitude: Float[Array, "nodes 3 3"], t: Float[Array, " n"]) -> Array:
-    """Direction opposite to gravity in the IMU's axes at some instants, (3, n)."""
-    start = vertical_at_start(model, x.tilt)
-    return seen_later(model.rows, x, attitude, t, jnp.broadcast_to(start, (len(t), 3))).T
-
-
-def vertical_at_start(model: Model, tilt: Float[Array, "2"]) -> Float[Array, "3"]:
-    """Return the direction opposite to gravity in the IMU's axes at the first node."""
-    return exponential(_tilt_axes(model.up) @ tilt) @ model.up
-
-
-def seen_later(
-    rows: InBand, x: Unknowns, attitude: Float[Array, "nodes 3 3"], t: Float[Array, " n"], vectors: Float[Array, "n 3"]
-) -> Float[Array, "n 3"]:
-    """Return vectors, in the IMU's axes at the first node, as the IMU sees them at some instants."""
+def _vertical(model: Model, x: Unknowns, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
+    """Direction opposite to gravity in the IMU's axes at some instants."""
+    rows = model.rows
+    start = exponential(_tilt_axes(model.up) @ x.tilt) @ model.up
     cell = cell_of(rows.motion, rows.step, t)
-    at_node = jnp.einsum("nij,ni->nj", attitude[cell], vectors)
-    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector)(
-        _turn(rows, x, cell, t - rows.step * cell.astype(t.dtype)), at_node
-    )
+    at_node = jnp.einsum("nij,i->nj", attitude_at_nodes(rows, x)[cell], start)
+    turns = _turn(rows, x, cell, t - rows.step * cell.astype(t.dtype))
+    return jax.vmap(lambda turn, vector: exponential(-turn) @ vector, out_axes=1)(turns, at_node)
 
 
 def _tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,8 +11,7 @@ import pytest
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
 from identify.joint.cramer_rao_bound import bound
-from identify.joint.joint_jacobian import linearised
-from identify.joint.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
+from identify.joint.joint_model import SLICES
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, pool
 from identify.joint.priors import indices
 from identify.rigid_body.regressor import omega_r
@@ -102,34 +100,6 @@ def test_a_delay_beyond_what_is_declared_is_refused(brief):
     run = simulate(dataclasses.replace(brief, sources=(late,)), "T1").run
     with pytest.raises(RunError, match=r"beyond what is declared of it|does not converge"):
         estimate(brief, run)
-
-
-@pytest.mark.parametrize("kind", ["still", "accelerometer", "none"])
-def test_the_closed_form_derivatives_are_finite_differences(brief, silent_run, generator, kind):
-    """Central differences at a point away from zero; the slow terms' sums are exact to 1e-3."""
-    specific_force = generator.standard_normal(silent_run.force.shape) * 0.1 + [0, 0, 9.8]
-    run = dataclasses.replace(silent_run, specific_force=specific_force)
-    rows = in_band(run, BAND, reach=0.05, accelerometer=kind == "accelerometer")
-    model = Model(rows, jnp.array([0.0, 0.0, 1.0]), jnp.asarray(9.81), jnp.array([0.1, 0.02, -0.03]), kind)
-    theta = 1e-3 * generator.standard_normal(COUNT)
-    theta[SLICES["inertia"]] += brief.inertia
-    theta[SLICES["mass"]], theta[SLICES["delay"]] = 19.0, 6.1e-3
-
-    @eqx.filter_jit
-    def value(theta):
-        x = unknowns(theta)
-        return residuals(model, x, kinematics(model, x))
-
-    _, jacobian = eqx.filter_jit(linearised)(model, jnp.asarray(theta))
-    for name, part in SLICES.items():
-        tolerance = 2e-3 if name in ("gyro_bias", "wander") and kind == "still" else 1e-5
-        for k in range(part.start, part.stop):
-            step = 1e-6 * np.eye(COUNT)[k]
-            differences = (value(jnp.asarray(theta + step)) - value(jnp.asarray(theta - step))) / 2e-6
-            column = np.asarray(jacobian[:, :, k]).T
-            np.testing.assert_allclose(
-                column, differences, atol=tolerance * max(np.abs(column).max(), 1e-9), err_msg=name
-            )
 
 
 def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
