@@ -1,5 +1,7 @@
 """Roots and solutions of six equations in plain arithmetic: thousands of trials go through vector units at once.
 
+Why it stands beside :func:`identify.estimators.gram.solve_normal`: see :mod:`uq.gram_sums.sum_equations`.
+
 A symmetric matrix is the entries of its lower triangle, each an array over trials (or one figure that all share).
 """
 
