@@ -11,7 +11,7 @@ Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transfor
 - ``motion``: window, trajectory, multisine, attitude, stewart_platform, leg_limits, periodic_motion, stages;
 - ``signals``: differentiate (derivative), filters (apply), band_limited_run (evaluate);
 - ``estimators``: gram, least_squares;
-- ``joint``: joint_model, joint_jacobian, gauss_newton.
+- ``joint``: joint_model, gauss_newton.
 
 All others take and return NumPy arrays on the host, some around a kernel of these: runs, segments, spectra, pooling,
 diagnostics, results and static poses.

@@ -6,8 +6,8 @@ Q, sorted. What :mod:`identify.estimators.gram` does to one trial's matrices, th
 trials.
 
 It is there for speed alone: with the matrices of :mod:`identify.estimators.gram` under ``vmap``, 10,000 collapsed
-trials of the preset's T1 took 0.86 s of processor time instead of 0.074 s, 12 times as much (in batches of 100, the best
-size), with the same estimates to 2e-15 kg·m². Compiling takes 24 s instead of 7 s, once: what is compiled is kept.
+trials of the preset's T1 took 0.86 s of processor time instead of 0.074 s, 12 times as much (in batches of 100, the
+best size), with the same estimates to 2e-15 kg·m². Compiling takes 24 s instead of 7 s, once: what is compiled is kept.
 """
 
 from collections import Counter
