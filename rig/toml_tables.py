@@ -29,7 +29,7 @@ class WrongKeyError(ValueError):
 
     Args:
         key: the key; "" for the table.
-        advice: what to do about it; of the table, all that there is to say.
+        advice: what to do about it; of the table, all that there is to say; "" where the problem says it.
         problem: what is wrong, to follow the key's path, such as "is singular"; else it is missing, or its value is.
     """
 
@@ -44,7 +44,8 @@ class WrongKeyError(ValueError):
             return f"{where} {self.advice}".lstrip()
         if self.problem is None and self.key not in raw:
             return f"missing key {path}: {self.advice}"
-        return f"{path} {self.problem or f'is {raw[self.key]!r}'}: {self.advice}"
+        problem = self.problem or f"is {raw[self.key]!r}"
+        return f"{path} {problem}: {self.advice}" if self.advice else f"{path} {problem}"
 
 
 class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

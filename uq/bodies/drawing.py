@@ -51,7 +51,7 @@ class MaterialTable(TomlTable, frozen=True, kw_only=True):
     density: Density
 
 
-class PartTable(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
+class PartKeys(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
     """``[[part]]``: a simple solid."""
 
     name: str = ""
@@ -80,7 +80,7 @@ class PartTable(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
         return np.eye(3) if self.rotation is None else self.rotation
 
 
-class RoundTable(PartTable, frozen=True, kw_only=True):
+class RoundPart(PartKeys, frozen=True, kw_only=True):
     """A round solid, or a hollow one."""
 
     diameter: Length
@@ -101,7 +101,7 @@ class RoundTable(PartTable, frozen=True, kw_only=True):
         return outer, quantities.keep(f"{where}.inner_diameter", self.inner_diameter)
 
 
-class CylinderTable(RoundTable, frozen=True, kw_only=True, tag="cylinder"):
+class CylinderPart(RoundPart, frozen=True, kw_only=True, tag="cylinder"):
     """A cylinder along its own z, or a tube."""
 
     length: Length
@@ -126,7 +126,7 @@ class CylinderTable(RoundTable, frozen=True, kw_only=True, tag="cylinder"):
         return lambda values: cylinder(values[outer], values[length], values[inner] if inner else 0.0)
 
 
-class CuboidTable(PartTable, frozen=True, kw_only=True, tag="cuboid"):
+class CuboidPart(PartKeys, frozen=True, kw_only=True, tag="cuboid"):
     """A cuboid along its own axes."""
 
     size: Annotated[Vector, uncertain_vector("m", above=0)]
@@ -138,7 +138,7 @@ class CuboidTable(PartTable, frozen=True, kw_only=True, tag="cuboid"):
         return lambda values: cuboid(size(values))
 
 
-class SphereTable(RoundTable, frozen=True, kw_only=True, tag="sphere"):
+class SpherePart(RoundPart, frozen=True, kw_only=True, tag="sphere"):
     """A sphere, or a hollow one."""
 
     def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
@@ -147,7 +147,7 @@ class SphereTable(RoundTable, frozen=True, kw_only=True, tag="sphere"):
         return lambda values: sphere(values[outer], values[inner] if inner else 0.0)
 
 
-Shape = CylinderTable | CuboidTable | SphereTable
+Shape = CylinderPart | CuboidPart | SpherePart
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,13 @@ from identify.rigid_body.rotation import exponential
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.bodies.drawing import (
     ORIGIN,
-    CuboidTable,
-    CylinderTable,
+    CuboidPart,
+    CylinderPart,
     Mass,
     MaterialTable,
     Model,
     Quantities,
-    SphereTable,
+    SpherePart,
     Values,
     Vector,
     drawing,
@@ -138,7 +138,7 @@ class BodyFile(TomlTable, frozen=True, kw_only=True):
     """Of a drawing's body, for the parts that state none."""
     material: Mapping[str, MaterialTable] = {}
     """Materials by their names."""
-    part: tuple[CylinderTable | CuboidTable | SphereTable, ...] | None = None
+    part: tuple[CylinderPart | CuboidPart | SpherePart, ...] | None = None
     """The parts of a drawing."""
     cad: CadTable | None = None
     frame: FrameTable = FrameTable()

@@ -24,11 +24,19 @@ def run(arguments: argparse.Namespace) -> int:
 def file_schema(file: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file: one of ``FILES``."""
     from rig.record.rig_file import RigFile
+    from rig.toml_tables import TomlTable
     from uq.bodies.reference import BodyFile
     from uq.experiment.experiment_file import ExperimentFile
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
     from uq.recorded.import_table import Map
+    from uq.sources.source import KINDS
+    from uq.sources.source_keys import source_table
 
-    tables = {"experiment": (ExperimentFile, Ring), "rig": (RigFile,), "map": (Map,), "body": (BodyFile,)}
-    return json_schema(*tables[file])
+    if file != "experiment":
+        tables: dict[str, type[TomlTable]] = {"rig": RigFile, "map": Map, "body": BodyFile}
+        return json_schema(tables[file])
+    sources = [source_table(target, kind) for target, kind in sorted(KINDS)]
+    schema = json_schema(ExperimentFile, Ring, *sources)
+    schema["properties"]["source"]["items"] = {"anyOf": [{"$ref": f"#/$defs/{each.__name__}"} for each in sources]}
+    return schema

@@ -29,11 +29,11 @@ from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
-from uq.files.document import ExperimentError, Table, in_file, read_document
+from uq.files.document import ExperimentError, in_file, read_document
 from uq.files.schema import declared_table
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.sources.source_table import parse_sources
+from uq.sources.source_table import sources_of
 
 PRESETS = ("barreto2016",)
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
@@ -122,7 +122,7 @@ class Experiment:
         report = _plain(document.get("report", {}))
         refuse_claims(report)
         file, folder = declared_table("", document, ExperimentFile), Path(folder)
-        sources, mixing = parse_sources(Table("", document), folder)
+        sources, mixing = sources_of(file.source, file.correlation, folder)
         body, platform, recording = file.body or BodyTable(), file.platform, file.recording
         if recording.urdf is not None:
             recording = msgspec.structs.replace(recording, urdf=str(folder / recording.urdf))

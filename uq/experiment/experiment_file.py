@@ -1,12 +1,12 @@
 """The tables of an experiment file together, and the small ones among them: ``[body]``, ``[[estimator]]``."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from identify.signals.estimator_spec import EstimatorSpec
-from rig.toml_tables import TomlTable, WrongKeyError
+from rig.toml_tables import TomlTable, WrongKeyError, written
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import Recording
@@ -14,6 +14,8 @@ from uq.experiment.report_table import ReportTable
 from uq.experiment.stated_values import DatumTable, FixtureTable, InertiaTable, ScaleTable
 from uq.experiment.trajectory_table import HarmonicTable, MultisineTable, SphereTable
 from uq.files.schema import in_unit, vector
+from uq.sources.correlations import LinkTable
+from uq.sources.source_table import WrittenSource, read_source
 
 
 class BodyTable(TomlTable, frozen=True, kw_only=True):
@@ -64,9 +66,9 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     trajectory: Mapping[str, SphereTable | HarmonicTable | MultisineTable] = {}
     """Trajectories by their names."""
     estimator: tuple[EstimatorTable, ...] = ()
-    source: Any = ()
+    source: tuple[Annotated[WrittenSource, written(read_source, {})], ...] = ()
     """Sources of error."""
-    correlation: Any = ()
+    correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""
     recording: Recording = Recording()
     poses: Poses | None = None

@@ -4,9 +4,9 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 
@@ -22,8 +22,8 @@ def json_schema(table: type[TomlTable], *parts: type[TomlTable]) -> dict[str, An
         table: the file's declaration.
         parts: tables that are written where an annotation's own schema refers to them.
     """
-    _, definitions = msgspec.json.schema_components((table, *parts), schema_hook=lambda _: {})
-    classes = {each.__name__: each for each in _with_bases(TomlTable)}
+    _, definitions = msgspec.json.schema_components((table, *parts), schema_hook=lambda _: {"type": "object"})
+    classes = {each.__name__: each for root in (table, *parts) for each in _tables_in(root)}
     definitions = {name: each for name, each in definitions.items() if name in classes}  # others stand in no file
     for name, definition in definitions.items():
         definition["description"] = definition.get("description", "").replace("``", "")
@@ -34,15 +34,25 @@ def json_schema(table: type[TomlTable], *parts: type[TomlTable]) -> dict[str, An
     return {"$schema": DIALECT, **_plain(definition), "$defs": _plain(definitions)}
 
 
-def _with_bases(table: type[TomlTable]) -> list[type[TomlTable]]:
-    return [table, *(below for each in table.__subclasses__() for below in _with_bases(each))]
+def _tables_in(hint: Any) -> Iterator[type[TomlTable]]:
+    """The tables that a type is made of."""
+    if isinstance(hint, type) and issubclass(hint, TomlTable):
+        yield hint
+        parts: Iterable[Any] = get_type_hints(hint, include_extras=True).values()
+    else:
+        parts = get_args(hint)
+    for part in parts:
+        yield from _tables_in(part)
 
 
 def _meanings(table: type) -> dict[str, str]:
     """The docstrings below the fields of a class, by the fields' names."""
     if not issubclass(table, TomlTable) or table is TomlTable:
         return {}
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
+    try:
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
+    except OSError:  # made by a function, which describes its fields by their annotations
+        return {}
     body = tree.body if isinstance(tree, ast.ClassDef) else []
     return {
         field.target.id: re.sub(r"\s+", " ", doc.value.value).replace("``", "")
@@ -55,6 +65,7 @@ def _meanings(table: type) -> dict[str, str]:
 def _described(value: dict[str, Any], meaning: str) -> dict[str, Any]:
     """A key's schema with its meaning, how its unit is written, and a default that stands in a file as it does here."""
     default = value.pop("default", None)
+    meaning = meaning or next((item["description"] for item in value.get("anyOf", ()) if "description" in item), "")
     if isinstance(default, (str, bool, int)) and "written" not in value:
         value["default"] = default
     example = re.search(r"'examples': \['([^']+)'\]", str(value))

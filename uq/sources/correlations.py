@@ -1,11 +1,12 @@
 """``[[correlation]]`` of an experiment file, and which sources hang together by it."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import TomlTable, written
+from uq.files.document import ExperimentError
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
@@ -31,32 +32,46 @@ class Link(NamedTuple):
     coefficients: np.ndarray
 
 
-def parse_link(table: Table, sources: Mapping[str, Source]) -> Link:
-    """Read one ``[[correlation]]``: ``sources`` and ``coefficient``, a number for like axes or a matrix.
+def _two_names(_: str, raw: Any) -> tuple[str, str]:
+    if not isinstance(raw, list) or len(raw) != 2 or not all(isinstance(name, str) for name in raw):
+        raise ValueError(f"is {raw!r}: name two of [[source]]")
+    return raw[0], raw[1]
+
+
+TWO_NAMES = {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
+
+
+class LinkTable(TomlTable, frozen=True, kw_only=True):
+    """``[[correlation]]``: between the numbers that two sources draw."""
+
+    sources: Annotated[tuple[str, str], written(_two_names, TWO_NAMES)]
+    """Names of two sources."""
+    coefficient: float | tuple[tuple[float, ...], ...]
+    """A number for like axes, or a matrix with a row for each axis of the first."""
+
+
+def link_of(where: str, table: LinkTable, sources: Mapping[str, Source]) -> Link:
+    """Return what a ``[[correlation]]`` links.
 
     Raises:
-        ExperimentError: a mistake in its keys, or sources that cannot be correlated.
+        ExperimentError: sources that cannot be correlated, or a matrix of another shape.
     """
-    names = table.raw("sources")
-    if not isinstance(names, list) or len(names) != 2 or not all(isinstance(name, str) for name in names):
-        raise ExperimentError(f"{table.path('sources')} is {names!r}: name two of [[source]]")
+    names, written_names = table.sources, list(table.sources)
     if not set(names) <= sources.keys() or names[0] == names[1]:
-        raise ExperimentError(f"{table.path('sources')} is {names!r}: name two different ones of [[source]]")
+        raise ExperimentError(f"{where}.sources is {written_names!r}: name two different ones of [[source]]")
     one, two = (sources[name] for name in names)
     for source in (one, two):
-        check_correlated(table.path("sources"), source)
+        check_correlated(f"{where}.sources", source)
     if one.constant != two.constant:
-        raise ExperimentError(f"{table.path('sources')}: one is drawn at each sample, the other once; leave it out")
+        raise ExperimentError(f"{where}.sources: one is drawn at each sample, the other once; leave it out")
     sizes = np.size(one.sigma), np.size(two.sigma)
-    raw = table.raw("coefficient")
-    if isinstance(raw, list):
-        coefficients = table.numbers("coefficient", sizes)
-    elif sizes[0] == sizes[1]:
-        coefficients = table.numbers("coefficient", ()) * np.eye(sizes[0])
-    else:
-        raise ExperimentError(f"{table.path('coefficient')} is {raw!r}: write {sizes[0]} rows of {sizes[1]} numbers")
-    table.finish()
-    return Link((one.name, two.name), coefficients)
+    if isinstance(table.coefficient, float) and sizes[0] == sizes[1]:
+        return Link(names, table.coefficient * np.eye(sizes[0]))
+    rows = table.coefficient if isinstance(table.coefficient, tuple) else ()
+    if [len(row) for row in rows] != [sizes[1]] * sizes[0]:
+        finite = "finite " if rows else ""
+        raise ExperimentError(f"{where}.coefficient: write {sizes[0]} rows of {sizes[1]} {finite}numbers")
+    return Link(names, np.array(rows))
 
 
 def check_correlated(where: str, source: Source) -> None:

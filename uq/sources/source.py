@@ -6,21 +6,20 @@ keys in ``[[source]]``, its effect on a sample or on the sums, its part in the l
 scale factor, a delay …), *noise* (fresh at each sample), or nothing of it is drawn (saturation, quantisation).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import equinox as eqx
+import msgspec
 import numpy as np
 from jaxtyping import Array, Float, Key
 
-from uq.files.document import Table
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.random_normals import Index
-from uq.sources.source_figures import Figures
-from uq.sources.source_width import Width, width_of
+from uq.sources.source_figures import figures
 
 SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
 """The measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
@@ -151,32 +150,35 @@ class ErrorKind:
         """Refuse: a kind has no state."""
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
-    def figures(self, table: Table, target: str) -> Figures:
-        """Return what reads the figures of a ``[[source]]`` in SI."""
-        return Figures(table, self.shape, self.targets[target])
-
-    def width(self, table: Table, target: str, folder: Path) -> Width:
-        """Return how the draw is distributed, from the keys of a ``[[source]]``; nothing where nothing is drawn.
-
-        Args:
-            table: the ``[[source]]``.
-            target: what errs.
-            folder: where files of samples are.
-
-        Raises:
-            ExperimentError: a mistake in the keys.
-        """
-        if not (self.constant or self.white):
-            return Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
-        return width_of(table, self.figures(table, target), folder, centred=self.noise)
-
-    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
-        """Return the figures that are not drawn, in SI, from the keys of a ``[[source]]``.
-
-        Raises:
-            ExperimentError: a mistake in the keys.
-        """
+    def keys(self, target: str) -> dict[str, Any]:
+        """Return the kind's own keys in ``[[source]]`` that are not drawn: their types, in SI (see docs/schema.md)."""
         return {}
+
+    def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Return the figures that are not drawn, in SI, from the values of :meth:`keys`; None: not stated.
+
+        Raises:
+            WrongKeyError: values that do not fit.
+        """
+        return dict(keys)
+
+    def figures(self, target: str, *, least: float | int = -math.inf) -> msgspec.Meta:
+        """Return the annotation of figures of the draw's size, in SI."""
+        return figures(self.targets[target], self.shape, least=least)
+
+    def full_scale(self, target: str) -> msgspec.Meta:
+        """Return the annotation of the full scale, of which a datasheet's per cent are."""
+        return figures(self.targets[target], self.shape, above=0)
+
+    def wholes(self, target: str, full_scale: np.ndarray | None) -> list[float | None]:
+        """Return each axis's full scale in the target's unit, of which a datasheet's per cent are; None: not stated."""
+        if self.targets[target] == "%":
+            return [100.0] * math.prod(self.shape)
+        return [None] * math.prod(self.shape) if full_scale is None else np.atleast_1d(full_scale).tolist()
+
+    def placed(self, figure: np.ndarray, full_scale: np.ndarray | None) -> np.ndarray:
+        """Return figures in SI, one an axis, in the shape of the draw."""
+        return np.asarray(figure.reshape(self.shape))
 
     def resized(self, source: Source, factor: float) -> Source:
         """Return a source whose error is ``factor`` times as large; its expectation stays."""

@@ -1,57 +1,98 @@
 """``[[source]]`` of an experiment file -> sources, and with ``[[correlation]]`` what is correlated."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
-from uq.files.document import ExperimentError, Table
-from uq.sources.correlations import Entry, check_correlated, check_correlation, mixing_of, parse_link
+import numpy as np
+
+from rig.toml_tables import TomlError, WrongKeyError, read_table, read_value
+from uq.files.document import ExperimentError
+from uq.sources.correlations import Entry, LinkTable, check_correlated, check_correlation, link_of, mixing_of
+from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing, stream_number
 from uq.sources.source import KINDS, ErrorKind, Source
+from uq.sources.source_keys import source_table
+from uq.sources.source_width import Width, width_of
 
 
-def parse_sources(top: Table, folder: Path) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
-    """Read ``[[source]]`` and ``[[correlation]]`` from an experiment file.
+class WrittenSource(NamedTuple):
+    """A ``[[source]]`` as it stands in a file, read by its kind's declaration."""
+
+    where: str
+    raw: Mapping[str, Any]
+    kind: ErrorKind
+    table: Any
+
+
+def read_source(path: str, raw: Any) -> WrittenSource:
+    """Read a ``[[source]]`` by the declaration of its kind on its target.
+
+    Raises:
+        TomlError: a mistake in its keys.
+    """
+    if not isinstance(raw, Mapping):
+        raise TomlError(f"{path} is {raw!r}: write a table")
+    target = _word(path, raw, "target", {target for target, _ in KINDS})
+    name = _word(path, raw, "kind", {name for _, name in KINDS})
+    kind = KINDS.get((target, name))
+    if kind is None:
+        allowed = sorted(other.name for other in set(KINDS.values()) if other.targets.get(target))
+        advice = f'{target} is one draw an experiment, write "bias"'
+        if allowed != ["bias"]:
+            advice = f"for {target} choose one of {', '.join(allowed)}"
+        raise TomlError(f"{path}.kind is '{name}': {advice}")
+    return WrittenSource(path, raw, kind, read_table(path, raw, source_table(target, name)))
+
+
+def _word(path: str, raw: Mapping[str, Any], key: str, words: set[str]) -> str:
+    if key not in raw:
+        raise TomlError(f"missing key {path}.{key}: add it")
+    return read_value(f"{path}.{key}", raw[key], Literal[tuple(sorted(words))])
+
+
+def sources_of(
+    written: Sequence[WrittenSource], correlations: Sequence[LinkTable], folder: Path
+) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
+    """Return the sources of an experiment file, and what is correlated.
 
     Args:
-        top: the file's content.
+        written: its ``[[source]]``.
+        correlations: its ``[[correlation]]``.
         folder: where files of samples are.
 
     Raises:
         ExperimentError: a mistake in either.
     """
-    entries = top.tables("source", lambda table: _entry(table, folder))
+    entries = [_entry(each, folder) for each in written]
     sources = {entry.source.name: entry.source for entry in entries}
     _check_names([entry.source for entry in entries])
-    links = top.tables("correlation", lambda table: parse_link(table, sources))
+    links = [link_of(f"correlation[{k}]", link, sources) for k, link in enumerate(correlations)]
     return tuple(sources.values()), mixing_of(entries, links)
 
 
-def _entry(table: Table, folder: Path) -> Entry:
-    name = table.typed("name", str)
-    target = table.choice("target", tuple(sorted({target for target, _ in KINDS})))
-    kind = _kind(table, target)
-    width = kind.width(table, target, folder)
-    group, reference = table.typed("group", str), table.typed("reference", str, "")
-    settings = kind.settings(table, target)
-    source = Source(name, target, kind.name, group, width.sigma, reference, width.mean, width.shape, settings)
-    axes = width.sigma.size
-    correlation = table.numbers("correlation", (axes, axes), None) if axes > 1 else None
-    table.finish()
-    if group == "total":
-        raise ExperimentError(f"{table.path('group')} is 'total', which means all sources: write another name")
+def _entry(written: WrittenSource, folder: Path) -> Entry:
+    try:
+        return _checked_entry(written, folder)
+    except WrongKeyError as error:
+        raise ExperimentError(error.line(written.where, written.raw)) from None
+
+
+def _checked_entry(written: WrittenSource, folder: Path) -> Entry:
+    table, kind, where = written.table, written.kind, written.where
+    width = Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
+    if kind.constant or kind.white:
+        width = width_of(table, kind, table.target, folder)
+    settings = kind.settings({key: getattr(table, key) for key in kind.keys(table.target)})
+    identity = (table.name, table.target, kind.name, table.group)
+    source = Source(*identity, width.sigma, table.reference, width.mean, width.shape, settings)
+    if table.group == "total":
+        raise WrongKeyError("group", "write another name", "is 'total', which means all sources")
+    correlation = getattr(table, "correlation", None)
     if correlation is not None:
-        check_correlated(table.path("correlation"), source)
-        check_correlation(table.path("correlation"), correlation)
+        check_correlated(f"{where}.correlation", source)
+        check_correlation(f"{where}.correlation", correlation)
     return Entry(source, correlation)
-
-
-def _kind(table: Table, target: str) -> ErrorKind:
-    name = table.choice("kind", tuple(sorted({name for _, name in KINDS})))
-    if kind := KINDS.get((target, name)):
-        return kind
-    allowed = sorted(other.name for other in set(KINDS.values()) if other.targets.get(target))
-    if allowed == ["bias"]:
-        raise ExperimentError(f"{table.path('kind')} is '{name}': {target} is one draw an experiment, write \"bias\"")
-    raise ExperimentError(f"{table.path('kind')} is '{name}': for {target} choose one of {', '.join(allowed)}")
 
 
 def _check_names(sources: list[Source]) -> None:

@@ -1,16 +1,19 @@
 """How a source's draw is distributed: from the keys of its ``[[source]]`` to scale, mean and shape."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from uq.files.document import REQUIRED, ExperimentError, Table
-from uq.files.units import UnitError
+from rig.toml_tables import WrongKeyError
+from uq.files.units import UnitError, scale
 from uq.sources.datasheet import datasheet
 from uq.sources.distributions import Distribution, Empirical, Normal, Rectangular, StudentT, Triangular, UShaped
-from uq.sources.source_figures import Figures, not_negative
+from uq.sources.source import ErrorKind
+from uq.sources.source_figures import part_of
+from uq.sources.source_keys import DrawTable
 
 BOUNDED: dict[str, tuple[Callable[..., Distribution], float]] = {
     "rectangular": (Rectangular, np.sqrt(3)),
@@ -18,7 +21,7 @@ BOUNDED: dict[str, tuple[Callable[..., Distribution], float]] = {
     "u_shaped": (UShaped, np.sqrt(2)),
 }
 """Distributions between limits, and their half-width over their standard deviation."""
-DISTRIBUTIONS = ("normal", *BOUNDED, "student_t", "samples")
+WAYS = ("distribution", "degrees_of_freedom", "datasheet", "samples", "unit")
 WIDTHS = ("sigma", "half_width", "scale", "datasheet", "samples")
 MOST_ROWS = 100_000
 """Rows of a file of samples."""
@@ -32,69 +35,84 @@ class Width(NamedTuple):
     shape: Distribution
 
 
-def width_of(table: Table, figures: Figures, folder: Path, *, centred: bool) -> Width:
+def width_of(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
     """Return the distribution of a source that is drawn.
 
     Args:
-        table: its ``[[source]]``.
-        figures: reads its figures.
+        table: its keys, a :class:`DrawTable` with :func:`draw_keys`.
+        kind: of the source.
+        target: what errs.
         folder: where files of samples are.
-        centred: whether it has no mean, as noise.
 
     Raises:
-        ExperimentError: a mistake in the keys, or in a file of samples.
+        WrongKeyError: keys that do not go together, or a file of samples that cannot be used.
     """
-    given = [key for key in WIDTHS if key in table.content]
+    given = [key for key in WIDTHS if getattr(table, key) is not None]
     if len(given) > 1:
-        raise ExperimentError(f"{table.path(given[0])} and {given[1]} both state the width: leave one out")
+        raise WrongKeyError(given[0], "leave one out", f"and {given[1]} both state the width")
     by_key = {"datasheet": _from_datasheet, "samples": _from_samples}
-    build = by_key.get(given[0] if given else "", _from_keys)
-    width = build(table, figures, folder)
-    mean = np.zeros(figures.shape) if centred else width.mean + figures.read("mean", np.zeros(figures.shape))
-    return Width(np.asarray(width.sigma), np.asarray(mean), width.shape)
+    width = by_key.get(given[0] if given else "", _from_keys)(table, kind, target, folder)
+    stated = getattr(table, "mean", None)
+    mean = width.mean if stated is None else width.mean + kind.placed(stated, table.full_scale)
+    return Width(np.asarray(width.sigma), np.zeros(kind.shape) if kind.noise else np.asarray(mean), width.shape)
 
 
-def _from_keys(table: Table, figures: Figures, _: Path) -> Width:
-    distribution = table.choice("distribution", DISTRIBUTIONS, "normal")
+def _refuse_others(table: Any, *keys: str) -> None:
+    """Refuse what has no meaning beside the way in which the width is stated."""
+    for key in (*WAYS, "half_width", "scale", "full_scale"):
+        if getattr(table, key) is not None and key not in keys:
+            raise WrongKeyError(key, "leave it out", "has no meaning here")
+
+
+def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
+    distribution = table.distribution or "normal"
     if distribution == "samples":
-        raise ExperimentError(f"missing key {table.path('samples')}: name the file")
-    nu = _freedom(table, REQUIRED if distribution == "student_t" else np.array(np.inf))
-    key, ratio = "sigma", 1.0
+        raise WrongKeyError("samples", "name the file")
+    key, ratio, nu = "sigma", 1.0, _freedom(table, needed=distribution == "student_t")
     shape: Distribution = Normal(0.0, 1.0, nu)
     if distribution == "student_t":
         key, shape = "scale", StudentT(0.0, 1.0, nu)
     elif distribution != "normal":
         build, ratio = BOUNDED[distribution]
         shape = build(-ratio, ratio, nu)
-        key, ratio = ("half_width", ratio) if "half_width" in table.content else ("sigma", 1.0)
-    return Width(not_negative(table, key, figures.read(key)) / ratio, np.zeros(figures.shape), shape)
+        key, ratio = ("half_width", ratio) if table.half_width is not None else ("sigma", 1.0)
+    figure = getattr(table, key)
+    if figure is None:
+        raise WrongKeyError(key, "add it")
+    in_full_scale = ("full_scale",) if figure.shape != kind.shape else ()
+    _refuse_others(table, key, "distribution", "degrees_of_freedom", *in_full_scale)
+    return Width(kind.placed(figure, table.full_scale) / ratio, np.zeros(kind.shape), shape)
 
 
-def _freedom(table: Table, default: object) -> float:
-    freedom = float(table.numbers("degrees_of_freedom", (), default))
-    if freedom <= 0:
-        raise ExperimentError(f"{table.path('degrees_of_freedom')} is {freedom:g}: write more than zero")
-    return freedom
+def _freedom(table: DrawTable, *, needed: bool) -> float:
+    freedom = table.degrees_of_freedom
+    if freedom is None and needed:
+        raise WrongKeyError("degrees_of_freedom", "add it")
+    if freedom is not None and freedom <= 0:
+        raise WrongKeyError("degrees_of_freedom", "write more than zero")
+    return np.inf if freedom is None else freedom
 
 
-def _from_datasheet(table: Table, figures: Figures, _: Path) -> Width:
+def _from_datasheet(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
     """One statement for all axes, or one for each."""
     for key in ("distribution", "degrees_of_freedom"):
-        if key in table.content:
-            raise ExperimentError(f"{table.path(key)} is said by the datasheet's figure: leave it out")
-    raw, wholes = table.raw("datasheet"), figures.wholes()
-    texts = raw if isinstance(raw, list) else [raw] * len(wholes)
+        if getattr(table, key) is not None:
+            raise WrongKeyError(key, "leave it out", "is said by the datasheet's figure")
+    _refuse_others(table, "datasheet", "full_scale")
+    wholes, unit = kind.wholes(target, table.full_scale), kind.targets[target]
+    texts = table.datasheet if isinstance(table.datasheet, tuple) else (table.datasheet,) * len(wholes)
     if len(texts) != len(wholes):
-        raise ExperimentError(f"{table.path('datasheet')} is {raw!r}: write one statement, or one for each axis")
-    reading = 100.0 if figures.unit == "%" else None
+        raise WrongKeyError("datasheet", "write one statement, or one for each axis")
+    reading = 100.0 if unit == "%" else None
     try:
-        found = [datasheet(t, figures.unit, full_scale=w, reading=reading) for t, w in zip(texts, wholes, strict=True)]
+        stated = [datasheet(t, unit, full_scale=w, reading=reading) for t, w in zip(texts, wholes, strict=True)]
     except UnitError as error:
-        raise ExperimentError(f"{table.path('datasheet')} {error}") from None
-    scales, shapes = zip(*map(_standard, found), strict=True)
+        raise WrongKeyError("datasheet", "", str(error)) from None
+    scales, shapes = zip(*map(_standard, stated), strict=True)
     if len({(type(shape), float(shape.degrees_of_freedom)) for shape in shapes}) > 1:
-        raise ExperimentError(f"{table.path('datasheet')} states several distributions: write a source for each")
-    return Width(figures.placed(np.array(scales)), np.zeros(figures.shape), shapes[0])
+        raise WrongKeyError("datasheet", "write a source for each", "states several distributions")
+    sigma = kind.placed(np.array(scales) * part_of(unit), table.full_scale)
+    return Width(sigma, np.zeros(kind.shape), shapes[0])
 
 
 def _standard(distribution: Distribution) -> tuple[float, Distribution]:
@@ -108,33 +126,37 @@ def _standard(distribution: Distribution) -> tuple[float, Distribution]:
     return sigma, Normal(0.0, 1.0)
 
 
-def _from_samples(table: Table, figures: Figures, folder: Path) -> Width:
-    if table.choice("distribution", DISTRIBUTIONS) != "samples":
-        raise ExperimentError(f'{table.path("distribution")} is not "samples" but samples are given: leave one out')
-    rows = _read_samples(table, folder)
-    axes = int(np.prod(figures.shape))
+def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
+    if table.distribution != "samples":
+        problem = None if table.distribution is None else 'is not "samples" but samples are given'
+        raise WrongKeyError("distribution", "leave one out" if problem else "add it", problem)
+    _refuse_others(table, "samples", "distribution", "unit")
+    if table.unit is None:
+        raise WrongKeyError("unit", "add it")
+    rows, axes = _read_samples(table, folder), math.prod(kind.shape)
     if rows.shape[1] not in (1, axes):
-        raise ExperimentError(f"{table.path('samples')} has {rows.shape[1]} columns: give 1, or {axes}, one an axis")
-    rows = rows * figures.scale_of(table.typed("unit", str))
+        raise WrongKeyError("samples", f"give 1, or {axes}, one an axis", f"has {rows.shape[1]} columns")
+    try:
+        rows = rows * (scale(table.unit, kind.targets[target]) * part_of(kind.targets[target]))
+    except UnitError as error:
+        raise WrongKeyError("unit", "", str(error)) from None
     mean, sigma = rows.mean(axis=0), rows.std(axis=0)
     standard = (rows - mean) / np.where(sigma > 0, sigma, 1)
     shape = Empirical(standard if standard.shape[1] > 1 else standard[:, 0])
-    sigma, mean = (np.broadcast_to(value, axes).reshape(figures.shape).copy() for value in (sigma, mean))
+    sigma, mean = (np.broadcast_to(value, axes).reshape(kind.shape).copy() for value in (sigma, mean))
     return Width(sigma, mean, shape)
 
 
-def _read_samples(table: Table, folder: Path) -> np.ndarray:
-    name = table.typed("samples", str)
-    where = f"{table.path('samples')} is {name!r}"
+def _read_samples(table: Any, folder: Path) -> np.ndarray:
     try:
-        text = (folder / name).read_text("utf-8")
+        text = (folder / table.samples).read_text("utf-8")
     except (OSError, UnicodeDecodeError, ValueError):
-        raise ExperimentError(f"{where}: not a readable file beside the experiment; correct the name") from None
+        raise WrongKeyError("samples", "not a readable file beside the experiment; correct the name") from None
     lines = [line.split("#")[0].replace(",", " ").split() for line in text.splitlines()]
     try:
         rows = np.array([[float(item) for item in line] for line in lines if line])
     except ValueError:
-        raise ExperimentError(f"{where}: write numbers, the same count in every line") from None
+        raise WrongKeyError("samples", "write numbers, the same count in every line") from None
     if rows.ndim != 2 or not 2 <= len(rows) <= MOST_ROWS or not np.isfinite(rows).all():
-        raise ExperimentError(f"{where}: give 2 to {MOST_ROWS:,} lines of finite numbers")
+        raise WrongKeyError("samples", f"give 2 to {MOST_ROWS:,} lines of finite numbers")
     return rows

@@ -100,6 +100,11 @@ def test_a_map_is_taken(mistakes):
         (("recording", "force_unit"), "kg"),
         (("recording", "imu_rotation_to_body"), [[1, 0, 0], [0, 1, 0]]),
         (("bodyy",), {}),
+        (("source", 0, "sigma"), ["5 N", "5 N"]),
+        (("source", 0, "sigma"), ["5 N*m", "5 N*m", "5 N*m"]),
+        (("source", 0, "sigm"), ["5 N", "5 N", "5 N"]),
+        (("source", 4, "kind"), "precision"),
+        (("source", 0, "distribution"), "cauchy"),
     ],
 )
 def test_what_the_loader_refuses_is_refused(mistakes, preset, path, value):

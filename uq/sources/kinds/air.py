@@ -1,15 +1,20 @@
 """The air around the body: what it displaces lifts it, what moves along with it adds inertia without weight."""
 
+from collections.abc import Mapping
+from typing import Annotated, Any
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from identify.rigid_body.inertia import parallel_axis
-from uq.files.document import Table
+from uq.files.schema import vector
 from uq.sources.source import ErrorKind, Source
-from uq.sources.source_figures import not_negative
+from uq.sources.source_figures import figures
 
-AT_THE_CENTRE = ["0 m"] * 3
+
+def _at_the_centre(lengths: np.ndarray | None) -> np.ndarray:
+    return np.zeros(3) if lengths is None else lengths
 
 
 class DisplacedAir(ErrorKind):
@@ -21,9 +26,13 @@ class DisplacedAir(ErrorKind):
     constant = True
     perturbs = {"displaced_air": "displaced_air"}
 
-    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+    def keys(self, target: str) -> dict[str, Any]:
         """Return the air's centre from the centre of gravity."""
-        return {"centre": table.vector("centre_from_cg", "m", AT_THE_CENTRE)}
+        return {"centre_from_cg": Annotated[np.ndarray, vector("m")] | None}
+
+    def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Return the air's centre; there, if it is not stated."""
+        return {"centre": _at_the_centre(keys["centre_from_cg"])}
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "4"]:
         """Return its mass, and mass times centre."""
@@ -39,10 +48,15 @@ class EntrainedAir(ErrorKind):
     constant = True
     perturbs = {"entrained_air": "entrained_air"}
 
-    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+    def keys(self, target: str) -> dict[str, Any]:
         """Return the air's centre from the centre of gravity, and its radii of gyration."""
-        radii = not_negative(table, "radii_of_gyration", table.vector("radii_of_gyration", "m", AT_THE_CENTRE))
-        return {"centre": table.vector("centre_from_cg", "m", AT_THE_CENTRE), "radii_of_gyration": radii}
+        radii = Annotated[np.ndarray, figures("m", (3,), least=0)] | None
+        return {"centre_from_cg": Annotated[np.ndarray, vector("m")] | None, "radii_of_gyration": radii}
+
+    def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Return the air's centre and radii; none, if they are not stated."""
+        centre, radii = keys["centre_from_cg"], keys["radii_of_gyration"]
+        return {"centre": _at_the_centre(centre), "radii_of_gyration": _at_the_centre(radii)}
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "10"]:
         """Return its mass, mass times centre, and packed tensor about the centre of gravity."""

@@ -4,18 +4,19 @@ With the two-sided spectrum ``N² + B² / (2π f) + K² / (2π f)²`` of IEEE St
 averaging time τ is ``N²/τ + (2 ln 2/π) B² + K² τ/3``.
 """
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
-from uq.files.document import ExperimentError, Table
+from rig.toml_tables import WrongKeyError
 from uq.sources.draws import BLOCK, block_key, stream_number
 from uq.sources.random_normals import Index
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import not_negative
+from uq.sources.source_figures import figures
 
 PARAMETERS = ("white", "flicker", "random_walk")
 """N, B and K: angle random walk, bias instability and rate random walk, when the signal is an angular velocity."""
@@ -33,15 +34,17 @@ class Coloured(ErrorKind):
     averages_out = True
     sizes = PARAMETERS
 
-    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+    def keys(self, target: str) -> dict[str, Any]:
+        """Return the three parameters, each of which may be missing."""
+        units = [unit.format(self.targets[target]) for unit in UNITS]
+        stated = [Annotated[np.ndarray, figures(unit, self.shape, least=0)] | None for unit in units]
+        return dict(zip(PARAMETERS, stated, strict=True))
+
+    def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the three parameters, zero where one is not stated."""
-        if not set(PARAMETERS) & table.content.keys():
-            raise ExperimentError(f"missing key {table.path('white')}: give {', '.join(PARAMETERS)} or some of them")
-        units = {name: unit.format(self.targets[target]) for name, unit in zip(PARAMETERS, UNITS, strict=True)}
-        return {
-            name: not_negative(table, name, table.vector(name, unit)) if name in table.content else np.zeros(3)
-            for name, unit in units.items()
-        }
+        if all(keys[name] is None for name in PARAMETERS):
+            raise WrongKeyError("white", f"give {', '.join(PARAMETERS)} or some of them")
+        return {name: np.zeros(3) if keys[name] is None else keys[name] for name in PARAMETERS}
 
     def noise_samples(
         self, source: Source, key: Key[Array, ""], trial: Index, n: int, rate: Float[Array, ""], dtype: Any

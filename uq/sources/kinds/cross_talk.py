@@ -1,17 +1,28 @@
 """Cross-talk of the load cell: each channel reads a part of every other component."""
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
-from uq.files.document import REQUIRED, ExperimentError, Table
-from uq.files.units import UnitError, quantity
+from rig.toml_tables import WrongKeyError, read_value, written
+from uq.files.schema import in_unit, quantity_schema
 from uq.sources.source import ErrorKind
-from uq.sources.source_figures import Figures, above_zero
+from uq.sources.source_figures import part_of
 
 WRENCH_UNITS = ("N", "N", "N", "N*m", "N*m", "N*m")
-UNITS = {("N", "N"): "%", ("N*m", "N*m"): "%", ("N", "N*m"): "N/(N*m)", ("N*m", "N"): "N*m/N"}
+RELATIVE = {("N", "N"): "%", ("N*m", "N*m"): "%", ("N", "N*m"): "N/(N*m)", ("N*m", "N"): "N*m/N"}
+UNITS = [[RELATIVE[channel, of] for of in WRENCH_UNITS] for channel in WRENCH_UNITS]
 """Unit of cross-talk, of a channel from a component."""
+
+
+def _row(path: str, raw: Any, units: Sequence[str], **bounds: int | float) -> np.ndarray:
+    """Figures in SI, each in its unit."""
+    hints = [Annotated[float, in_unit(unit, **bounds)] for unit in units]
+    values = [read_value(f"{path}[{i}]", item, hint) for i, (item, hint) in enumerate(zip(raw, hints, strict=True))]
+    return np.array([value * part_of(unit) for value, unit in zip(values, units, strict=True)])
 
 
 class CrossTalk(ErrorKind):
@@ -23,47 +34,39 @@ class CrossTalk(ErrorKind):
     constant = True
     perturbs = {"wrench": "cell_cross_talk"}
 
-    def figures(self, table: Table, target: str) -> Figures:
-        """Return what reads a matrix with its units, or one figure in per cent of full scale."""
-        return CrossTalkFigures(table, self.shape, self.targets[target])
+    def figures(self, target: str, *, least: float | int = -math.inf) -> msgspec.Meta:
+        """Return the annotation of a matrix with its units; or of one figure in per cent of full scale, shape ()."""
 
+        def read(path: str, raw: Any) -> np.ndarray:
+            if isinstance(raw, str):
+                return np.array(read_value(path, raw, Annotated[float, in_unit("%", least=least)]) * 0.01)
+            if not isinstance(raw, list) or [len(row) for row in raw if isinstance(row, list)] != [6] * 6:
+                raise ValueError(f"is {raw!r}: write six rows of six values, or one in %")
+            return np.array([_row(f"{path}[{i}]", raw[i], UNITS[i], least=least) for i in range(6)])
 
-class CrossTalkFigures(Figures):
-    """Reads a 6×6 matrix with its units; or one figure in per cent of full scale, for all but the diagonal."""
+        row = {"type": "array", "items": {"type": "string"}, "minItems": 6, "maxItems": 6}
+        return written(
+            read, {"anyOf": [quantity_schema("%"), {"type": "array", "items": row, "minItems": 6, "maxItems": 6}]}
+        )
 
-    def read(self, key: str, default: Any = REQUIRED) -> Any:
-        """Return a key's figures in SI; the default where it is missing."""
-        if key not in self.table.content and default is not REQUIRED:
-            return default
-        raw = self.table.raw(key)
-        if isinstance(raw, str):
-            return self._of_full_scale(self.table.quantity(key, "%") * self.si)
-        if not isinstance(raw, list) or [len(row) for row in raw if isinstance(row, list)] != [6] * 6:
-            raise ExperimentError(f"{self.table.path(key)} is {raw!r}: write six rows of six values, or one in %")
-        units = [[UNITS[channel, of] for of in WRENCH_UNITS] for channel in WRENCH_UNITS]
-        return np.array([[self._item(key, raw, (i, j), units[i][j]) for j in range(6)] for i in range(6)])
+    def full_scale(self, target: str) -> msgspec.Meta:
+        """Return the annotation of the six channels' full scale."""
 
-    def wholes(self) -> list[float | None]:
+        def read(path: str, raw: Any) -> np.ndarray:
+            if not isinstance(raw, list) or len(raw) != 6:
+                raise ValueError(f"is {raw!r}: write six values, force then moment")
+            return _row(path, raw, WRENCH_UNITS, above=0)
+
+        return written(read, {"type": "array", "items": {"type": "string"}, "minItems": 6, "maxItems": 6})
+
+    def wholes(self, target: str, full_scale: np.ndarray | None) -> list[float | None]:
         """Return that one statement, in per cent, is for all thirty figures."""
         return [100.0]
 
-    def placed(self, scales: np.ndarray) -> np.ndarray:
-        """Return one figure in per cent of full scale as the matrix."""
-        return self._of_full_scale(float(scales[0]) * self.si)
-
-    def _of_full_scale(self, part: float) -> np.ndarray:
-        """Cross-talk of ``part`` of each channel's full scale at the full scale of each other component."""
-        raw = self.table.raw("full_scale")
-        if not isinstance(raw, list) or len(raw) != 6:
-            raise ExperimentError(f"{self.table.path('full_scale')} is {raw!r}: write six values, force then moment")
-        full = np.array([self._item("full_scale", raw, (i,), unit) for i, unit in enumerate(WRENCH_UNITS)])
-        return part * np.outer(above_zero(self.table, "full_scale", full), 1 / full) * (1 - np.eye(6))
-
-    def _item(self, key: str, raw: Any, index: tuple[int, ...], unit: str) -> float:
-        where = self.table.path(key) + "".join(f"[{i}]" for i in index)
-        for i in index:
-            raw = raw[i]
-        try:
-            return quantity(raw, unit) * (0.01 if unit == "%" else 1.0)
-        except UnitError as error:
-            raise ExperimentError(f"{where} {error}") from None
+    def placed(self, figure: np.ndarray, full_scale: np.ndarray | None) -> np.ndarray:
+        """Return the matrix; of one figure, that part of each channel's full scale at each other component's."""
+        if figure.shape == self.shape:
+            return figure
+        if full_scale is None:
+            raise WrongKeyError("full_scale", "add it")
+        return float(figure.reshape(())) * np.outer(full_scale, 1 / full_scale) * (1 - np.eye(6))

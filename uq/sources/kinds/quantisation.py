@@ -1,15 +1,14 @@
 """Quantisation: a sensor's finite resolution."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.files.document import Table
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import above_zero
+from uq.sources.source_figures import figures
 
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
@@ -25,9 +24,9 @@ class Quantisation(ErrorKind):
     sizes = ("step",)
     stage = 20
 
-    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+    def keys(self, target: str) -> dict[str, Any]:
         """Return the steps."""
-        return {"step": above_zero(table, "step", table.vector("step", self.targets[target]))}
+        return {"step": Annotated[np.ndarray, figures(self.targets[target], self.shape, above=0)]}
 
     def sensed(
         self,

@@ -1,15 +1,14 @@
 """Saturation: the end of a sensor's range."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.files.document import Table
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import above_zero
+from uq.sources.source_figures import figures
 
 MANY_SIGMA = 6.0
 """Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
@@ -24,9 +23,9 @@ class Saturation(ErrorKind):
     sizes = ("limit",)
     stage = 10
 
-    def settings(self, table: Table, target: str) -> dict[str, np.ndarray]:
+    def keys(self, target: str) -> dict[str, Any]:
         """Return the ends of the range."""
-        return {"limit": above_zero(table, "limit", table.vector("limit", self.targets[target]))}
+        return {"limit": Annotated[np.ndarray, figures(self.targets[target], self.shape, above=0)]}
 
     def resized(self, source: Source, factor: float) -> Source:
         """Return the source as it is: a range has no error's size."""

@@ -1,0 +1,79 @@
+"""The keys of ``[[source]]``: those of all sources, those of a draw, and those of a kind of error on a target."""
+
+import math
+from functools import cache
+from typing import Annotated, Any, Literal, get_args
+
+import msgspec
+import numpy as np
+
+from rig.toml_tables import TomlTable
+from uq.files.schema import matrix
+from uq.sources.source import KINDS, ErrorKind
+
+
+class SourceTable(TomlTable, frozen=True, kw_only=True):
+    """``[[source]]``: a source of error; its other keys depend on target and kind."""
+
+    name: str
+    """By which results and correlations call it; its random stream is keyed by it."""
+    group: str
+    """In which it counts, such as load_cell."""
+    reference: str = ""
+    """Where its figures come from."""
+
+
+class DrawTable(SourceTable, frozen=True, kw_only=True):
+    """Keys of a source that is drawn, whatever their units: what is added to it are sizes in the unit of the target."""
+
+    distribution: Literal["normal", "rectangular", "triangular", "u_shaped", "student_t", "samples"] | None = None
+    """Of the draw; missing: normal."""
+    degrees_of_freedom: float | None = None
+    """Of the stated width; missing: infinite."""
+    datasheet: str | tuple[str, ...] | None = None
+    """A datasheet's statement, for all axes or one for each, such as "±0.5 % of full scale, k = 2"."""
+    samples: str | None = None
+    """Name of a file of samples beside the experiment."""
+    unit: str | None = None
+    """Name of the unit of a file of samples."""
+
+
+SIZES = {
+    "sigma": "Standard deviation of the draw.",
+    "half_width": "Half the width of a distribution between limits.",
+    "scale": "Scale of Student's t.",
+    "full_scale": "Of which a datasheet's per cent are.",
+    "mean": "Expectation of the draw: an effect that is known but not corrected.",
+    "correlation": "Between the axes.",
+}
+"""What the keys mean that are in the unit of what errs."""
+
+
+def draw_keys(kind: ErrorKind, target: str) -> list[tuple[str, Any, None]]:
+    """Return the fields that a source of a kind adds to :class:`DrawTable`: those in the unit of its target."""
+    axes = math.prod(kind.shape)
+    forms = dict.fromkeys(("sigma", "half_width", "scale"), kind.figures(target, least=0))
+    forms |= {"full_scale": kind.full_scale(target)}
+    forms |= {} if kind.noise else {"mean": kind.figures(target)}
+    forms |= {"correlation": matrix(axes, axes)} if axes > 1 else {}
+    return [
+        (key, Annotated[np.ndarray, form, msgspec.Meta(description=SIZES[key])] | None, None)
+        for key, form in forms.items()
+    ]
+
+
+@cache
+def source_table(target: str, name: str) -> Any:
+    """Return the declaration of ``[[source]]`` for a kind of error on a target."""
+    kind = KINDS[target, name]
+    own = [(key, hint) if needed(hint) else (key, hint, None) for key, hint in kind.keys(target).items()]
+    head = [("target", Literal[target]), ("kind", Literal[name])]
+    if not (kind.constant or kind.white):
+        return msgspec.defstruct(f"{target}_{name}", [*head, *own], bases=(SourceTable,), frozen=True, kw_only=True)
+    drawn = draw_keys(kind, target)
+    return msgspec.defstruct(f"{target}_{name}", [*head, *own, *drawn], bases=(DrawTable,), frozen=True, kw_only=True)
+
+
+def needed(hint: Any) -> bool:
+    """Whether a key of this type must be written."""
+    return type(None) not in get_args(hint)
