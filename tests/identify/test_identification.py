@@ -52,9 +52,9 @@ def test_offsets_are_removed_where_asked_and_only_there(short, estimator):
     expected = np.array([0.7, -0.4, 0.5]) - np.cross(short.r_cg_from_q, [2.0, -1.0, 3.0])
     offsets = [result.runs[0].offsets.moment for result in (removed, reference)]
     np.testing.assert_allclose(offsets[0] - offsets[1], expected, atol=1e-9)
-    kept = identify(shifted, offsets="none", **options)
-    assert np.abs(kept.inertia - reference.inertia).max() > 1e-5
-    assert kept.runs[0].offsets is None
+    left_in = identify(shifted, offsets="none", **options)
+    assert np.abs(left_in.inertia - reference.inertia).max() > 1e-5
+    assert left_in.runs[0].offsets is None
 
 
 @pytest.mark.parametrize("estimator", [SMOOTHED, FILTERED])
@@ -165,11 +165,11 @@ def test_an_estimator_that_cannot_be_is_refused(wrong):
 def test_runs_about_one_axis_each_identify_together(short):
     run = simulate(silent(short), "T3").run
     segment = run.t[-1] / 3
-    parts = [run.between(k * segment, (k + 1) * segment) for k in range(3)]
-    for part, blind in zip(parts, ("I22, I23, I33", "I11, I13, I33", "I11, I12, I22"), strict=True):
-        alone = identify(part, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
+    segments = [run.between(k * segment, (k + 1) * segment) for k in range(3)]
+    for segment_run, blind in zip(segments, ("I22, I23, I33", "I11, I13, I33", "I11, I12, I22"), strict=True):
+        alone = identify(segment_run, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
         assert any(f"{blind} not determined: the body turns about one axis only" in text for text in alone.warnings)
-    together = identify(parts, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
+    together = identify(segments, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     np.testing.assert_allclose(together.inertia, short.inertia, atol=3e-4 * short.inertia.max())
     assert not any(run.alone for run in together.runs)
     assert together.to_dict()["runs"][0]["inertia"] is None
@@ -184,11 +184,11 @@ def test_noise_in_the_unexcited_axes_does_not_pass_for_excitation(short):
 
 def test_several_runs_tell_more_and_their_scatter_counts(short):
     runs = [simulate(without(short, "r_cg"), "T1", trial=k).run for k in range(5)]
-    one = identify(runs[0], r_cg=short.r_cg_from_q, estimator=SMOOTHED)
+    single = identify(runs[0], r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     five = identify(runs, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
-    assert (five.standard_uncertainty < one.standard_uncertainty).all()
+    assert (five.standard_uncertainty < single.standard_uncertainty).all()
     mean = np.mean([run.inertia for run in five.runs], axis=0)
-    np.testing.assert_allclose(five.inertia, mean, atol=0.2 * one.standard_uncertainty.max())
+    np.testing.assert_allclose(five.inertia, mean, atol=0.2 * single.standard_uncertainty.max())
     other = dataclasses.replace(runs[0], moment=1.2 * runs[0].moment, force=1.2 * runs[0].force)
     scattered = identify([*runs, other], r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert scattered.standard_uncertainty[0] > 3 * five.standard_uncertainty[0]

@@ -33,11 +33,13 @@ def test_every_order_and_sign_of_the_axes_is_recognised():
     noise the two may stay undecided, and then both are named.
     """
     whole = sums(good())
-    for one in conventions.hypotheses():
-        spoiled = one.applied(whole)
-        found = conventions.best_axes(spoiled, conventions.scales(spoiled, weight=True))
-        held = [best.sensor == one.sensor and np.array_equal(best.matrix, one.matrix.T) for best in found]
-        assert held[0] or (np.array_equal(one.matrix, -np.eye(3)) and held == [False, True])
+    for hypothesis in conventions.hypotheses():
+        spoiled = hypothesis.applied(whole)
+        explained = conventions.best_axes(spoiled, conventions.scales(spoiled, weight=True))
+        held = [
+            best.sensor == hypothesis.sensor and np.array_equal(best.matrix, hypothesis.matrix.T) for best in explained
+        ]
+        assert held[0] or (np.array_equal(hypothesis.matrix, -np.eye(3)) and held == [False, True])
 
 
 @pytest.mark.parametrize("turn", [[0.0, 5.0, 0.0], [0.0, 0.0, 5.0], [3.0, -3.0, 3.0]])
@@ -48,12 +50,12 @@ def test_a_small_turn_between_the_sensors_is_measured(turn):
     before, chance = conventions.misalignment(whole, given)
     assert chance < 22
     turned = whole.turned(imu=exponential(np.radians(turn)))
-    found, chi_square = conventions.misalignment(
+    measured_turn, chi_square = conventions.misalignment(
         turned, conventions.scales(turned, weight=True, terms=convention_fit.MOMENT_TERMS)
     )
     assert chi_square > 22
     # the turn that undoes: chance's own turn after the planted one's inverse, to second order
-    np.testing.assert_allclose(np.degrees(found - before), np.negative(turn), atol=0.4)
+    np.testing.assert_allclose(np.degrees(measured_turn - before), np.negative(turn), atol=0.4)
 
 
 def test_the_equations_are_exact(generator):

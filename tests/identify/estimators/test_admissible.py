@@ -63,9 +63,9 @@ def test_the_nearest_body_and_the_reach_are_scipys(generator):
     reach = ends(data, np.full(6, most))
     close = [*body, {"type": "ineq", "fun": lambda x: most - data.distance(x)}]
     for k, sign in ((0, 1), (3, -1), (5, 1), (5, -1)):
-        found = minimize(lambda x, k=k, sign=sign: -sign * x[k], nearest(data), constraints=close, method="SLSQP",
+        optimum = minimize(lambda x, k=k, sign=sign: -sign * x[k], nearest(data), constraints=close, method="SLSQP",
                          options={"ftol": 1e-12, "maxiter": 500})  # fmt: skip
-        assert reach[k, (sign + 1) // 2] == pytest.approx(found.x[k], abs=1e-3)
+        assert reach[k, (sign + 1) // 2] == pytest.approx(optimum.x[k], abs=1e-3)
 
 
 def test_far_inside_the_reach_is_the_plain_interval():
@@ -83,10 +83,10 @@ def test_a_contradiction_is_not_weak_data():
 
 def test_the_fit_leaves_alone_what_is_known_and_rounds_what_is_not():
     """Without I22, I23, I33: a body that turned about b1 only. Roundest is I22 = I33 = I11, where products vanish."""
-    known = np.array([0.38, 0.0, 0.0, 0.0, 0.0, 0.0])
+    estimate = np.array([0.38, 0.0, 0.0, 0.0, 0.0, 0.0])
     weight = np.diag([1e6, 1e6, 1e6, 0, 0, 0])
-    found = fit(log_cholesky, known, weight, free_of(0.38 * np.array([1, 0, 0, 0.9, 0, 0.8])))
-    np.testing.assert_allclose(found, 0.38 * np.array([1, 0, 0, 1, 0, 1]), atol=2e-4)
+    fitted = fit(log_cholesky, estimate, weight, free_of(0.38 * np.array([1, 0, 0, 0.9, 0, 0.8])))
+    np.testing.assert_allclose(fitted, 0.38 * np.array([1, 0, 0, 1, 0, 1]), atol=2e-4)
     inside = fit(log_cholesky, CUBE, np.eye(6) * 1e6, free_of(CUBE + [0.02, 0, 0, 0.01, 0, 0]))
     np.testing.assert_allclose(inside, CUBE, atol=0.05e-3)
 
@@ -98,9 +98,9 @@ def test_ten_parameters_are_fitted_alike(generator):
     covariance = root @ root.T
     estimate = true + [0.01, 1e-4, 0, 0, 0, 0, 0, 0, 0, 0.01]
     start = np.array([0.5 * np.log(19.7), *free_of(np.array([0.2, 0, 0, 0.2, 0, 0.37]) / 19.7), *true[1:4]])
-    found = fit(pseudo_inertia, estimate, np.linalg.inv(covariance), start)
-    assert bool(is_admissible(jnp.asarray(found[4:])))
-    left = found - estimate
+    fitted = fit(pseudo_inertia, estimate, np.linalg.inv(covariance), start)
+    assert bool(is_admissible(jnp.asarray(fitted[4:])))
+    left = fitted - estimate
     of_true = estimate - true
     assert left @ np.linalg.solve(covariance, left) < of_true @ np.linalg.solve(covariance, of_true)
 
@@ -110,9 +110,9 @@ def coverage(true, trials, seed, sigma=SIGMA):
     rng, held, width = np.random.default_rng(seed), [], []
     for _ in range(trials):
         estimate = true + sigma * rng.standard_normal(6)
-        found = admissible(estimate, np.eye(6) * sigma**2, np.full(6, 1.96))
+        weak = admissible(estimate, np.eye(6) * sigma**2, np.full(6, 1.96))
         plain = np.stack([estimate - 1.96 * sigma, estimate + 1.96 * sigma], axis=1)
-        low, high = (plain if found is None else found.interval95).T
+        low, high = (plain if weak is None else weak.interval95).T
         held.append((low <= true + 1e-9) & (true - 1e-9 <= high))
         width.append((high - low) / (2 * 1.96 * sigma))
     return np.mean(held, axis=0), np.mean(width, axis=0)

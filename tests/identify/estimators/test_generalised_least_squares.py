@@ -74,9 +74,9 @@ def test_the_spectrum_is_the_noises(generator):
     """White noise of 4,000 lines: each window's variance within 5 standard errors, of 9 lines at least."""
     lines = Lines.of([slice(0, 4000)], 100.0)
     noise = lines.transform(generator.normal(size=(4000, 3)) @ MIXING.T)
-    found = spectrum(noise, np.ones((4000, 3)), 1).values
-    np.testing.assert_allclose(found[1000:].mean(axis=0), MIXING @ MIXING.T, atol=0.1)
-    assert np.abs(np.einsum("maa->ma", found[1:]) / np.diag(MIXING @ MIXING.T) - 1).max() < 5 * np.sqrt(2 / 9)
+    values = spectrum(noise, np.ones((4000, 3)), 1).values
+    np.testing.assert_allclose(values[1000:].mean(axis=0), MIXING @ MIXING.T, atol=0.1)
+    assert np.abs(np.einsum("maa->ma", values[1:]) / np.diag(MIXING @ MIXING.T) - 1).max() < 5 * np.sqrt(2 / 9)
 
 
 @pytest.mark.parametrize("estimator", [lab.SMOOTH, lab.LOWPASSED])
@@ -107,9 +107,9 @@ def test_its_intervals_hold_and_are_shorter(estimator):
     held, ours, plain = [], [], []
     for _ in range(60):
         run = lab.run(BODY, motion, rng, memory=0.99, mixing=MIXING)
-        one = identify(run, r_cg=lab.R_CG, estimator=estimator, method="gls")
-        held.append(lab.covered(one, BODY))
-        ours.append(one.inertia - BODY)
+        result = identify(run, r_cg=lab.R_CG, estimator=estimator, method="gls")
+        held.append(lab.covered(result, BODY))
+        ours.append(result.inertia - BODY)
         plain.append(identify(run, r_cg=lab.R_CG, estimator=estimator).inertia - BODY)
     assert np.mean(held) > 0.95 - 3 * 0.028
     assert np.mean(np.var(ours, axis=0) / np.var(plain, axis=0)) < 0.85
@@ -136,10 +136,10 @@ def test_coverage_over_many_runs(seconds, memory, name):
     for _ in range(300):
         run = lab.run(BODY, motion, rng, memory=memory, mixing=MIXING)
         for method in held:
-            one = identify(run, r_cg=lab.R_CG, estimator=spec, method=method)
-            held[method].append(lab.covered(one, BODY))
-            error[method].append(one.inertia - BODY)
-    shares = {method: float(np.mean(one)) for method, one in held.items()}
+            result = identify(run, r_cg=lab.R_CG, estimator=spec, method=method)
+            held[method].append(lab.covered(result, BODY))
+            error[method].append(result.inertia - BODY)
+    shares = {method: float(np.mean(result)) for method, result in held.items()}
     gain = np.sqrt(np.mean(np.var(error["gls"], axis=0) / np.var(error["source"], axis=0)))
     print(f"\n{seconds:g} s, memory {memory:g}, {name}: " + ", ".join(f"{m} {s:.3f}" for m, s in shares.items())
           + f"; gls/source dispersion {gain:.2f}")  # fmt: skip

@@ -35,11 +35,11 @@ def test_ordinary_is_numpys_with_the_textbook_covariance(rows, generator):
 def test_weighted_is_generalised_with_a_diagonal_covariance(rows, generator):
     sigma = jnp.array([0.1, 0.2, 0.4])
     values = rows @ TRUE + sigma[None] * jnp.asarray(generator.normal(size=(400, 3)))
-    one, other = weighted(rows, values, sigma), generalised(rows, values, jnp.diag(sigma**2))
-    np.testing.assert_allclose(one.value, other.value, rtol=1e-12)
-    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-12)
+    by_weights, by_covariance = weighted(rows, values, sigma), generalised(rows, values, jnp.diag(sigma**2))
+    np.testing.assert_allclose(by_weights.value, by_covariance.value, rtol=1e-12)
+    np.testing.assert_allclose(by_weights.covariance, by_covariance.covariance, rtol=1e-12)
     each = weighted(rows, values, jnp.broadcast_to(sigma, (400, 3)))
-    np.testing.assert_allclose(one.value, each.value, rtol=1e-12)
+    np.testing.assert_allclose(by_weights.value, each.value, rtol=1e-12)
 
 
 def test_generalised_is_gauss_markov_with_correlated_axes(rows, generator):
@@ -61,8 +61,8 @@ def test_generalised_is_gauss_markov_with_correlated_axes(rows, generator):
 )
 def test_rotation_about_one_axis_leaves_three_components_unseen(axis, blind):
     t = jnp.linspace(0, 20, 2001)
-    one = jnp.zeros((1, 3)).at[0, axis].set(1.0)
-    omega, alpha = jnp.sin(t)[:, None] * one, jnp.cos(t)[:, None] * one
+    unit_axis = jnp.zeros((1, 3)).at[0, axis].set(1.0)
+    omega, alpha = jnp.sin(t)[:, None] * unit_axis, jnp.cos(t)[:, None] * unit_axis
     rows = np.asarray(jax.vmap(omega_r)(omega, alpha)).reshape(-1, 6)
     verdict = excitation(jnp.asarray(rows.T @ rows), jnp.zeros((6, 6)))
     assert set(verdict.unidentifiable) == blind

@@ -28,35 +28,35 @@ def pooled(tensors, mountings):
     """Runs of equal weight and motion: the pooled tensor is their mean."""
     mean, count = tensors.mean(axis=0), len(tensors)
     repeats = [
-        Repeat(NORMAL @ (one - mean), one, OWN, alone=True, mounting=name)
-        for one, name in zip(tensors, mountings, strict=True)
+        Repeat(NORMAL @ (tensor - mean), tensor, OWN, alone=True, mounting=name)
+        for tensor, name in zip(tensors, mountings, strict=True)
     ]
     return mean, pooling(repeats, np.linalg.inv(count * NORMAL), np.diag(OWN**2) / count, np.full(6, 1000.0))
 
 
 def test_equal_runs_scatter_as_their_mean_does(generator):
     tensors = generator.normal(0, 3, (5, 6))
-    _, found = pooled(tensors, [None] * 5)
+    _, pooling = pooled(tensors, [None] * 5)
     deviation = tensors.std(axis=0, ddof=1)
-    np.testing.assert_allclose(found.from_scatter, deviation / np.sqrt(5))
-    np.testing.assert_allclose(found.between_runs, deviation)
-    assert (found.repeat_degrees_of_freedom, found.scatter_degrees_of_freedom, found.mountings) == (4, 4, 0)
-    assert found.between_mountings is None
-    np.testing.assert_allclose(found.half_width, student.ppf(0.975, 4) * deviation / np.sqrt(5))
+    np.testing.assert_allclose(pooling.from_scatter, deviation / np.sqrt(5))
+    np.testing.assert_allclose(pooling.between_runs, deviation)
+    assert (pooling.repeat_degrees_of_freedom, pooling.scatter_degrees_of_freedom, pooling.mountings) == (4, 4, 0)
+    assert pooling.between_mountings is None
+    np.testing.assert_allclose(pooling.half_width, student.ppf(0.975, 4) * deviation / np.sqrt(5))
 
 
 def test_mountings_scatter_as_their_means_do(generator):
     tensors = generator.normal(0, 1, (9, 6)) + np.repeat(generator.normal(0, 5, (3, 6)), 3, axis=0)
-    _, found = pooled(tensors, THREE_BY_THREE)
+    _, pooling = pooled(tensors, THREE_BY_THREE)
     groups = tensors.reshape(3, 3, 6)
     means = groups.mean(axis=1).std(axis=0, ddof=1)
-    np.testing.assert_allclose(found.between_mountings, means)
-    np.testing.assert_allclose(found.from_scatter, means / np.sqrt(3))
-    np.testing.assert_allclose(found.between_runs, np.sqrt(groups.var(axis=1, ddof=1).mean(axis=0)))
-    assert (found.repeat_degrees_of_freedom, found.scatter_degrees_of_freedom, found.mountings) == (6, 2, 3)
-    said = found.to_dict()
-    assert said["between_mountings"]["I11"] == pytest.approx(means[0])
-    assert said["coverage_factor"]["I11"] == pytest.approx(student.ppf(0.975, 2))
+    np.testing.assert_allclose(pooling.between_mountings, means)
+    np.testing.assert_allclose(pooling.from_scatter, means / np.sqrt(3))
+    np.testing.assert_allclose(pooling.between_runs, np.sqrt(groups.var(axis=1, ddof=1).mean(axis=0)))
+    assert (pooling.repeat_degrees_of_freedom, pooling.scatter_degrees_of_freedom, pooling.mountings) == (6, 2, 3)
+    content = pooling.to_dict()
+    assert content["between_mountings"]["I11"] == pytest.approx(means[0])
+    assert content["coverage_factor"]["I11"] == pytest.approx(student.ppf(0.975, 2))
 
 
 def test_one_mounting_of_all_runs_is_none(generator):
@@ -78,8 +78,8 @@ def test_intervals_of_three_mountings_of_three_runs_cover(of_mounting, of_run, l
         tensors = rng.normal(0, np.hypot(OWN, of_run), (9, 6)) + np.repeat(
             rng.normal(0, of_mounting, (3, 6)), 3, axis=0
         )
-        mean, found = pooled(tensors, THREE_BY_THREE)
-        covered.append(np.abs(mean) <= found.half_width)
+        mean, pooling = pooled(tensors, THREE_BY_THREE)
+        covered.append(np.abs(mean) <= pooling.half_width)
         ignored.append(np.abs(mean) <= pooled(tensors, [None] * 9)[1].half_width)
     assert least < np.mean(covered) <= most
     if of_mounting:
@@ -100,19 +100,19 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
                 clean, force=clean.force + noise[0], moment=moment, omega=clean.omega + noise[2], mounting=mounting,
             ))  # fmt: skip
     result = identify(runs, r_cg=short.r_cg_from_q, sigma_r_cg=[4e-3] * 3, estimator=short.estimator("smoothed"))
-    found = result.pooling
-    assert found.between_mountings[0] > 2 * found.between_runs[0] / np.sqrt(2)
-    assert (np.abs(result.inertia - short.inertia) < 2 * found.half_width).all()
+    pooling = result.pooling
+    assert pooling.between_mountings[0] > 2 * pooling.between_runs[0] / np.sqrt(2)
+    assert (np.abs(result.inertia - short.inertia) < 2 * pooling.half_width).all()
     assert [run["mounting"] for run in result.to_dict()["runs"]] == list("AABBCC")
     centre = Source("r_cg", "r_cg", "bias", "cg", np.full(3, 4e-3))
     declared = dataclasses.replace(short, sources=(centre,))
     common = with_declared_sources(result, runs, declared)
-    anew = with_declared_sources(result, runs, declared, anew=["r_cg"])
+    varying = with_declared_sources(result, runs, declared, anew=["r_cg"])
     # drawn anew by three mountings its variance is a third, and the scatter holds it already
-    np.testing.assert_allclose(anew.pooling.drawn_anew[0], common.budget["r_cg"][0] / np.sqrt(3), rtol=0.05)
-    assert anew.standard_uncertainty[0] < common.standard_uncertainty[0]
+    np.testing.assert_allclose(varying.pooling.drawn_anew[0], common.budget["r_cg"][0] / np.sqrt(3), rtol=0.05)
+    assert varying.standard_uncertainty[0] < common.standard_uncertainty[0]
     np.testing.assert_allclose(
-        anew.standard_uncertainty[0], max(found.from_scatter[0], anew.pooling.foreseen[0]), rtol=0.01
+        varying.standard_uncertainty[0], max(pooling.from_scatter[0], varying.pooling.foreseen[0]), rtol=0.01
     )
 
 
@@ -150,4 +150,4 @@ def test_names_of_mountings_are_checked(short):
     other = dataclasses.replace(run, mounting="A")
     with pytest.raises(RunError, match="simulated T1 does not name its mounting, others do: name one for every run"):
         labelled([run, other], None)
-    assert [one.mounting for one in labelled([run, other], ("B", "C"))] == ["B", "C"]
+    assert [labelled_run.mounting for labelled_run in labelled([run, other], ("B", "C"))] == ["B", "C"]

@@ -59,8 +59,8 @@ def calibrated(experiment, sigma=(0.05, *(1.5e-4,) * 3, 0.7, 0.4, 1.4, 0.014, 0.
 
 
 def estimate(experiment, run, **options):
-    known = {"centre": calibrated(experiment), "gravity": 9.81, "cg_motion": "still"} | options
-    return identify(run, estimator=experiment.estimator("smoothed"), method="joint", **known)
+    settings = {"centre": calibrated(experiment), "gravity": 9.81, "cg_motion": "still"} | options
+    return identify(run, estimator=experiment.estimator("smoothed"), method="joint", **settings)
 
 
 @pytest.fixture(scope="module")
@@ -116,10 +116,10 @@ def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
 
 def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
     """What figures draw: residuals of nothing but rounding, the motion turned into B."""
-    found = estimate(brief, silent_run).runs[0].trace
-    size = found.moment_density.max()
-    assert found.residual_density.max() < 1e-5 * size
-    speed = np.linalg.norm(found.omega, axis=1)
+    trace = estimate(brief, silent_run).runs[0].trace
+    size = trace.moment_density.max()
+    assert trace.residual_density.max() < 1e-5 * size
+    speed = np.linalg.norm(trace.omega, axis=1)
     assert speed.max() == pytest.approx(np.linalg.norm(silent_run.omega, axis=1).max(), rel=0.03)
 
 
@@ -166,16 +166,16 @@ def test_rotations_about_one_axis_are_refused(preset):
 def test_pooled_runs_are_one_large_problem(brief):
     """Three runs: the Schur complements against the inverse of the whole arrow matrix, the prior counting once."""
     laboratory, rng = joint_studies.own_laboratory(brief), np.random.default_rng(4)
-    known = laboratory.calibration(rng)
-    runs = [laboratory.estimate(laboratory.run(rng), known, Alignment()) for _ in range(3)]
+    calibration = laboratory.calibration(rng)
+    runs = [laboratory.estimate(laboratory.run(rng), calibration, Alignment()) for _ in range(3)]
     pooled = pool(runs, (*ALIGNED, *CALIBRATED))
     root = np.asarray(runs[0].prior.root)
     common = np.abs(root[indices((*ALIGNED, *CALIBRATED))]).max(axis=0) > 0
-    shared, own = int(common.sum()), int((~common).sum())
-    whole, right = np.zeros((shared + 3 * own,) * 2), np.zeros(shared + 3 * own)
+    shared, separate = int(common.sum()), int((~common).sum())
+    whole, right = np.zeros((shared + 3 * separate,) * 2), np.zeros(shared + 3 * separate)
     counted = np.asarray(runs[0].prior.counted)
     for k, run in enumerate(runs):
-        where = np.concatenate([np.arange(shared), shared + k * own + np.arange(own)])
+        where = np.concatenate([np.arange(shared), shared + k * separate + np.arange(separate)])
         order = np.concatenate([np.flatnonzero(common), np.flatnonzero(~common)])
         data = np.asarray(run.fit.of_data)
         priors = np.diag(np.where(common, 0.0, counted))
@@ -195,30 +195,30 @@ def test_the_bound_of_the_tensor_alone_is_gauss_markovs(brief):
     """With all else known: the inverse of the sum over the samples of ``Ωᵀ C⁻¹ Ω``, in NumPy."""
     silent = dataclasses.replace(brief, sources=())
     run = simulate(silent, "T1").run
-    known = Alignment(sigma_delay=0.0, sigma_rotation=0.0, sigma_gyro_bias=0.0, sigma_tilt=0.0)
+    alignment = Alignment(sigma_delay=0.0, sigma_rotation=0.0, sigma_gyro_bias=0.0, sigma_tilt=0.0)
     sigma = np.array([5.0, 5.0, 10.0, 0.38, 0.46, 0.46])
-    found = bound(
+    least = bound(
         run, brief.body, band=BAND, noise=sigma, gyro_noise=np.full(3, 1e-12), static_covariance=np.zeros((10, 10)),
-        alignment=known, gravity=brief.gravity,
+        alignment=alignment, gravity=brief.gravity,
     )  # fmt: skip
     trajectory = brief.trajectories["T1"].trajectory
     t = jnp.asarray(run.t)
     rows = np.asarray(jax.vmap(omega_r)(jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)))
     expected = np.linalg.inv(np.einsum("nji,j,njk->ik", rows, 1 / sigma[3:] ** 2, rows))
     tensor = SLICES["inertia"]
-    np.testing.assert_allclose(found.covariance[tensor, tensor], expected, atol=5e-3 * expected.max())
+    np.testing.assert_allclose(least.covariance[tensor, tensor], expected, atol=5e-3 * expected.max())
 
 
 @pytest.mark.study
 def test_the_bound_of_the_sources_experiment_is_the_derived_one(preset):
     """Alignment known, and 3° and 10 ms: derived by other means as 2.6 (moments), 1.67 and 2.04 (products) g·m²."""
-    known = uq_bound(preset, "T1", band=BAND)
+    least = uq_bound(preset, "T1", band=BAND)
     late = Source("late", "omega", "delay", "imu", np.array(0.01))
     turned = Source("turned", "omega", "misalignment", "imu", np.full(3, np.radians(3)))
     free = uq_bound(dataclasses.replace(preset, sources=(*preset.sources, late, turned)), "T1", band=BAND)
-    np.testing.assert_allclose(1e3 * np.array(known.three_sigma), [2.6, 1.67], rtol=0.01)
+    np.testing.assert_allclose(1e3 * np.array(least.three_sigma), [2.6, 1.67], rtol=0.01)
     np.testing.assert_allclose(1e3 * np.array(free.three_sigma), [2.6, 2.04], rtol=0.01)
-    assert "delay" not in known.free
+    assert "delay" not in least.free
     assert "rotation" in free.free
     assert free.to_dict()["prior_share"]["delay"][0] < 1e-3
     assert "3σ at least" in repr(free)

@@ -55,10 +55,10 @@ def test_the_joint_estimate_reaches_its_bound(preset, aligned):
 def test_the_joint_estimate_is_no_worse_than_the_sources(preset, aligned):
     """Both on the same runs of 72,000 samples: root-mean-square error of every component, two standard errors allowed."""
     joint, source = studies.against_the_source(preset, range(PAIRED), aligned=aligned).transpose(1, 0, 2)
-    ours, theirs = (np.sqrt((one**2).mean(axis=0)) for one in (joint, source))
+    ours, theirs = (np.sqrt((errors**2).mean(axis=0)) for errors in (joint, source))
     print(studies.paired_table(joint, source))
     allowed = 1 + (2 * np.sqrt(1 / PAIRED) if aligned else 0.0)
     assert (ours < allowed * theirs).all()
-    for part in (MOMENTS, PRODUCTS):
-        assert ours[list(part)].mean() < theirs[list(part)].mean()
+    for components in (MOMENTS, PRODUCTS):
+        assert ours[list(components)].mean() < theirs[list(components)].mean()
     assert len(COMPONENTS) == len(ours)

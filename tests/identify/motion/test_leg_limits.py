@@ -70,32 +70,32 @@ def test_a_wrong_cg_moves_by_its_own_error_turned(preset):
 def test_speeds_and_accelerations_are_those_of_the_lengths(preset, name):
     platform = named("assumed-source-size")
     motion = motion_of(preset, name, platform, rate=1000.0, duration=40.0)
-    found = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
-    length, h = np.asarray(found.legs.length), 1e-3
-    np.testing.assert_allclose((length[2:] - length[:-2]) / (2 * h), found.legs.speed[1:-1], atol=1e-5)
+    asked = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
+    length, h = np.asarray(asked.legs.length), 1e-3
+    np.testing.assert_allclose((length[2:] - length[:-2]) / (2 * h), asked.legs.speed[1:-1], atol=1e-5)
     second = (length[2:] - 2 * length[1:-1] + length[:-2]) / h**2
-    np.testing.assert_allclose(second, found.legs.acceleration[1:-1], atol=1e-4)
+    np.testing.assert_allclose(second, asked.legs.acceleration[1:-1], atol=1e-4)
 
 
 def test_the_cell_carries_what_the_campaigns_cell_reads(preset):
     platform, spec = named("assumed-source-size"), preset.trajectories["T2"]
     motion = motion_of(preset, "T2", platform, duration=40.0)
-    found = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
+    asked = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
     same = sample(spec.trajectory, motion.t, r_cg_from_still=np.array([0, 0, 0.11]), gravity=np.array(9.81))
-    np.testing.assert_allclose(found.cell_force.T, 19.7 * same.specific_force_cg, atol=1e-12)
+    np.testing.assert_allclose(asked.cell_force.T, 19.7 * same.specific_force_cg, atol=1e-12)
 
 
 def test_a_motion_needs_just_what_it_uses(preset):
     platform = named("assumed-source-size")
     motion = motion_of(preset, "T1", platform, rate=50.0)
-    found = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
-    own = needs(found, 5.0)
-    listed = peaks(found, own, motion.t)
+    asked = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
+    needed = needs(asked, 5.0)
+    listed = peaks(asked, needed, motion.t)
     assert {peak.quantity for peak in listed} == {"length", "speed", "acceleration", "force"}
     np.testing.assert_allclose([peak.share for peak in listed], 1.0, rtol=1e-12)
-    half = own._replace(speed=own.speed / 2)
-    worst = peaks(found, half, motion.t)[0]
-    leg = np.abs(np.asarray(found.legs.speed))
+    half = needed._replace(speed=needed.speed / 2)
+    worst = peaks(asked, half, motion.t)[0]
+    leg = np.abs(np.asarray(asked.legs.speed))
     assert str(worst) == f"speed of leg {worst.part + 1} at {worst.t:.3f} s: 200.0 % of its limit"
     assert leg[int(np.argmin(np.abs(motion.t - worst.t))), worst.part] == leg[:, worst.part].max()
 
@@ -103,20 +103,20 @@ def test_a_motion_needs_just_what_it_uses(preset):
 def test_every_limit_is_looked_at(preset):
     platform = named("assumed-source-size")
     motion = motion_of(preset, "T2", platform, rate=50.0, duration=60.0)
-    found = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
+    asked = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
     limits = declared_table("limits", {
         "length": ["0.5 m", "0.7 m"], "speed": "1 m/s", "acceleration": "2 m/s^2", "force": "500 N",
         "joint_angle": "30 deg", "cell_force": ["200 N", "200 N", "400 N"], "cell_moment": ["20 N*m"] * 3,
         "gyro_range": "100 deg/s", "body_acceleration": "1 g_n", "bandwidth": "5 Hz",
     }, LimitsTable).limits.figures  # fmt: skip
-    used = shares(found, limits)
-    assert len(peaks(found, limits, motion.t)) == len(used) == 9
+    used = shares(asked, limits)
+    assert len(peaks(asked, limits, motion.t)) == len(used) == 9
     np.testing.assert_allclose(
         used["body_acceleration"][:, 0] * 9.80665,
-        jnp.linalg.norm(found.cell_force / 19.7 - 9.81 * motion.pose.rotation[:, 2], axis=1),
+        jnp.linalg.norm(asked.cell_force / 19.7 - 9.81 * motion.pose.rotation[:, 2], axis=1),
         atol=1e-12,
     )
-    assert not peaks(found, Limits.none(), motion.t)
+    assert not peaks(asked, Limits.none(), motion.t)
 
 
 def test_installed_platforms_are_at_home_where_they_are_drawn():
@@ -181,10 +181,10 @@ def document(preset, tmp_path, multisine, **changes):
 
 
 def test_amplitudes_come_back(preset, tmp_path, multisine):
-    found = Experiment.from_dict(document(preset, tmp_path, multisine), tmp_path).trajectories["D"]
-    assert found.still == "omb"
+    spec = Experiment.from_dict(document(preset, tmp_path, multisine), tmp_path).trajectories["D"]
+    assert spec.still == "omb"
     for name in ("frequency", "cosine", "sine", "duration", "ramp"):
-        np.testing.assert_array_equal(getattr(found.trajectory, name), getattr(multisine, name))
+        np.testing.assert_array_equal(getattr(spec.trajectory, name), getattr(multisine, name))
 
 
 def test_a_moving_cg_passes_through_the_campaign(preset, tmp_path, multisine):
@@ -195,8 +195,8 @@ def test_a_moving_cg_passes_through_the_campaign(preset, tmp_path, multisine):
     quiet = dataclasses.replace(experiment, sources=tuple(
         dataclasses.replace(s, sigma=np.full(3, 1e-12)) for s in experiment.sources
     ))  # fmt: skip
-    found = montecarlo(quiet, trials=2, estimators="smoothed").total_errors("D", "smoothed")
-    np.testing.assert_allclose(found, 0, atol=4e-5)
+    errors = montecarlo(quiet, trials=2, estimators="smoothed").total_errors("D", "smoothed")
+    np.testing.assert_allclose(errors, 0, atol=4e-5)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_a_simulated_multisines_accelerometer_agrees_with_its_load_cell(preset, 
     """Without errors, the force is the mass times the specific force at Q carried to the centre of gravity."""
     written = document(preset, tmp_path, multisine)
     experiment = dataclasses.replace(Experiment.from_dict(written, folder=tmp_path), sources=())
-    found = simulate(experiment, "D")
-    alpha = np.gradient(found.run.omega, 1 / 400, axis=0)
-    at_cg = specific_force_at(found.specific_force, found.run.omega, alpha, preset.r_cg_from_q)
-    np.testing.assert_allclose(at_cg[1:-1], found.run.force[1:-1] / preset.mass, atol=2e-4)
+    simulated = simulate(experiment, "D")
+    alpha = np.gradient(simulated.run.omega, 1 / 400, axis=0)
+    at_cg = specific_force_at(simulated.specific_force, simulated.run.omega, alpha, preset.r_cg_from_q)
+    np.testing.assert_allclose(at_cg[1:-1], simulated.run.force[1:-1] / preset.mass, atol=2e-4)

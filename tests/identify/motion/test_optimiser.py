@@ -25,19 +25,19 @@ def test_a_linear_goal_ends_on_the_circle_of_its_limits():
     angle = np.arange(500) * 2 * np.pi / 500
     normals, slope = np.stack([np.cos(angle), np.sin(angle)], axis=1), np.array([3.0, -4.0])
     lagrangian = Lagrangian(lambda x: (jnp.asarray(slope) @ x, jnp.asarray(normals) @ x - 1))
-    told = []
-    found = minimise(lagrangian, np.zeros(2), rounds=15, progress=lambda *at: told.append(at))
-    np.testing.assert_allclose(found.goal, -5, rtol=2e-3)
-    assert found.excess < 2e-3
-    assert [at[0] for at in told] == list(range(1, 16))
-    assert found.evaluations > 15
+    reports = []
+    optimum = minimise(lagrangian, np.zeros(2), rounds=15, progress=lambda *at: reports.append(at))
+    np.testing.assert_allclose(optimum.goal, -5, rtol=2e-3)
+    assert optimum.excess < 2e-3
+    assert [at[0] for at in reports] == list(range(1, 16))
+    assert optimum.evaluations > 15
 
 
 def test_a_minimum_within_the_limits_is_left_alone():
     lagrangian = Lagrangian(lambda x: (((x - 0.3) ** 2).sum(), x - 1))
-    found = minimise(lagrangian, np.full(3, 4.0), rounds=4)
-    np.testing.assert_allclose(found.unknowns, 0.3, atol=1e-6)
-    assert found.excess < 0
+    optimum = minimise(lagrangian, np.full(3, 4.0), rounds=4)
+    np.testing.assert_allclose(optimum.unknowns, 0.3, atol=1e-6)
+    assert optimum.excess < 0
 
 
 # --- periodic motions ---
@@ -118,7 +118,7 @@ def test_the_bound_is_tight_and_below_everything(generator):
     """Against the primal problem, solved by another route: factors of L with rows of the allowed length."""
     to_alpha = generator.normal(size=(3, 6))
     most = generator.uniform(0.5, 2.0, 6)
-    found = least(uncertainty, np.eye(6), most, to_alpha)
+    bound = least(uncertainty, np.eye(6), most, to_alpha)
 
     def primal(x):
         rows = x.reshape(6, 6)
@@ -130,9 +130,9 @@ def test_the_bound_is_tight_and_below_everything(generator):
         scipy_minimize(lambda x: tuple(map(np.asarray, slope(x))), generator.normal(size=36), jac=True).fun
         for _ in range(3)
     ]
-    assert found.value <= min(values)
-    np.testing.assert_allclose(found.value, min(values), rtol=5e-3)
-    np.testing.assert_allclose(found.weights.sum(), 1)
+    assert bound.value <= min(values)
+    np.testing.assert_allclose(bound.value, min(values), rtol=5e-3)
+    np.testing.assert_allclose(bound.weights.sum(), 1)
 
 
 def test_more_constraints_raise_the_bound(generator):

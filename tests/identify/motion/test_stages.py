@@ -42,9 +42,9 @@ def staged():
 
 def only(motion, first):
     """One stage of a motion as a motion of one stage."""
-    part = np.asarray(motion.start) == first
-    amplitudes = {"cosine": motion.cosine[:, part], "sine": motion.sine[:, part]}
-    return dataclasses.replace(motion, frequency=motion.frequency[part], **amplitudes, start=None)
+    in_stage = np.asarray(motion.start) == first
+    amplitudes = {"cosine": motion.cosine[:, in_stage], "sine": motion.sine[:, in_stage]}
+    return dataclasses.replace(motion, frequency=motion.frequency[in_stage], **amplitudes, start=None)
 
 
 def test_one_stage_is_the_sum_of_sines_times_the_window(staged):
@@ -55,8 +55,8 @@ def test_one_stage_is_the_sum_of_sines_times_the_window(staged):
     ends = np.asarray(jax.vmap(swell)(t / RAMP) * jax.vmap(swell)((DURATION - t) / RAMP))
     expected = ends[:, None] * shape
     for start in (None, np.zeros(6)):
-        one = dataclasses.replace(staged, start=start)
-        np.testing.assert_allclose(jax.vmap(one.coordinates)(t), expected, atol=1e-15)
+        single = dataclasses.replace(staged, start=start)
+        np.testing.assert_allclose(jax.vmap(single.coordinates)(t), expected, atol=1e-15)
 
 
 def test_each_stage_moves_alone(staged):
@@ -75,8 +75,11 @@ def test_a_swell_asks_for_little_on_its_way():
     """Times a sine of one turn in half a ramp: hardly more acceleration than the sine alone."""
     t = jnp.linspace(0, 1, 2001)
 
-    parts = [lambda u, wave=wave: swell(u) * wave(4 * jnp.pi * u) for wave in (jnp.cos, jnp.sin)]
-    largest = float(jnp.hypot(*(jax.vmap(jax.grad(jax.grad(part)))(t) for part in parts)).max()) / (4 * np.pi) ** 2
+    waves = [lambda u, wave=wave: swell(u) * wave(4 * jnp.pi * u) for wave in (jnp.cos, jnp.sin)]
+    largest = (
+        float(jnp.hypot(*(jax.vmap(jax.grad(jax.grad(windowed_wave)))(t) for windowed_wave in waves)).max())
+        / (4 * np.pi) ** 2
+    )
     assert 1.0 <= largest < 1.03
     np.testing.assert_allclose([swell(jnp.array(u)) for u in (-1.0, 0.0, 0.5, 1.0, 2.0)], [0, 0, 0.5**0.5, 1, 1])
 
@@ -103,9 +106,9 @@ def written(preset, folder, text, **changes):
 
 
 def test_stages_come_back(preset, tmp_path, staged):
-    found = written(preset, tmp_path, multisine_csv(staged)).trajectories["D"].trajectory
+    trajectory = written(preset, tmp_path, multisine_csv(staged)).trajectories["D"].trajectory
     for name in ("frequency", "cosine", "sine", "duration", "ramp", "start"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(staged, name))
+        np.testing.assert_array_equal(getattr(trajectory, name), getattr(staged, name))
 
 
 def rows(*starts, columns=(START, *COLUMNS)):
@@ -180,18 +183,18 @@ def test_stages_move_as_their_trajectory(platform, stages, generator):
     """Pose, specific force and three derivatives, in the ramps too, against the trajectory that a campaign samples."""
     unknowns, offset, gravity = 0.2 * generator.normal(size=stages.unknowns), jnp.array([0.01, -0.02, 0.1]), 9.81
     np.testing.assert_array_equal(stages.border, [0, 13, 21])
-    found = stages.moved(platform, jnp.asarray(unknowns), offset, jnp.array(gravity))
-    trajectory, t = stages.multisine(unknowns), found.body.t
+    moved = stages.moved(platform, jnp.asarray(unknowns), offset, jnp.array(gravity))
+    trajectory, t = stages.multisine(unknowns), moved.body.t
     whole = jnp.arange(0.0, 21.0, 1 / 400)
     at = np.asarray(jnp.round(t * 400).astype(int))
     np.testing.assert_allclose(whole[at], t, atol=1e-12)
     motion = jax.tree.map(lambda x: x[at], platform_motion(platform, trajectory, whole, jnp.zeros(3)))
-    for ours, theirs in zip(jax.tree.leaves(found.platform[1:]), jax.tree.leaves(motion[1:]), strict=True):
+    for ours, theirs in zip(jax.tree.leaves(moved.platform[1:]), jax.tree.leaves(motion[1:]), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-7)
     body = sample(trajectory, whole, r_cg_from_still=offset, gravity=gravity)
-    np.testing.assert_allclose(found.body.specific_force_cg, body.specific_force_cg[:, at], atol=1e-7)
+    np.testing.assert_allclose(moved.body.specific_force_cg, body.specific_force_cg[:, at], atol=1e-7)
     jerk = jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
-    np.testing.assert_allclose(found.jerk, jerk, atol=1e-7)
+    np.testing.assert_allclose(moved.jerk, jerk, atol=1e-7)
 
 
 def test_peaks_between_the_instants_are_seen(stages, generator):
@@ -203,11 +206,11 @@ def test_peaks_between_the_instants_are_seen(stages, generator):
         other = dataclasses.replace(stages, periodic=dataclasses.replace(stages.periodic, t=t))
         ramp = np.arange(float(len(other.in_ramp))) / 10
         power = generator.normal(size=6)
-        known = [wave(t), np.polyval(power, ramp), np.polyval(power, -ramp)]
-        values = jnp.asarray(np.tile(np.concatenate(known), 2)[:, None])
+        samples = [wave(t), np.polyval(power, ramp), np.polyval(power, -ramp)]
+        values = jnp.asarray(np.tile(np.concatenate(samples), 2)[:, None])
         finer = np.linspace(0, ramp[-1], 4 * (len(ramp) - 1) + 1)
-        known = [wave(np.arange(4 * count) / (4 * count)), np.polyval(power, finer), np.polyval(power, -finer)]
-        expected = np.tile(np.concatenate(known), 2)
+        samples = [wave(np.arange(4 * count) / (4 * count)), np.polyval(power, finer), np.polyval(power, -finer)]
+        expected = np.tile(np.concatenate(samples), 2)
         np.testing.assert_allclose(other.finer(values)[:, 0], expected, atol=1e-9)
 
 
@@ -224,9 +227,9 @@ def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
 def test_instants_stand_for_the_whole_run(platform, stages, generator):
     """The mean square of alpha over the run, by 400 samples a second: what is left out next to rest is little."""
     unknowns = 0.2 * generator.normal(size=stages.unknowns)
-    found = stages.moved(platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
+    moved = stages.moved(platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
     alpha = jax.vmap(stages.multisine(unknowns).alpha)(jnp.arange(0, 21, 1 / 400))
-    ours = np.einsum("n,in,jn->ij", stages.seconds, found.body.alpha, found.body.alpha)
+    ours = np.einsum("n,in,jn->ij", stages.seconds, moved.body.alpha, moved.body.alpha)
     theirs = np.einsum("ni,nj->ij", alpha, alpha) / 400
     np.testing.assert_allclose(ours, theirs, atol=2e-2 * np.trace(theirs))
 
@@ -237,16 +240,16 @@ def test_weights_are_repeated_instants(preset, stages, platform, generator):
 
     prediction = Prediction.of(preset, dataclasses.replace(preset.trajectories["T1"], still="omb"))
     motion = jnp.asarray(generator.normal(size=stages.unknowns) / 5)
-    one = stages.moved(platform, motion, jnp.zeros(3), jnp.array(9.81))
-    n = one.jerk.shape[1]
+    moved = stages.moved(platform, motion, jnp.zeros(3), jnp.array(9.81))
+    n = moved.jerk.shape[1]
     order = np.concatenate([np.arange(n), np.arange(7)])
-    body = one.body._replace(
-        t=one.body.t[order], omega=one.body.omega[:, order], alpha=one.body.alpha[:, order],
-        rotation=one.body.rotation[order], specific_force_cg=one.body.specific_force_cg[:, order],
+    body = moved.body._replace(
+        t=moved.body.t[order], omega=moved.body.omega[:, order], alpha=moved.body.alpha[:, order],
+        rotation=moved.body.rotation[order], specific_force_cg=moved.body.specific_force_cg[:, order],
     )  # fmt: skip
-    expected = prediction.covariance(body, one.jerk[:, order], 30.0)
+    expected = prediction.covariance(body, moved.jerk[:, order], 30.0)
     weights = 30.0 * jnp.where(jnp.arange(n) < 7, 2.0, 1.0)
-    np.testing.assert_allclose(prediction.covariance(one.body, one.jerk, weights), expected, rtol=1e-9)
+    np.testing.assert_allclose(prediction.covariance(moved.body, moved.jerk, weights), expected, rtol=1e-9)
 
 
 # --- patterns ---
@@ -257,9 +260,9 @@ def test_patterns_are_those_of_one_wave(generator):
     tried = patterns()
     assert len(tried) == (6**5 + 2**5) // 2
     np.testing.assert_allclose(np.abs(tried), 1)
-    one = generator.choice(tried)
-    wave = (one[:, None] * np.exp(2j * np.pi * np.arange(12) / 12)).real
-    np.testing.assert_allclose(2 * wave @ wave.T / 12, np.outer(one, one.conj()).real, atol=1e-12)
+    pattern = generator.choice(tried)
+    wave = (pattern[:, None] * np.exp(2j * np.pi * np.arange(12) / 12)).real
+    np.testing.assert_allclose(2 * wave @ wave.T / 12, np.outer(pattern, pattern.conj()).real, atol=1e-12)
 
 
 @pytest.mark.parametrize("part", [MOMENTS, PRODUCTS])
@@ -285,14 +288,14 @@ def test_the_mixture_is_optimal(part, generator):
 
 
 def test_a_mixture_leaves_out_what_is_small_and_runs_both_ways(generator):
-    found = mixture(average_uncertainty(1e4, NOISE, MOMENTS), generator.normal(size=(3, 6)))
-    assert 1 <= len(found.share) < 10
-    np.testing.assert_allclose(found.share.sum(), 1)
-    both = found.both_ways()
+    best = mixture(average_uncertainty(1e4, NOISE, MOMENTS), generator.normal(size=(3, 6)))
+    assert 1 <= len(best.share) < 10
+    np.testing.assert_allclose(best.share.sum(), 1)
+    both = best.both_ways()
     np.testing.assert_allclose(both.share.sum(), 1)
-    for one, part in zip(found.phasors, found.share, strict=True):
-        same = np.abs(both.phasors - one).max(axis=1) < 1e-9
-        other = np.abs(both.phasors - one.conj()).max(axis=1) < 1e-9
+    for pattern, share in zip(best.phasors, best.share, strict=True):
+        same = np.abs(both.phasors - pattern).max(axis=1) < 1e-9
+        other = np.abs(both.phasors - pattern.conj()).max(axis=1) < 1e-9
         assert same.any()
         assert other.any()
-        np.testing.assert_allclose(both.share[same | other].sum(), part)
+        np.testing.assert_allclose(both.share[same | other].sum(), share)

@@ -26,10 +26,10 @@ def test_forward_undoes_inverse_kinematics(generator):
     forward = jax.jit(lambda wanted: pf.pose_of(platform, wanted))
     for _ in range(200):
         pose = somewhere(generator, platform)
-        found = forward(pf.lengths(platform, pose))
-        np.testing.assert_allclose(found.pose.position, pose.position, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(found.pose.rotation, pose.rotation, rtol=0, atol=1e-10)
-        assert found.residual < 1e-13
+        solution = forward(pf.lengths(platform, pose))
+        np.testing.assert_allclose(solution.pose.position, pose.position, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(solution.pose.rotation, pose.rotation, rtol=0, atol=1e-10)
+        assert solution.residual < 1e-13
 
 
 def test_lengths_that_no_pose_has_leave_a_residual():
@@ -57,9 +57,9 @@ def test_lengths_speeds_and_forces_are_mujocos(generator):
     for _ in range(20):
         pose, twist = somewhere(generator, platform), moving(generator)
         length, speed, force, _ = in_mujoco(platform, pose, twist, BODY)
-        found = legs(platform, pose, twist)
-        np.testing.assert_allclose(found.length, length, rtol=1e-12)
-        np.testing.assert_allclose(found.speed, speed, rtol=0, atol=1e-12)
+        kinematics = legs(platform, pose, twist)
+        np.testing.assert_allclose(kinematics.length, length, rtol=1e-12)
+        np.testing.assert_allclose(kinematics.speed, speed, rtol=0, atol=1e-12)
         np.testing.assert_allclose(forces(platform, BODY, pose, twist, jnp.array(GRAVITY)), force, rtol=0, atol=1e-9)
 
 
@@ -89,18 +89,18 @@ def test_forces_of_heavy_legs_are_mujocos(generator):
         by_pose = jax.jacobian(lambda d, at: hinges(platform, shifted(at, d)))(jnp.zeros(6), pose)
         needed = data.qfrc_inverse[:6] + np.asarray(by_pose).T @ data.qfrc_inverse[6:]
         expected = np.linalg.solve(np.asarray(pf.jacobian(platform, pose)).T, needed)
-        found = forces(platform, BODY, pose, twist, jnp.array(GRAVITY))
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)
+        leg_forces = forces(platform, BODY, pose, twist, jnp.array(GRAVITY))
+        np.testing.assert_allclose(leg_forces, expected, rtol=0, atol=1e-7)
 
 
 def test_accelerations_are_the_lengths_second_differences(generator):
     platform = small()
     pose, twist, h = somewhere(generator, platform), moving(generator), 1e-4
     before, now, after = (pf.lengths(platform, pf.moved(pose, twist, jnp.array(x))) for x in (-h, 0.0, h))
-    found = legs(platform, pose, twist)
-    np.testing.assert_allclose(found.acceleration, (after - 2 * now + before) / h**2, rtol=0, atol=1e-6)
+    kinematics = legs(platform, pose, twist)
+    np.testing.assert_allclose(kinematics.acceleration, (after - 2 * now + before) / h**2, rtol=0, atol=1e-6)
     np.testing.assert_allclose(
-        found.speed, pf.jacobian(platform, pose) @ jnp.hstack([twist.velocity, twist.omega]), atol=1e-12
+        kinematics.speed, pf.jacobian(platform, pose) @ jnp.hstack([twist.velocity, twist.omega]), atol=1e-12
     )
 
 
@@ -116,9 +116,9 @@ def test_a_level_platform_at_rest_carries_its_weight():
 def test_a_platform_above_its_own_shadow_is_singular():
     """Fichter's case: platform and base alike and turned by 90 degrees."""
     platform = small()
-    alike = pf.Platform(platform.base, platform.base, platform.home, platform.plate, platform.cylinder, platform.rod)
-    turned = Pose(alike.home, exponential(jnp.array([0.0, 0.0, np.pi / 2])))
-    assert pf.singularity(alike, turned) < 1e-8
+    shadow = pf.Platform(platform.base, platform.base, platform.home, platform.plate, platform.cylinder, platform.rod)
+    turned = Pose(shadow.home, exponential(jnp.array([0.0, 0.0, np.pi / 2])))
+    assert pf.singularity(shadow, turned) < 1e-8
     assert pf.singularity(platform, platform.home_pose) > 0.1
 
 

@@ -30,8 +30,8 @@ def holds(result, inertia=lab.ROD):
 def test_one_axis_tells_three_components_and_bounds_the_rest(method):
     result = found(lab.swing(30.0, ABOUT_ONE), method=method)
     holds(result)
-    known = result.admissible.determined
-    np.testing.assert_array_equal(known, [False, True, False, True, True, False])
+    determined = result.admissible.determined
+    np.testing.assert_array_equal(determined, [False, True, False, True, True, False])
     assert abs(result.inertia[3] - lab.ROD[3]) < 4 * result.standard_uncertainty[3]
     # |I13| ≤ I22 / 2 for every body; I11 and I33 have no upper bound
     assert result.interval95[2, 1] == pytest.approx(result.interval95[3, 1] / 2, rel=0.05)

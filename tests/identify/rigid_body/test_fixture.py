@@ -63,8 +63,10 @@ def covered(short, repeats):
         body = laboratory(short, trial)
         low, high = body.interval95.T
         tensor += (low <= BODY.inertia) & (BODY.inertia <= high)
-        found = body.parameters
-        others += np.abs(found.values[:4] - BODY.values[:4]) <= 2.1 * found.standard_uncertainty[:4]
+        parameters_of_body = body.parameters
+        others += (
+            np.abs(parameters_of_body.values[:4] - BODY.values[:4]) <= 2.1 * parameters_of_body.standard_uncertainty[:4]
+        )
     return tensor / repeats, others / repeats
 
 

@@ -42,16 +42,16 @@ def random_covariance(generator, values, part=1e-3):
 
 def test_about_a_point_is_the_sum_over_point_masses(cloud, generator):
     point = generator.normal(size=3)
-    found = parameters(ten(*cloud)).about(point)
-    np.testing.assert_allclose(found.inertia, about_points(*cloud, point), rtol=1e-12)
-    np.testing.assert_array_equal(found.covariance, 0)
+    tensor = parameters(ten(*cloud)).about(point)
+    np.testing.assert_allclose(tensor.inertia, about_points(*cloud, point), rtol=1e-12)
+    np.testing.assert_array_equal(tensor.covariance, 0)
 
 
 def test_in_a_frame_is_the_sum_over_the_moved_point_masses(cloud, generator):
     masses, points = cloud
     rotation, origin = Rotation.random(rng=generator).as_matrix(), generator.normal(size=3)
-    found = parameters(ten(*cloud)).in_frame(rotation, origin)
-    np.testing.assert_allclose(found.values, ten(masses, (points - origin) @ rotation.T), rtol=1e-12, atol=1e-13)
+    moved = parameters(ten(*cloud)).in_frame(rotation, origin)
+    np.testing.assert_allclose(moved.values, ten(masses, (points - origin) @ rotation.T), rtol=1e-12, atol=1e-13)
 
 
 def test_a_rigid_body_library_agrees_on_the_tensor_in_a_frame(generator):
@@ -81,7 +81,7 @@ def test_covariances_elsewhere_are_those_of_repeated_draws(cloud, generator):
     covariance = random_covariance(generator, values)
     rotation, origin = Rotation.random(rng=generator), generator.normal(size=3)
     pose = 1e-3 * generator.normal(size=(6, 6))
-    one = parameters(values, covariance).in_datum(Datum(rotation.as_matrix(), origin, pose @ pose.T))
+    in_datum = parameters(values, covariance).in_datum(Datum(rotation.as_matrix(), origin, pose @ pose.T))
     about = parameters(values, covariance).about(origin, (pose @ pose.T)[3:, 3:])
     draws = generator.multivariate_normal(values, covariance, size=20_000)
     poses = generator.multivariate_normal(np.zeros(6), pose @ pose.T, size=20_000)
@@ -97,7 +97,7 @@ def test_covariances_elsewhere_are_those_of_repeated_draws(cloud, generator):
     ])  # fmt: skip
     steiner = np.einsum("ni,ni->n", arms, arms)[:, None, None] * np.eye(3) - np.einsum("ni,nj->nij", arms, arms)
     elsewhere = (tensors + draws[:, :1, None] * steiner)[:, *PACKED]
-    for drawn, stated in ((moved, one.covariance), (elsewhere, about.covariance)):
+    for drawn, stated in ((moved, in_datum.covariance), (elsewhere, about.covariance)):
         scale = np.sqrt(np.diag(stated))
         error = (np.cov(drawn.T) - stated) / np.outer(scale, scale)
         assert np.abs(error).max() < 5 * np.sqrt(2 / 20_000)
@@ -117,18 +117,18 @@ def test_principal_moments_and_axes_scatter_as_stated(generator):
     turn = Rotation.random(rng=generator).as_matrix()
     inertia = (turn.T @ np.diag([1.0, 2.0, 2.7]) @ turn)[PACKED]
     root = 4e-3 * generator.normal(size=(6, 6))
-    found = principal_axes(inertia, root @ root.T)
-    assert found.determined.all()
-    assert found.note is None
+    stated = principal_axes(inertia, root @ root.T)
+    assert stated.determined.all()
+    assert stated.note is None
     draws = generator.multivariate_normal(inertia, root @ root.T, size=4000)
     tensors = np.zeros((4000, 3, 3))
     tensors[:, *PACKED] = draws
     moments, vectors = np.linalg.eigh(tensors, UPLO="U")
     axes = vectors.transpose(0, 2, 1)
-    axes = axes * np.sign(np.einsum("nij,ij->ni", axes, found.axes))[:, :, None]
-    angles = Rotation.from_matrix(found.axes @ axes.transpose(0, 2, 1)).as_rotvec()
-    np.testing.assert_allclose(np.std(moments, axis=0), found.standard_uncertainty, rtol=0.066)
-    np.testing.assert_allclose(np.std(angles, axis=0), found.angles, rtol=0.066)
+    axes = axes * np.sign(np.einsum("nij,ij->ni", axes, stated.axes))[:, :, None]
+    angles = Rotation.from_matrix(stated.axes @ axes.transpose(0, 2, 1)).as_rotvec()
+    np.testing.assert_allclose(np.std(moments, axis=0), stated.standard_uncertainty, rtol=0.066)
+    np.testing.assert_allclose(np.std(angles, axis=0), stated.angles, rtol=0.066)
 
 
 def test_axes_of_moments_that_are_alike_are_not_determined():
@@ -148,10 +148,10 @@ def test_without_a_mass_the_frame_turns_and_the_point_stays(cloud, generator):
     covariance[0] = covariance[:, 0] = 0
     covariance[0, 0] = np.nan
     values[0] = np.nan
-    one = parameters(values, covariance)
-    turned = one.in_frame(Rotation.random(rng=generator).as_matrix())
+    without_mass = parameters(values, covariance)
+    turned = without_mass.in_frame(Rotation.random(rng=generator).as_matrix())
     assert np.isfinite(turned.covariance[1:, 1:]).all()
     assert np.isnan(turned.standard_uncertainty[0])
     assert turned.to_dict()["about_origin"] is None
     with pytest.raises(RunError, match="needs the mass"):
-        one.about()
+        without_mass.about()

@@ -29,17 +29,17 @@ def test_a_quaternion_is_scipys(generator):
 
 def test_a_rounded_matrix_becomes_the_rotation_nearest_to_it(generator):
     true = Rotation.random(rng=generator).as_matrix()
-    found = nearest_rotation(np.round(true, 4))
-    np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-15)
-    np.testing.assert_allclose(found, true, atol=1e-4)
+    nearest = nearest_rotation(np.round(true, 4))
+    np.testing.assert_allclose(nearest @ nearest.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(nearest, true, atol=1e-4)
 
 
 def test_the_three_ways_to_write_a_rotation_agree():
     half = 0.5**0.5
     ways = ("-y, x, z", {"w": half, "x": 0, "y": 0, "z": half}, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     for way in ways:
-        found = recording(imu_rotation_to_body=way).imu_rotation_to_body
-        np.testing.assert_allclose(found, Rotation.from_euler("z", 90, degrees=True).as_matrix(), atol=1e-15)
+        rotation = recording(imu_rotation_to_body=way).imu_rotation_to_body
+        np.testing.assert_allclose(rotation, Rotation.from_euler("z", 90, degrees=True).as_matrix(), atol=1e-15)
 
 
 def test_what_is_not_declared_is_none():

@@ -64,12 +64,12 @@ def test_hollow_solids_and_holes_against_random_points(generator):
         box = np.array([0.32, 0.32, 0.32])
         points = generator.uniform(-box / 2, box / 2, (1_000_000, 3))
         weights = DENSITY * box.prod() * inside(points)
-        found = np.asarray(composite(parts))
-        x, y, z = (points - found[1:4]).T
+        parameters = np.asarray(composite(parts))
+        x, y, z = (points - parameters[1:4]).T
         per_point = np.stack([np.ones_like(x), x, y, z, y**2 + z**2, -x * y, -x * z, x**2 + z**2, -y * z, x**2 + y**2])
         samples = weights * per_point
         error = samples.std(axis=1) / np.sqrt(len(points))
-        expected = np.concatenate([found[:1], np.zeros(3), found[4:]])
+        expected = np.concatenate([parameters[:1], np.zeros(3), parameters[4:]])
         assert (np.abs(samples.mean(axis=1) - expected) < 4.5 * error).all()
 
 

@@ -17,39 +17,39 @@ def scene(request, short):
 
 
 def test_every_motion_of_a_recording_is_found(scene):
-    found = moving(RATE, scene.omega)
-    assert len(found) == 8  # mounting, three turns, two broken starts, the trajectory, a knock
-    assert found[0].stop == pytest.approx(MOUNTED, abs=0.5)
-    for turn, (begin, _) in zip(found[1:4], POSES, strict=True):
+    segments = moving(RATE, scene.omega)
+    assert len(segments) == 8  # mounting, three turns, two broken starts, the trajectory, a knock
+    assert segments[0].stop == pytest.approx(MOUNTED, abs=0.5)
+    for turn, (begin, _) in zip(segments[1:4], POSES, strict=True):
         assert begin - 0.1 < turn.start < begin + 1
         assert begin + TURN - 1 < turn.stop < begin + TURN + 0.5
-    assert scene.start < found[6].start < scene.start + 1.2  # its ramp starts from nothing
-    assert scene.stop - 1.2 < found[6].stop < scene.stop
-    assert found[7].seconds < 1
+    assert scene.start < segments[6].start < scene.start + 1.2  # its ramp starts from nothing
+    assert scene.stop - 1.2 < segments[6].stop < scene.stop
+    assert segments[7].seconds < 1
 
 
 def test_rest_is_where_nothing_moves_and_nobody_touches(scene):
-    found = still(RATE, scene.omega, scene.force, scene.moment)
-    assert len(found) >= 5
+    segments = still(RATE, scene.omega, scene.force, scene.moment)
+    assert len(segments) >= 5
     motions = [(2.2, MOUNTED - 0.2), *((begin + 0.6, begin + TURN - 0.6) for begin, _ in POSES)]
     motions += [(scene.start + 1.2, scene.stop - 1.2), (scene.stop + 3, scene.stop + 3.2)]
-    for one in found:
-        assert one.seconds >= 1
-        assert all(one.stop < begin or one.start > end for begin, end in motions)
+    for segment in segments:
+        assert segment.seconds >= 1
+        assert all(segment.stop < begin or segment.start > end for begin, end in motions)
 
 
 def test_hands_that_touch_a_body_at_rest_are_no_rest(short, generator):
     scene = record(short, generator)
     held = (scene.t > 34.5) & (scene.t < 36.5)
     scene.force[held] += 15 * np.sin(2 * np.pi * 1.3 * scene.t[held])[:, None]
-    found = still(RATE, scene.omega, scene.force, scene.moment)
-    assert all(one.stop < 34.6 or one.start > 36.4 for one in found)
-    assert any(one.start > 33 and one.stop < 34.6 for one in found)
+    segments = still(RATE, scene.omega, scene.force, scene.moment)
+    assert all(segment.stop < 34.6 or segment.start > 36.4 for segment in segments)
+    assert any(segment.start > 33 and segment.stop < 34.6 for segment in segments)
 
 
 def test_of_all_motions_the_trajectory_counts(scene):
-    found = moving(RATE, scene.omega)
-    assert decisive(RATE, scene.omega, scene.force, scene.moment, found) == (found[6],)
+    segments = moving(RATE, scene.omega)
+    assert decisive(RATE, scene.omega, scene.force, scene.moment, segments) == (segments[6],)
 
 
 def test_hands_that_turn_the_body_longer_and_faster_than_the_trajectory_do_not_count(short, generator):
@@ -61,8 +61,8 @@ def test_hands_that_turn_the_body_longer_and_faster_than_the_trajectory_do_not_c
     grip -= np.linspace(grip[0], grip[-1], len(hands))
     omega, force = np.vstack([1.2 * turns, scene.omega]), np.vstack([0.2 * grip, scene.force])
     moment = np.vstack([0.02 * grip[:, ::-1], scene.moment])
-    found = moving(RATE, omega)
-    chosen = decisive(RATE, omega, force, moment, found)
+    segments = moving(RATE, omega)
+    chosen = decisive(RATE, omega, force, moment, segments)
     assert len(chosen) == 1
     assert chosen[0].start == pytest.approx(40 + scene.start, abs=1.2)
 
@@ -74,24 +74,24 @@ def test_motions_about_one_axis_each_stay_together(short, name):
     third, rest = len(run.t) // 3, np.tile([0], 800)
     index = np.concatenate([np.r_[k * third : (k + 1) * third, rest + k * third] for k in range(3)])
     omega, force, moment = run.omega[index], run.force[index], run.moment[index]
-    found = moving(RATE, omega)
-    assert len(found) == 3
-    assert decisive(RATE, omega, force, moment, found) == found
+    segments = moving(RATE, omega)
+    assert len(segments) == 3
+    assert decisive(RATE, omega, force, moment, segments) == segments
 
 
 def test_a_trajectory_run_five_times_counts_five_times(short):
     run = simulate(short, "T1").run
     omega, force, moment = (np.tile(s, (5, 1)) for s in (run.omega, run.force, run.moment))
-    found = moving(RATE, omega)
-    assert len(found) == 5
-    assert decisive(RATE, omega, force, moment, found) == found
+    segments = moving(RATE, omega)
+    assert len(segments) == 5
+    assert decisive(RATE, omega, force, moment, segments) == segments
 
 
 def test_a_run_without_rest_moves_throughout(generator):
     t = np.arange(0, 5, 1 / RATE)
     omega = 6 * np.sin(2 * np.pi * np.multiply.outer(t, [1.0, 1.2, 1.4])) + generator.normal(0, 1e-3, (len(t), 3))
-    (one,) = moving(RATE, omega)
-    assert (one.start, one.stop) == (0, pytest.approx(t[-1]))
+    (segment,) = moving(RATE, omega)
+    assert (segment.start, segment.stop) == (0, pytest.approx(t[-1]))
     assert still(RATE, omega) == ()
     throw = omega[:200] + [5.0, 2.0, 1.0]
     assert moving(RATE, throw) == ((0, pytest.approx(199 / RATE)),)
@@ -103,16 +103,16 @@ def test_a_rig_at_rest_rests_with_its_hum_and_its_bias(generator, bias):
     hum = 0.05 * np.sin(2 * np.pi * 48 * t)[:, None]
     omega = hum + bias + generator.normal(0, 2e-3, (len(t), 3))
     assert moving(RATE, omega) == ()
-    assert sum(one.seconds for one in still(RATE, omega)) > 15
+    assert sum(segment.seconds for segment in still(RATE, omega)) > 15
 
 
 def test_a_slow_turn_about_one_axis_is_no_rest(generator):
     t = np.arange(0, 40, 1 / RATE)
     omega = generator.normal(0, 1e-3, (len(t), 3))
     omega[4000:8000, 2] += 0.3
-    (one,) = moving(RATE, omega)
-    assert one.start == pytest.approx(10, abs=0.4)
-    assert one.stop == pytest.approx(20, abs=0.4)
+    (segment,) = moving(RATE, omega)
+    assert segment.start == pytest.approx(10, abs=0.4)
+    assert segment.stop == pytest.approx(20, abs=0.4)
 
 
 def test_units_of_rate_do_not_matter(short):

@@ -41,7 +41,7 @@ def test_intervals_cover_in_93_to_97_per_cent(case):
 def test_without_declared_errors_it_is_plain_least_squares(generator):
     f = directions(generator, 9, None)
     measured = np.hstack(wrench_of(f)) + 0.01 * generator.normal(size=(9, 6))
-    design = np.vstack([np.hstack([one[:, None], np.eye(3)]) for one in f])
+    design = np.vstack([np.hstack([gravity[:, None], np.eye(3)]) for gravity in f])
     plain, *_ = np.linalg.lstsq(design, measured[:, :3].reshape(-1), rcond=None)
     np.testing.assert_allclose(fit(measured[:, :3], measured[:, 3:], f).values[:4], plain, rtol=1e-10)
 
@@ -66,12 +66,12 @@ def test_a_load_cell_with_another_gain_is_found_out(generator):
     f = directions(generator, 24, None)
     force, moment = wrench_of(f)
     noise = 0.02 * generator.normal(size=f.shape), 1e-4 * generator.normal(size=f.shape)
-    found = centre(1.02 * force + noise[0], 1.02 * moment + noise[1], f, mass=(MASS, 0.002))
-    assert found.gain.ratio == pytest.approx(1.02, abs=0.002)
-    assert not found.gain.within
-    assert found.mass == MASS
-    assert "the load cell, or gravity, is off" in " ".join(found.warnings)
-    np.testing.assert_allclose(found.r_cg, R_CG, atol=2e-4)
+    result = centre(1.02 * force + noise[0], 1.02 * moment + noise[1], f, mass=(MASS, 0.002))
+    assert result.gain.ratio == pytest.approx(1.02, abs=0.002)
+    assert not result.gain.within
+    assert result.mass == MASS
+    assert "the load cell, or gravity, is off" in " ".join(result.warnings)
+    np.testing.assert_allclose(result.r_cg, R_CG, atol=2e-4)
 
 
 def test_a_scale_that_differs_is_warned_of_first_and_not_believed_after(generator):
@@ -82,10 +82,10 @@ def test_a_scale_that_differs_is_warned_of_first_and_not_believed_after(generato
     alone = centre(force, moment, f)
     expanded = alone.coverage_factor[0] * alone.standard_uncertainty[0]
     differs, contradicts = (centre(force, moment, f, mass=(alone.mass - part * expanded, 1e-9)) for part in (1.2, 1.8))
-    for one in (differs, contradicts):
-        assert not one.gain.within
-        assert any("is off" in text for text in one.warnings)
-        assert one.mass == pytest.approx(one.gain.mass, abs=1e-8)
+    for result in (differs, contradicts):
+        assert not result.gain.within
+        assert any("is off" in text for text in result.warnings)
+        assert result.mass == pytest.approx(result.gain.mass, abs=1e-8)
     assert not differs.gain.contradicts
     assert np.abs(differs.force_offset - alone.force_offset).max() > 0.1
     assert contradicts.gain.contradicts
@@ -98,13 +98,13 @@ def test_the_direction_that_poses_tell_worst_is_named(generator):
     angles = np.column_stack([np.linspace(-25, 25, 16), 0.5 * (-1.0) ** np.arange(16)])
     f = 9.81 * Rotation.from_euler("xy", angles, degrees=True).as_matrix()[:, 2]
     force, moment = wrench_of(f)
-    found = centre(force + 0.2 * generator.normal(size=f.shape), moment + 0.005 * generator.normal(size=f.shape), f)
-    axes, along = found.directions
+    result = centre(force + 0.2 * generator.normal(size=f.shape), moment + 0.005 * generator.normal(size=f.shape), f)
+    axes, along = result.directions
     assert along[2] > 5 * along[0]
     assert abs(axes[2, 1]) > 0.9  # the moment of y about z needs gravity along x
-    assert "times worse along" in found.warnings[0]
-    assert found.to_dict()["directions"]["standard_uncertainty"] == along.tolist()
-    assert np.degrees(found.largest_tilt) == pytest.approx(25, abs=0.5)
+    assert "times worse along" in result.warnings[0]
+    assert result.to_dict()["directions"]["standard_uncertainty"] == along.tolist()
+    assert np.degrees(result.largest_tilt) == pytest.approx(25, abs=0.5)
     even = series(generator, tilt=0.35)
     assert not any("times worse" in text for text in even.warnings)
 
@@ -142,13 +142,13 @@ def test_a_change_within_a_pose_is_told_from_noise(generator):
 
 def test_the_pose_that_creeps_is_named_and_a_drift_in_all_is_said(generator):
     poses = [held(generator, slope=(0, 0, 0.8 * (k == 2), 0, 0, 0)) for k in range(6)]
-    own, slopes, everywhere = creeping(poses, 200.0)
-    assert own.tolist() == [False, False, True, False, False, False]
+    creeps, slopes, everywhere = creeping(poses, 200.0)
+    assert creeps.tolist() == [False, False, True, False, False, False]
     assert not everywhere
     assert slopes[2, 2] == pytest.approx(0.8, abs=0.15)
-    own, _, everywhere = creeping([held(generator, slope=(0, 0, 0.8, 0, 0, 0)) for _ in range(6)], 200.0)
+    creeps, _, everywhere = creeping([held(generator, slope=(0, 0, 0.8, 0, 0, 0)) for _ in range(6)], 200.0)
     assert everywhere
-    assert not own.any()
+    assert not creeps.any()
 
 
 def recorded(path, generator, *, creep=(), poses=8, quaternions=True):
@@ -194,13 +194,13 @@ def declared():
 
 
 def test_the_platforms_pose_tells_the_attitude_and_the_pose_that_creeps_is_left_out(tmp_path, generator, declared):
-    found = centre_file(recorded(tmp_path / "run", generator, creep=(3,)), declared)
-    assert found.poses == 7
-    assert (np.abs(found.values - TRUTH) < 4 * found.standard_uncertainty + 1e-9).all()
-    np.testing.assert_allclose(found.r_cg, R_CG, atol=5e-4)
-    assert "pose 4 (12.4 to 14" in found.warnings[0]
-    assert "left out: within it the force changes by" in found.warnings[0]
-    assert "the z axis of the recorded poses' frame points up" in found.assumptions
+    result = centre_file(recorded(tmp_path / "run", generator, creep=(3,)), declared)
+    assert result.poses == 7
+    assert (np.abs(result.values - TRUTH) < 4 * result.standard_uncertainty + 1e-9).all()
+    np.testing.assert_allclose(result.r_cg, R_CG, atol=5e-4)
+    assert "pose 4 (12.4 to 14" in result.warnings[0]
+    assert "left out: within it the force changes by" in result.warnings[0]
+    assert "the z axis of the recorded poses' frame points up" in result.assumptions
 
 
 # The centre of a file
@@ -208,22 +208,22 @@ def test_the_platforms_pose_tells_the_attitude_and_the_pose_that_creeps_is_left_
 
 @pytest.fixture
 def written(tmp_path, generator):
-    found = dataclasses.replace(
+    result = dataclasses.replace(
         series(generator, tilt=0.35, alignment=1e-3), provenance={"inputs": [{"file": "p.csv"}]}
     )
     path = tmp_path / "centre.json"
-    path.write_text(json.dumps(found.to_dict()))
-    return path, found
+    path.write_text(json.dumps(result.to_dict()))
+    return path, result
 
 
 def test_a_centre_is_read_back_as_it_was(written):
     from uq.identification.centre_prior import load_centre
 
-    path, found = written
+    path, result = written
     back = load_centre(path)
     for name in ("values", "covariance", "residuals", "interval95", "lasting"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(found, name))
-    assert back.provenance == found.provenance
+        np.testing.assert_array_equal(getattr(back, name), getattr(result, name))
+    assert back.provenance == result.provenance
 
 
 @pytest.mark.parametrize(
@@ -245,9 +245,9 @@ def test_a_centre_is_read_back_as_it_was(written):
     ],
 )
 def test_files_that_are_no_centre(written, change, words):
-    _, found = written
+    _, result = written
     with pytest.raises(RunError, match=words) as error:
-        Centre.from_dict(change(found.to_dict()))
+        Centre.from_dict(change(result.to_dict()))
     assert "\n" not in str(error.value)
 
 
@@ -301,9 +301,9 @@ def test_a_scale_beside_a_table_of_poses(tmp_path, generator, capsys):
     out = tmp_path / "out"
     command = ["centre", tmp_path / "p.csv", "--experiment", tmp_path / "e.toml", "--out", out]
     assert main([str(word) for word in command]) == 0
-    said = capsys.readouterr().out
-    assert "load cell's mass over the scale's" in said
-    assert "the gain agrees" in said
+    output = capsys.readouterr().out
+    assert "load cell's mass over the scale's" in output
+    assert "the gain agrees" in output
     content = json.loads((out / "centre.json").read_text())
     assert content["gain"]["within"] is True
     assert content["mass"]["standard_uncertainty"] < 1e-3

@@ -39,7 +39,7 @@ def given(preset):
 @pytest.fixture(scope="module")
 def searched(given):
     """A small design, and the search inside it, which takes long to compile."""
-    told, made = [], []
+    reports, made = [], []
 
     def spy(*arguments):
         made.append(Search(*arguments))
@@ -47,54 +47,54 @@ def searched(given):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("uq.excitation.design_search.Search", spy)
-        one = design(given, starts=1, period=1.0, rounds=5, steps=40, progress=lambda *at: told.append(at))
-    assert {at[0] for at in told} == {"reference", "starts", "limits"}
-    return one, made[0]
+        designed = design(given, starts=1, period=1.0, rounds=5, steps=40, progress=lambda *at: reports.append(at))
+    assert {at[0] for at in reports} == {"reference", "starts", "limits"}
+    return designed, made[0]
 
 
 @pytest.fixture(scope="module")
-def found(searched):
+def designed(searched):
     return searched[0]
 
 
 @pytest.mark.study
-def test_no_limit_is_exceeded_at_any_instant(given, found):
+def test_no_limit_is_exceeded_at_any_instant(given, designed):
     """On a grid of 3,000 Hz over the whole run with its ramps, which no part of the search has seen."""
     t = jnp.linspace(0, 20, 60_001)
-    motion = platform_motion(given.platform, found.spec.trajectory, t, jnp.zeros(3))
+    motion = platform_motion(given.platform, designed.spec.trajectory, t, jnp.zeros(3))
     asked = effort(given.platform, given.body, jnp.asarray(given.r_cg_from_omb), motion, jnp.asarray(given.gravity))
-    worst = peaks(asked, found.limits, t)[0]
+    worst = peaks(asked, designed.limits, t)[0]
     assert worst.share < 1 + 1e-4
     assert worst.share > 0.97  # and one of them is used
-    assert found.active
-    assert found.peaks[0].share <= 1
+    assert designed.active
+    assert designed.peaks[0].share <= 1
 
 
 @pytest.mark.study
-def test_it_starts_and_ends_at_rest_at_home(found):
-    trajectory = found.spec.trajectory
+def test_it_starts_and_ends_at_rest_at_home(designed):
+    trajectory = designed.spec.trajectory
     for t in (0.0, 20.0):
         np.testing.assert_allclose(trajectory.coordinates(jnp.array(t)), 0, atol=1e-30)
         np.testing.assert_allclose(trajectory.omega(jnp.array(t)), 0, atol=1e-30)
 
 
 @pytest.mark.study
-def test_it_beats_the_reference_and_not_the_bound(found):
-    assert isinstance(found, Design)
-    assert found.improved
-    for part, least in (([0, 3, 5], found.bound.moments), ([1, 2, 4], found.bound.products)):
-        assert least < found.expanded[part].mean() < found.expanded_reference[part].mean()
-    assert found.bound.relaxes == RELAXED
-    assert highest_frequency(found.spec) <= found.band <= 3.0
+def test_it_beats_the_reference_and_not_the_bound(designed):
+    assert isinstance(designed, Design)
+    assert designed.improved
+    for components, least in (([0, 3, 5], designed.bound.moments), ([1, 2, 4], designed.bound.products)):
+        assert least < designed.expanded[components].mean() < designed.expanded_reference[components].mean()
+    assert designed.bound.relaxes == RELAXED
+    assert highest_frequency(designed.spec) <= designed.band <= 3.0
 
 
 @pytest.mark.study
-def test_the_promise_is_the_laws(found):
+def test_the_promise_is_the_laws(designed):
     from uq import law
 
-    experiment = found.montecarlo_experiment()
+    experiment = designed.montecarlo_experiment()
     total = law(experiment, "designed", "designed")["designed", "designed"].groups["total"]
-    np.testing.assert_allclose(found.expanded, 3 * np.sqrt(np.diag(total.covariance)), rtol=0.03)
+    np.testing.assert_allclose(designed.expanded, 3 * np.sqrt(np.diag(total.covariance)), rtol=0.03)
 
 
 @pytest.mark.study
@@ -126,12 +126,12 @@ def test_the_design_in_the_docs_is_what_they_say():
 
 
 def test_limits_are_the_needs_where_none_are_declared(preset, given):
-    own = resolved_limits(given, 100)
+    needed = resolved_limits(given, 100)
     stated = on_a_platform(preset, {"needs_of": "T1", "bandwidth": "3 Hz", "speed": "0.05 m/s"})
     mixed = resolved_limits(stated, 100)
     np.testing.assert_array_equal(mixed.speed, 0.05)
-    np.testing.assert_array_equal(mixed.acceleration, own.acceleration)
-    listed = uses(given, given.trajectories["T1"], own, 300.0)
+    np.testing.assert_array_equal(mixed.acceleration, needed.acceleration)
+    listed = uses(given, given.trajectories["T1"], needed, 300.0)
     np.testing.assert_allclose([peak.share for peak in listed], 1, rtol=1e-12)
 
 
@@ -166,11 +166,11 @@ def test_a_scaled_trajectory_is_faster_and_smaller(given):
 
 @pytest.mark.parametrize("name", GOALS)
 def test_goals_fall_with_the_covariance(name):
-    inertia, one = np.array([0.38, 0.01, 0.0, 0.02, 0.0, 0.3]), np.diag(np.arange(1.0, 7.0))
-    measure = goal_of(name, inertia, one)
-    assert float(measure(jnp.asarray(one / 4))) == pytest.approx(float(measure(jnp.asarray(one))) / 2)
+    inertia, covariance = np.array([0.38, 0.01, 0.0, 0.02, 0.0, 0.3]), np.diag(np.arange(1.0, 7.0))
+    measure = goal_of(name, inertia, covariance)
+    assert float(measure(jnp.asarray(covariance / 4))) == pytest.approx(float(measure(jnp.asarray(covariance))) / 2)
     if name != "worst":
-        assert float(measure(jnp.asarray(one))) == pytest.approx(1.0)
+        assert float(measure(jnp.asarray(covariance))) == pytest.approx(1.0)
 
 
 def test_slope_of_a_principal_moment(generator):

@@ -101,29 +101,29 @@ def test_a_smaller_amplitude_tells_less(result):
 
 
 def test_without_errors_the_plan_is_what_was_run(experiment, tmp_path):
-    found = achieved(experiment, ran(experiment, tmp_path / "run.mcap", quiet=True), "T1")
-    np.testing.assert_allclose(found.followed.gain, 1, atol=1e-6)
-    np.testing.assert_allclose(found.followed.lag, 0, atol=1e-7)
-    np.testing.assert_allclose(found.three_sigma, found.planned_three_sigma, rtol=2e-3)
-    assert found.stillness.acceleration < 1e-4
-    assert not found.warnings
+    result = achieved(experiment, ran(experiment, tmp_path / "run.mcap", quiet=True), "T1")
+    np.testing.assert_allclose(result.followed.gain, 1, atol=1e-6)
+    np.testing.assert_allclose(result.followed.lag, 0, atol=1e-7)
+    np.testing.assert_allclose(result.three_sigma, result.planned_three_sigma, rtol=2e-3)
+    assert result.stillness.acceleration < 1e-4
+    assert not result.warnings
 
 
 def test_a_moving_centre_of_gravity_is_seen(experiment, tmp_path):
     """It turns on an arm of 4 mm: its acceleration is alpha × r + omega × (omega × r), written out."""
     arm = np.array([0.004, 0.0, 0.0])
     path = ran(experiment, tmp_path / "run.mcap", quiet=True, r_cg_from_omb=arm)
-    found = achieved(experiment, path, "T1").stillness
+    stillness = achieved(experiment, path, "T1").stillness
     spec = experiment.trajectories["T1"]
     t = jnp.arange(0, SECONDS, 1 / RATE)
     omega, alpha = (np.asarray(jax.vmap(f)(t)) for f in (spec.trajectory.omega, spec.trajectory.alpha))
     expected = np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
     rms = np.sqrt(np.mean(np.sum(expected**2, axis=1)))
-    assert found.by == "accelerometer"
-    assert found.acceleration == pytest.approx(rms, rel=0.03)
-    assert found.apart == pytest.approx(rms, rel=0.03)
-    assert found.planned == pytest.approx(0.0, abs=1e-9)
-    assert found.displacement == pytest.approx(rms / (4 / 0.425) ** 2, rel=0.1)
+    assert stillness.by == "accelerometer"
+    assert stillness.acceleration == pytest.approx(rms, rel=0.03)
+    assert stillness.apart == pytest.approx(rms, rel=0.03)
+    assert stillness.planned == pytest.approx(0.0, abs=1e-9)
+    assert stillness.displacement == pytest.approx(rms / (4 / 0.425) ** 2, rel=0.1)
     assert 4 / 0.425 / (2 * np.pi) > SLOWEST
 
 
@@ -152,9 +152,9 @@ def test_the_command_writes_what_it_says(experiment, late, tmp_path, capsys):
     command = ["design", str(tmp_path / "e.toml"), "--achieved", str(late), "--trajectory", "T1"]
     assert main([*command, "--out", str(tmp_path / "out")]) == 0
     assert "average 3σ of what was run" in capsys.readouterr().out
-    said = json.loads((tmp_path / "out" / "achieved.json").read_text())
-    assert said["followed"]["gain"] == pytest.approx([GAIN] * 3, abs=2e-3)
-    assert said["provenance"]["inputs"][0]["file"] == str(late)
+    content = json.loads((tmp_path / "out" / "achieved.json").read_text())
+    assert content["followed"]["gain"] == pytest.approx([GAIN] * 3, abs=2e-3)
+    assert content["provenance"]["inputs"][0]["file"] == str(late)
     assert "How each axis followed" in (tmp_path / "out" / "report.html").read_text()
 
 

@@ -97,10 +97,10 @@ def test_packets_are_big_endian_with_heave_down(posed):
 @pytest.mark.parametrize("back", [lambda p: read_csv(csv(p))[0], lambda p: read_pi_waves(pi_waves(p), 100.0),
                                   lambda p: read_moog_packets(moog_packets(p), 100.0)])  # fmt: skip
 def test_what_is_read_is_what_was_written(posed, back):
-    found = back(posed)
-    np.testing.assert_allclose(found.t, posed.t, atol=1e-12)
-    np.testing.assert_allclose(found.position, posed.position, atol=1e-8)
-    np.testing.assert_allclose(found.rotation, posed.rotation, atol=1e-7)
+    read = back(posed)
+    np.testing.assert_allclose(read.t, posed.t, atol=1e-12)
+    np.testing.assert_allclose(read.position, posed.position, atol=1e-8)
+    np.testing.assert_allclose(read.rotation, posed.rotation, atol=1e-7)
 
 
 def test_a_trajectory_starts_and_ends_at_home(exported, experiment):
@@ -130,9 +130,9 @@ def test_the_sidecar_names_every_file_and_its_hash(exported):
 
     about = json.loads(exported.contents["motion.json"])
     assert set(about["files"]) == set(exported.contents) - {"motion.json"}
-    for name, said in about["files"].items():
-        assert said["sha256"] == hashlib.sha256(exported.contents[name]).hexdigest()
-        assert said["largest_difference"] < 2e-6
+    for name, content in about["files"].items():
+        assert content["sha256"] == hashlib.sha256(exported.contents[name]).hexdigest()
+        assert content["largest_difference"] < 2e-6
     assert about["files"]["motion.csv"]["columns"] == list(CSV_COLUMNS)
     assert "Rz(yaw) Ry(pitch) Rx(roll)" in about["rotation"]
 
@@ -145,11 +145,11 @@ def test_half_the_speed_takes_the_same_poses_in_twice_the_time(experiment, expor
 
 
 def test_a_smaller_amplitude_turns_by_less(experiment):
-    whole, part = (
+    whole, smaller = (
         table(export_motion(experiment, experiment.trajectories["T4"], amplitude=a).contents["motion.csv"])
         for a in (1.0, 0.25)
     )
-    np.testing.assert_allclose(part[:, 4:7], 0.25 * whole[:, 4:7], atol=1e-4)
+    np.testing.assert_allclose(smaller[:, 4:7], 0.25 * whole[:, 4:7], atol=1e-4)
     assert np.abs(whole[:, 4:7]).max() > 0.04
 
 

@@ -58,11 +58,11 @@ def test_the_promise_is_the_scatter_of_many_series():
     generator = np.random.default_rng(3)
     force = np.concatenate([leaning(0.2, np.arange(6)), leaning(0.1, [1.0, 3.0])])
     promised = np.sqrt(np.diag(foreseen_covariance(force, MASS, R_CG, np.diag(NOISE**2))))
-    found = []
+    values = []
     for _ in range(600):
-        one = centre(*simulated(force, generator), force)
-        found.append([one.mass, *one.r_cg, *one.force_offset, *one.moment_offset])
-    np.testing.assert_allclose(np.std(found, axis=0), promised, rtol=0.116)
+        result = centre(*simulated(force, generator), force)
+        values.append([result.mass, *result.r_cg, *result.force_offset, *result.moment_offset])
+    np.testing.assert_allclose(np.std(values, axis=0), promised, rtol=0.116)
 
 
 def test_declared_attitudes_are_in_the_promise():
@@ -98,9 +98,9 @@ def test_poses_on_a_line_tell_nothing():
 
 
 def test_the_plan_beats_the_naive_poses(plan):
-    own, naive = plan.standard_uncertainty, plan.naive_standard_uncertainty
-    assert (own[:4] < naive[:4]).all()
-    assert own[:4].prod() < 0.4 * naive[:4].prod()
+    designed, naive = plan.standard_uncertainty, plan.naive_standard_uncertainty
+    assert (designed[:4] < naive[:4]).all()
+    assert designed[:4].prod() < 0.4 * naive[:4].prod()
 
 
 def test_the_plan_is_within_the_limits_and_uses_them(plan, limits):
@@ -144,9 +144,9 @@ def test_the_list_is_read_by_the_command_that_finds_the_centre(plan, experiment,
     assert "column 'fx' in poses.csv is '' at row 2" in capsys.readouterr().err
     (tmp_path / "poses.csv").write_text(filled(plan, np.random.default_rng(5)))
     assert main(command) == 0
-    found = json.loads((tmp_path / "centre.json").read_text())
-    assert abs(found["mass"]["value"] - MASS) < 5 * 0.2
-    np.testing.assert_allclose(found["cg"]["value"], R_CG, atol=5e-3)
+    content = json.loads((tmp_path / "centre.json").read_text())
+    assert abs(content["mass"]["value"] - MASS) < 5 * 0.2
+    np.testing.assert_allclose(content["cg"]["value"], R_CG, atol=5e-3)
 
 
 @pytest.mark.parametrize(

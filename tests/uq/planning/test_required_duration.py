@@ -51,47 +51,47 @@ def worth(longer):
 
 
 def test_variances_follow_their_closed_forms():
-    found = 9 * closed(drift=0.5).at(np.array([100.0, 180.0]))
-    np.testing.assert_allclose(found[:, 0, 0], [4.0, 4.0 * 80 / 160])
-    np.testing.assert_allclose(found[:, 1, 0], [1.0, 1.0])
-    np.testing.assert_allclose(found[:, 2, 0], [0.5, 0.5 * 1.8**2])
+    variances = 9 * closed(drift=0.5).at(np.array([100.0, 180.0]))
+    np.testing.assert_allclose(variances[:, 0, 0], [4.0, 4.0 * 80 / 160])
+    np.testing.assert_allclose(variances[:, 1, 0], [1.0, 1.0])
+    np.testing.assert_allclose(variances[:, 2, 0], [0.5, 0.5 * 1.8**2])
 
 
 def test_the_duration_solves_its_equation(experiment, monkeypatch):
     """3σ of √(4·80/(T − 20) + 1) is 1.5 at T = 276; the law is told to agree."""
     made = closed()
     monkeypatch.setattr("uq.planning.required_duration._variances", lambda e, n, s, T, own: made.at(T))
-    found = required_duration(experiment, 1.5, growth=made)
-    assert found.seconds == pytest.approx(20 + 4 * 80 / 1.25, rel=1e-4)
-    assert found.reached == pytest.approx(1.5, rel=1e-4)
-    assert found.reachable
+    answer = required_duration(experiment, 1.5, growth=made)
+    assert answer.seconds == pytest.approx(20 + 4 * 80 / 1.25, rel=1e-4)
+    assert answer.reached == pytest.approx(1.5, rel=1e-4)
+    assert answer.reachable
 
 
 def test_a_very_long_answer_is_extrapolated(experiment, monkeypatch):
     """A million samples at 100 Hz are 10,000 s: beyond, the law is not asked, which would take all memory."""
     made = closed(cg=0.0)
     monkeypatch.setattr("uq.planning.required_duration._variances", lambda *_: pytest.fail("the law was asked"))
-    found = required_duration(experiment, 0.16, growth=made)
-    assert found.seconds == pytest.approx(20 + 4 * 80 / 0.16**2, rel=1e-4)
-    assert found.reached == pytest.approx(0.16, rel=1e-4)
-    assert not found.checked
-    assert "extrapolated" in repr(found)
+    answer = required_duration(experiment, 0.16, growth=made)
+    assert answer.seconds == pytest.approx(20 + 4 * 80 / 0.16**2, rel=1e-4)
+    assert answer.reached == pytest.approx(0.16, rel=1e-4)
+    assert not answer.checked
+    assert "extrapolated" in repr(answer)
 
 
 def test_a_constant_source_forbids_what_is_below_it(experiment):
-    found = required_duration(experiment, 0.99, growth=closed())
-    assert (found.seconds, found.forbids) == (None, "cg")
-    assert found.reached == pytest.approx(1.0, rel=1e-3)
-    assert "no duration reaches it" in repr(found)
-    assert "cg forbids it" in repr(found)
+    answer = required_duration(experiment, 0.99, growth=closed())
+    assert (answer.seconds, answer.forbids) == (None, "cg")
+    assert answer.reached == pytest.approx(1.0, rel=1e-3)
+    assert "no duration reaches it" in repr(answer)
+    assert "cg forbids it" in repr(answer)
 
 
 def test_a_drift_forbids_to_wait_any_longer(experiment):
-    found = required_duration(experiment, 1.6, growth=closed(drift=0.5))
-    assert found.seconds is None
+    answer = required_duration(experiment, 1.6, growth=closed(drift=0.5))
+    assert answer.seconds is None
     assert required_duration(experiment, 1.6, growth=closed(drift=0.5)).forbids in ("noise", "cg", "drift")
     t = np.linspace(60, 1000, 20000)
-    assert found.reached == pytest.approx(np.sqrt(4 * 80 / (t - 20) + 1 + 0.5 * (t / 100) ** 2).min(), rel=1e-3)
+    assert answer.reached == pytest.approx(np.sqrt(4 * 80 / (t - 20) + 1 + 0.5 * (t / 100) ** 2).min(), rel=1e-3)
 
 
 def test_a_longer_trajectory_keeps_frequencies_and_ramps(preset):
@@ -110,18 +110,18 @@ def test_a_longer_trajectory_keeps_frequencies_and_ramps(preset):
 def test_the_answer_holds_in_the_monte_carlo(longer, growth):
     """400 trials: the average 3σ has a standard error of about 2.5 %; within four of them (6e-5)."""
     target = average(growth.at(40.0).sum(axis=0), "moments")
-    found = required_duration(longer, target, growth=growth)
-    assert found.seconds == pytest.approx(40.0, rel=1e-3)
-    assert found.reached == pytest.approx(target, rel=2e-3)
+    answer = required_duration(longer, target, growth=growth)
+    assert answer.seconds == pytest.approx(40.0, rel=1e-3)
+    assert answer.reached == pytest.approx(target, rel=2e-3)
     trials = montecarlo(longer, trials=400, sampling="collapsed")
     got = of_trials(trials, "T1", "smoothed", GOALS["moments"])
-    assert abs(got.three_sigma - found.target) < 4 * got.three_sigma_standard_error
+    assert abs(got.three_sigma - answer.target) < 4 * got.three_sigma_standard_error
 
 
 def test_the_centre_of_gravity_forbids_too_small_a_target(experiment, growth):
-    found = required_duration(experiment, 1e-5, growth=growth)
-    assert found.forbids == "r_cg"
-    assert 0 < found.reached < found.now
+    answer = required_duration(experiment, 1e-5, growth=growth)
+    assert answer.forbids == "r_cg"
+    assert 0 < answer.reached < answer.now
 
 
 @pytest.mark.parametrize(
@@ -144,8 +144,10 @@ def test_derivatives_add_up_to_one(worth):
 
 
 def test_a_derivative_is_the_sources_share_of_the_variance(longer, worth):
-    found = law(longer, "T1", "smoothed")["T1", "smoothed"]
-    shares = [np.diag(found.sources[name].covariance) / np.diag(found.total.covariance) for name in worth.sources]
+    breakdown = law(longer, "T1", "smoothed")["T1", "smoothed"]
+    shares = [
+        np.diag(breakdown.sources[name].covariance) / np.diag(breakdown.total.covariance) for name in worth.sources
+    ]
     np.testing.assert_allclose(worth.derivative, shares, atol=3e-3)
 
 
@@ -153,12 +155,12 @@ def test_a_halved_sigma_does_what_the_monte_carlo_says(longer, worth):
     """The same draws serve both campaigns, so that the ratio is far better known than either figure: 3 % are ample."""
     k = worth.sources.index(worth.best)
     sources = tuple(s.error_kind.resized(s, 0.5) if i == k else s for i, s in enumerate(longer.sources))
-    one, two = (
+    first, two = (
         montecarlo(e, trials=400, sampling="collapsed")["T1", "smoothed"].total.three_sigma
         for e in (longer, dataclasses.replace(longer, sources=sources))
     )
     assert worth.best == "M_precision"
-    np.testing.assert_allclose(two / one, worth.halved[k] / worth.three_sigma, rtol=0.03)
+    np.testing.assert_allclose(two / first, worth.halved[k] / worth.three_sigma, rtol=0.03)
 
 
 def test_the_table_is_led_by_the_best(worth):
@@ -173,11 +175,11 @@ def test_the_table_is_led_by_the_best(worth):
 def test_every_size_of_a_source_is_resized():
     settings = {"white": np.ones(3), "flicker": np.ones(3), "random_walk": np.ones(3), "centre": np.ones(3)}
     source = Source("s", "omega", "coloured", "imu", np.ones(3), settings=settings, mean=5.0)
-    found = source.error_kind.resized(source, 0.5)
-    assert all((found.settings[name] == 0.5).all() for name in ("white", "flicker", "random_walk"))
-    assert (found.settings["centre"] == 1).all()
-    assert (found.sigma == 0.5).all()
-    assert found.mean == 5.0
+    resized = source.error_kind.resized(source, 0.5)
+    assert all((resized.settings[name] == 0.5).all() for name in ("white", "flicker", "random_walk"))
+    assert (resized.settings["centre"] == 1).all()
+    assert (resized.sigma == 0.5).all()
+    assert resized.mean == 5.0
 
 
 # --- at full length, with as many trials as the source ---
@@ -189,13 +191,13 @@ def test_duration_and_sensor_of_the_preset_in_10000_trials(preset, capsys):
 
     The average 3σ has a standard error of about 0.5 %; both figures within four of them (1.3e-4).
     """
-    found = required_duration(preset, 2.4e-3, trajectory="T1", estimator="smoothed")
+    answer = required_duration(preset, 2.4e-3, trajectory="T1", estimator="smoothed")
     worth = sensor_worth(preset, "T1", "smoothed")
     k = worth.sources.index("M_precision")
     quieter = tuple(s.error_kind.resized(s, 0.5) if s.name == "M_precision" else s for s in preset.sources)
-    specs = {"T1": lasting(preset.trajectories["T1"], found.seconds)}
+    specs = {"T1": lasting(preset.trajectories["T1"], answer.seconds)}
     cases = {
-        "duration": (dataclasses.replace(preset, trajectories=specs, document={}), found.target),
+        "duration": (dataclasses.replace(preset, trajectories=specs, document={}), answer.target),
         "sensor": (
             dataclasses.replace(preset, sources=quieter, document={}),
             average((worth.halved[k] / 3) ** 2, "moments"),
@@ -205,6 +207,6 @@ def test_duration_and_sensor_of_the_preset_in_10000_trials(preset, capsys):
         trials = montecarlo(experiment, trials=10_000, trajectories="T1", estimators="smoothed", sampling="collapsed")
         got = of_trials(trials, "T1", "smoothed", GOALS["moments"])
         with capsys.disabled():
-            print(f"\n{name}: {found.seconds:.1f} s, predicted {1e3 * expected:.4f} g·m², 10,000 trials "
+            print(f"\n{name}: {answer.seconds:.1f} s, predicted {1e3 * expected:.4f} g·m², 10,000 trials "
                   f"{1e3 * got.three_sigma:.4f} ± {1e3 * got.three_sigma_standard_error:.4f}")  # fmt: skip
         assert abs(got.three_sigma - expected) < 4 * got.three_sigma_standard_error
