@@ -7,8 +7,8 @@ import numpy as np
 
 from identify.choices import CgMotion, Method, OffsetChoice
 from identify.estimators.generalised_least_squares import whitened
-from identify.estimators.information import Information, information, longest
 from identify.estimators.pooling import Pooled, pool
+from identify.estimators.run_information import Information, information, longest
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_estimator import joint, specific_force_of, static_knowledge
 from identify.precision import check_precision

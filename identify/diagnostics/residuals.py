@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import resting
-from identify.estimators.rows import rows_of, usable_rows
+from identify.estimators.regressor_rows import rows_of, usable_rows
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.estimators.information import Information, alpha_noise, gain_error, longest
 from identify.estimators.least_squares import excitation
 from identify.estimators.offsets import Offsets, rested, resting
+from identify.estimators.regressor_rows import rows_of
 from identify.estimators.residual_trace import trace
-from identify.estimators.rows import rows_of
+from identify.estimators.run_information import Information, alpha_noise, gain_error, longest
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
@@ -53,7 +53,7 @@ class Fit(NamedTuple):
 def whitened(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice) -> Information:
     """Return a run's normal equations with weights by its errors' spectrum.
 
-    Arguments and errors are those of :func:`identify.estimators.information.information`.
+    Arguments and errors are those of :func:`identify.estimators.run_information.information`.
     """
     rows = rows_of(run, estimator)
     lines, matrix = Lines.of(rows.segments, run.rate), rows.matrix

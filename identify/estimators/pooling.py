@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identify.estimators.information import Information
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.repeatability import Pooling, Repeat, pooling
+from identify.estimators.run_information import Information
 from identify.signals.run import RunError
 
 NORMAL = 1.959963984540054

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.choices import Method, OffsetChoice
 from identify.diagnostics.consistency import Verdict
-from identify.estimators.admissible import Admissible, finite
+from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.repeatability import Pooling
 from identify.reporting import Drawing, Result, Section
 from identify.results import identification_figures as drawn

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from identify.estimators.information import Information
 from identify.estimators.offsets import Offsets, force_offset, uncertainty
 from identify.estimators.residual_trace import Trace
+from identify.estimators.run_information import Information
 
 MOST_NOTES = 3
 """Runs of whose offsets a result speaks; result.json holds all."""

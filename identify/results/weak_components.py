@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.admissible import Admissible, admissible, margin
+from identify.estimators.admissible_tensor import Admissible, admissible, margin
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.pseudo_inertia import PAIRS, UNITS

@@ -19,7 +19,7 @@ from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
-from identify.estimators.rows import usable_rows
+from identify.estimators.regressor_rows import usable_rows
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError

@@ -10,7 +10,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from identify.estimators.admissible import Admissible
+from identify.estimators.admissible_tensor import Admissible
 from identify.estimators.residual_trace import trace
 from identify.results import sphere_axes as sphere
 from identify.results.alignment import Aligned

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from identify.estimators.admissible import admissible, fit, margin
 from identify.estimators.admissible_range import Data, ends, nearest
+from identify.estimators.admissible_tensor import admissible, fit, margin
 from identify.rigid_body.inertia import is_admissible, parallel_axis, unpack
 from identify.rigid_body.pseudo_inertia import free_of, log_cholesky, of_second_moment, pseudo_inertia, second_moment
 

@@ -15,8 +15,8 @@ from identify.choices import OffsetChoice
 from identify.estimators.gram import Sums, normal_equations, sums_of
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.offsets import Offsets, estimated, rested, resting
+from identify.estimators.regressor_rows import rows_of
 from identify.estimators.residual_trace import Trace, trace
-from identify.estimators.rows import rows_of
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
