@@ -178,7 +178,7 @@ def propagate_constants(
     if not problem.sources:
         nothing = np.zeros((trials, 6))
         return Systematic((), nothing, nothing, {})
-    found = all_trials(_trials, problem, trials, seed, batch=BATCH, stretch=trials)
+    found = all_trials(_trials, problem, trials, seed, batch=BATCH, segment=trials)
     found = found[:, 1:] - found[:, :1]
     names = [source.name for source in problem.sources]
     return Systematic(
