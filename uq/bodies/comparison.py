@@ -52,8 +52,8 @@ class Comparison(Result):
     def relative_error(self) -> np.ndarray:
         """Deviation over the expected value; NaN where that is zero within its expanded uncertainty."""
         value, expanded = self.expected.inertia, 2 * self.expected.standard_uncertainty
-        told = np.abs(value) > np.maximum(expanded, 1e-12 * np.abs(value).max())
-        return np.where(told, self.deviation / np.where(told, value, 1.0), np.nan)
+        significant = np.abs(value) > np.maximum(expanded, 1e-12 * np.abs(value).max())
+        return np.where(significant, self.deviation / np.where(significant, value, 1.0), np.nan)
 
     @property
     def normalised_error(self) -> np.ndarray:
@@ -80,9 +80,9 @@ class Comparison(Result):
         """E_n of mass and centre of gravity, where both sides know them and their uncertainty."""
         ten = self.reference.parameters
         value, u = ten.values, ten.standard_uncertainty
-        known = dict(zip(PARAMETERS[:4], [self.mass, *self._centres()], strict=True))
+        expected = dict(zip(PARAMETERS[:4], [self.mass, *self._centres()], strict=True))
         errors = {}
-        for k, (name, pair) in enumerate(known.items()):
+        for k, (name, pair) in enumerate(expected.items()):
             if pair is not None and np.isfinite(value[k]) and np.hypot(pair[1], u[k]) > 0:
                 errors[name] = float((pair[0] - value[k]) / (2 * np.hypot(pair[1], u[k])))
         return errors
@@ -92,11 +92,17 @@ class Comparison(Result):
 
     def findings(self) -> list[str]:
         """Return what a reader must not miss."""
-        said = [f"the deviation from {self.reference.name} vanishes if {one.text}" for one in self.suspicions]
+        explanations = [
+            f"the deviation from {self.reference.name} vanishes if {suspicion.text}" for suspicion in self.suspicions
+        ]
         beyond = [name for name, e in zip(COMPONENTS, self.normalised_error, strict=True) if abs(e) > 1]
         beyond += [name for name, e in self.other_errors.items() if abs(e) > 1]
         disagree = f"{', '.join(beyond)} differ{'s' * (len(beyond) == 1)} from {self.reference.name} beyond the "
-        return [*self.reference.warnings, *([f"{disagree}expanded uncertainties (|E_n| > 1)"] if beyond else []), *said]
+        return [
+            *self.reference.warnings,
+            *([f"{disagree}expanded uncertainties (|E_n| > 1)"] if beyond else []),
+            *explanations,
+        ]
 
     def title(self) -> str:
         """Return what the table is of."""
@@ -145,11 +151,11 @@ class Comparison(Result):
 
     def contribution_tables(self) -> list[Table]:
         """Return what makes the expected moments uncertain, largest first, in g·m²; none where nothing does."""
-        parts = self.reference.contributions
-        largest = sorted(parts, key=lambda name: -float(parts[name][4:].sum()))[:MOST]
-        rows = [[name, *(f"{GRAM_METRE * np.sqrt(max(x, 0.0)):.2g}" for x in parts[name][4:])] for name in largest]
+        variances = self.reference.contributions
+        largest = sorted(variances, key=lambda name: -float(variances[name][4:].sum()))[:MOST]
+        rows = [[name, *(f"{GRAM_METRE * np.sqrt(max(x, 0.0)):.2g}" for x in variances[name][4:])] for name in largest]
         title = "What makes the expected tensor uncertain: standard uncertainty, g·m²"
-        return [Table(title, ["quantity", *COMPONENTS], rows)] if parts else []
+        return [Table(title, ["quantity", *COMPONENTS], rows)] if variances else []
 
     def section(self) -> Section:
         """Return its part of a report."""
@@ -185,11 +191,12 @@ class Comparison(Result):
             "chi_squared": {"value": statistic, "degrees_of_freedom": freedom, "probability": probability},
             "normalised_error_of_mass_and_cg": self.other_errors,
             "contributions": {
-                key: _nulled(dict(zip(PARAMETERS, np.sqrt(np.maximum(part, 0)).tolist(), strict=True)))
-                for key, part in self.reference.contributions.items()
+                key: _nulled(dict(zip(PARAMETERS, np.sqrt(np.maximum(variance, 0)).tolist(), strict=True)))
+                for key, variance in self.reference.contributions.items()
             },
             "suspicions": [
-                {"cause": one.cause, "text": one.text, "remaining": one.remaining} for one in self.suspicions
+                {"cause": suspicion.cause, "text": suspicion.text, "remaining": suspicion.remaining}
+                for suspicion in self.suspicions
             ],
             "warnings": list(self.reference.warnings),
             "document": dict(self.reference.document),

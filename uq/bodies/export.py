@@ -114,7 +114,7 @@ def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
         ExperimentError: no format, or one that there is not.
     """
     given = formats.split(",") if isinstance(formats, str) else formats
-    wanted = tuple(dict.fromkeys(one.strip() for one in given))
+    wanted = tuple(dict.fromkeys(name.strip() for name in given))
     if unknown := [name for name in wanted or ("",) if name not in names()]:
         raise ExperimentError(f"unknown export format '{unknown[0]}': choose of {', '.join(names())}")
     return wanted
@@ -147,10 +147,10 @@ def _notes(
 ) -> list[str]:
     """The comment: what it is, how uncertain, of which runs; ASCII only, as controllers want it."""
     u = dict(zip(PARAMETERS, parameters.standard_uncertainty, strict=True))
-    known = [f"{name} {value:.3g}" if value > 0 else f"{name} not stated" for name, value in u.items()]
+    stated = [f"{name} {value:.3g}" if value > 0 else f"{name} not stated" for name, value in u.items()]
     lines = [
         f"Written by inertia-uq. Tensor about the centre of gravity. Frame: {frame}.",
-        f"Standard uncertainties in kg, m, kg*m^2: {', '.join(known)}",
+        f"Standard uncertainties in kg, m, kg*m^2: {', '.join(stated)}",
         *(f"run {file} sha256 {sha or 'not known'}" for file, sha in runs),
         *(f"warning: {text}" for text in warnings),
     ]
@@ -163,14 +163,17 @@ def _content(
 ) -> dict[str, Any]:
     """What the JSON adds; what is not known is null."""
 
-    def known(value: float) -> float | None:
+    def finite_or_none(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
     return {
         "standard_uncertainty": {
-            name: known(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)
+            name: finite_or_none(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)
         },
-        "covariance": {"order": list(PARAMETERS), "values": [[known(x) for x in row] for row in parameters.covariance]},
+        "covariance": {
+            "order": list(PARAMETERS),
+            "values": [[finite_or_none(x) for x in row] for row in parameters.covariance],
+        },
         "runs": [{"file": file, "sha256": sha} for file, sha in runs],
         "warnings": list(warnings),
     }

@@ -26,11 +26,11 @@ def joint_chi_squared(measured: Tensor, expected: Tensor) -> tuple[float, int, f
     """
     deviation, covariance = measured.inertia - expected.inertia, measured.covariance + expected.covariance
     scale = np.sqrt(np.diag(covariance))
-    kept = (scale > 0) & np.isfinite(scale)
-    if not kept.any():
+    uncertain = (scale > 0) & np.isfinite(scale)
+    if not uncertain.any():
         return 0.0, 0, 1.0
-    correlation = covariance[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept])
+    correlation = covariance[np.ix_(uncertain, uncertain)] / np.outer(scale[uncertain], scale[uncertain])
     values, vectors = np.linalg.eigh(correlation)
-    told = values > 1e-10
-    squares = (vectors.T @ (deviation[kept] / scale[kept]))[told] ** 2 / values[told]
-    return float(squares.sum()), int(told.sum()), float(scipy.stats.chi2.sf(squares.sum(), told.sum()))
+    determined = values > 1e-10
+    squares = (vectors.T @ (deviation[uncertain] / scale[uncertain]))[determined] ** 2 / values[determined]
+    return float(squares.sum()), int(determined.sum()), float(scipy.stats.chi2.sf(squares.sum(), determined.sum()))

@@ -66,13 +66,13 @@ def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
     if not _rejected(measured, expected):
         return ()
     before = _norm(measured.inertia - expected.inertia)
-    found = []
+    candidates = []
     for candidate in _candidates(reference):
         left = _norm(measured.inertia - candidate.tensor.inertia) / before
         within = (np.abs(normalised_error(measured, candidate.tensor)) <= 1).all()
         if left < VANISHED or (within and left < SMALLER):
-            found.append((candidate, left))
-    return _simplest(found)
+            candidates.append((candidate, left))
+    return _simplest(candidates)
 
 
 def _rejected(measured: Tensor, expected: Tensor) -> bool:
@@ -88,10 +88,10 @@ def _norm(packed: np.ndarray) -> float:
     return float(np.sqrt(DOUBLED @ packed**2))
 
 
-def _simplest(found: Sequence[tuple[_Candidate, float]]) -> tuple[Suspicion, ...]:
+def _simplest(candidates: Sequence[tuple[_Candidate, float]]) -> tuple[Suspicion, ...]:
     """One for each cause; two causes together only where neither alone will do."""
     best: dict[str, tuple[_Candidate, float]] = {}
-    for candidate, left in sorted(found, key=lambda pair: (pair[0].moved, pair[1])):
+    for candidate, left in sorted(candidates, key=lambda pair: (pair[0].moved, pair[1])):
         best.setdefault(candidate.cause, (candidate, left))
     if {"products", "point"} & set(best):
         best.pop(BOTH, None)
@@ -116,11 +116,11 @@ def _signs_and_points(reference: Reference) -> list[_Candidate]:
     signs = f'its products have the other sign: try products = "{other}"'
     about = f'its figures are about the other point: try about = "{point}"'
     both = f'its products have the other sign and its figures are about the other point: try "{other}" and "{point}"'
-    found = [_Candidate("products", signs, _as_meant(reference, flip, reference.about))]
+    candidates = [_Candidate("products", signs, _as_meant(reference, flip, reference.about))]
     if np.isfinite(reference.parameters.values).all():
-        found.append(_Candidate("point", about, _as_meant(reference, np.eye(6), point)))
-        found.append(_Candidate(BOTH, both, _as_meant(reference, flip, point)))
-    return found
+        candidates.append(_Candidate("point", about, _as_meant(reference, np.eye(6), point)))
+        candidates.append(_Candidate(BOTH, both, _as_meant(reference, flip, point)))
+    return candidates
 
 
 def _units(reference: Reference) -> list[_Candidate]:
@@ -140,17 +140,17 @@ def _as_meant(reference: Reference, change: np.ndarray, about: str) -> Tensor:
     if about == reference.about == "CG":
         return _linear(change, ten.tensor)
     given = (jnp.asarray(ten.values), jnp.asarray(change), jnp.asarray(reference.origin))
-    value, jacobian = map(np.asarray, _meant(*given, said=reference.about, about=about))
+    value, jacobian = map(np.asarray, _meant(*given, stated_about=reference.about, about=about))
     return Tensor(value, jacobian @ ten.covariance @ jacobian.T)
 
 
-@partial(jax.jit, static_argnames=("said", "about"))
-def _meant(values: Array, change: Array, origin: Array, *, said: str, about: str) -> tuple[Array, Array]:
+@partial(jax.jit, static_argnames=("stated_about", "about"))
+def _meant(values: Array, change: Array, origin: Array, *, stated_about: str, about: str) -> tuple[Array, Array]:
     """That tensor and its derivative by the ten parameters, which were read as the report is said to be written."""
 
     def tensor(values: Array) -> Array:
         mass, arm, inertia = values[0], values[1:4] - origin, values[4:]
-        written = parallel_axis(inertia, mass, arm) if said == "origin" else inertia
+        written = parallel_axis(inertia, mass, arm) if stated_about == "origin" else inertia
         changed = change @ written
         return parallel_axis(changed, -mass, arm) if about == "origin" else changed
 
@@ -171,12 +171,12 @@ def _map(rotation: np.ndarray) -> np.ndarray:
 
 def _axes(reference: Reference) -> list[_Candidate]:
     """The 23 other right-handed assignments of the drawing's axes."""
-    rotation, tensor, found = reference.rotation, reference.parameters.tensor, []
+    rotation, tensor, candidates = reference.rotation, reference.parameters.tensor, []
     for turn in _quarter_turns():
         change = _map(rotation @ turn @ rotation.T)
         text = f"its axes have other names or signs: try {_declared(rotation @ turn)}"
-        found.append(_Candidate("axes", text, _linear(change, tensor), int(3 - (np.diag(turn) == 1).sum())))
-    return found
+        candidates.append(_Candidate("axes", text, _linear(change, tensor), int(3 - (np.diag(turn) == 1).sum())))
+    return candidates
 
 
 def _quarter_turns() -> list[np.ndarray]:

@@ -185,8 +185,8 @@ class Experiment:
         for estimator in self.estimators:
             if estimator.name == wanted:
                 return estimator
-        known = ", ".join(e.name for e in self.estimators)
-        raise ExperimentError(f"unknown estimator '{wanted}': choose one of {known}")
+        names = ", ".join(e.name for e in self.estimators)
+        raise ExperimentError(f"unknown estimator '{wanted}': choose one of {names}")
 
     def select(self, name: str | None = None) -> tuple[str, TrajectorySpec]:
         """Return a trajectory's name and specification; without a name, the first.

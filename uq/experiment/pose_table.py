@@ -92,8 +92,8 @@ def uncertain(specific_force: np.ndarray, poses: Poses, of_sensor: Accelerometer
     turned = np.cross(axes, specific_force[:, None], axis=2).transpose(0, 2, 1)
     columns, lasting = [turned] * (poses.sigma_alignment > 0), 3 * (poses.sigma_alignment > 0)
     if of_sensor is not None:
-        known = of_sensor.covariance if of_sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
-        values, vectors = np.linalg.eigh(known)
+        covariance = of_sensor.covariance if of_sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
+        values, vectors = np.linalg.eigh(covariance)
         up = specific_force[:, :, None] / gravity
         across = np.eye(3) - up * up.transpose(0, 2, 1)
         columns.append(-across @ (turn @ (vectors * np.sqrt(np.maximum(values, 0)))) / of_sensor.gain)
@@ -111,11 +111,11 @@ def up(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:
     Raises:
         RunError: a row that is no rotation, no unit quaternion, or no direction.
     """
-    one = {"gravity": _against, "matrix": _of_matrix, "quaternion": _of_quaternion}[str(poses.attitude)]
+    reader = {"gravity": _against, "matrix": _of_matrix, "quaternion": _of_quaternion}[str(poses.attitude)]
     directions = []
     for row, value in enumerate(values, start=1):
         try:
-            directions.append(one(value, poses.takes == "level_to_sensor"))
+            directions.append(reader(value, poses.takes == "level_to_sensor"))
         except ValueError as error:
             raise RunError(f"{poses.attitude} of pose {row} in {name} {error}") from None
     return np.array(directions)
@@ -142,15 +142,17 @@ def of_accelerometer(
     readings: np.ndarray, poses: Poses, gravity: float
 ) -> tuple[np.ndarray, Accelerometer, tuple[str, ...]]:
     """Return the specific force [m/s²] that an accelerometer's static readings tell, what was found of it, warnings."""
-    found = calibrate(readings, gravity, method=poses.accelerometer)
+    calibration = calibrate(readings, gravity, method=poses.accelerometer)
     warnings = []
-    if not found.fitted and poses.accelerometer is None:
+    if not calibration.fitted and poses.accelerometer is None:
         warnings.append(
             "the poses are too few or too much alike to find the accelerometer's offset, which was taken for zero"
         )
-    if not 0.9 < found.gain < 1.1:
-        raise RunError(f"the accelerometer reads {found.gain:.4g} times gravity: correct recording.acceleration_unit")
-    return found.specific_force(readings, gravity), found, tuple(warnings)
+    if not 0.9 < calibration.gain < 1.1:
+        raise RunError(
+            f"the accelerometer reads {calibration.gain:.4g} times gravity: correct recording.acceleration_unit"
+        )
+    return calibration.specific_force(readings, gravity), calibration, tuple(warnings)
 
 
 def need_table(poses: Poses | None, path: str | Path) -> Poses:

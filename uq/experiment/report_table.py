@@ -158,13 +158,13 @@ class Instrument:
     @property
     def name(self) -> str:
         """What to call it."""
-        known = (self.texts.get(key) for key in ("name", "model", "serial_number"))
-        return next((text for text in known if text), "instrument")
+        texts = (self.texts.get(key) for key in ("name", "model", "serial_number"))
+        return next((text for text in texts if text), "instrument")
 
     def is_same(self, other: "Instrument") -> bool:
         """Whether two descriptions are of one instrument: by serial number, or by name."""
         pairs = [(self.texts.get(key), other.texts.get(key)) for key in ("serial_number", "name")]
-        return any(one is not None and one == two for one, two in pairs)
+        return any(mine is not None and mine == theirs for mine, theirs in pairs)
 
 
 @dataclass(frozen=True)
@@ -236,13 +236,13 @@ def read(provenance: Mapping[str, Any]) -> Report:
     inputs = provenance.get("inputs", ())
     days = recorded_days(inputs)
     stated, left = [], _recorded_instruments(inputs)
-    for one in report.instruments:
-        same = [other for other in left if one.is_same(other)]
-        stated.append(replace(one, texts={**(same[0].texts if same else {}), **one.texts}))
+    for instrument in report.instruments:
+        same = [other for other in left if instrument.is_same(other)]
+        stated.append(replace(instrument, texts={**(same[0].texts if same else {}), **instrument.texts}))
         left = [other for other in left if other not in same]
     performed = report.performed or ((days[0], days[-1]) if len(days) > 1 else tuple(days))
-    told = bool(days) and not report.performed
-    return replace(report, performed=performed, performed_recorded=told, instruments=(*stated, *left))
+    recorded = bool(days) and not report.performed
+    return replace(report, performed=performed, performed_recorded=recorded, instruments=(*stated, *left))
 
 
 def recorded_days(inputs: Sequence[Mapping[str, Any]]) -> list[date]:
@@ -253,9 +253,11 @@ def recorded_days(inputs: Sequence[Mapping[str, Any]]) -> list[date]:
 def _recorded_instruments(inputs: Sequence[Mapping[str, Any]]) -> list[Instrument]:
     """The instruments that recordings name, each once."""
     texts = [
-        {key: one[key] for key in INSTRUMENT if key in one} for entry in inputs for one in entry.get("instruments", ())
+        {key: stated[key] for key in INSTRUMENT if key in stated}
+        for entry in inputs
+        for stated in entry.get("instruments", ())
     ]
-    return [Instrument(one, recorded=True) for k, one in enumerate(texts) if one not in texts[:k]]
+    return [Instrument(stated, recorded=True) for k, stated in enumerate(texts) if stated not in texts[:k]]
 
 
 def cautions(table: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -270,33 +272,34 @@ def cautions(table: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]]) -> l
 
 
 def _of_serial_numbers(report: Report, recorded: list[Instrument]) -> Iterator[str]:
-    for one in report.instruments:
+    for instrument in report.instruments:
         for other in recorded:
-            numbers = [each.texts.get("serial_number") for each in (one, other)]
-            if one.is_same(other) and all(numbers) and numbers[0] != numbers[1]:
-                yield f"{one.name} has serial number {numbers[0]} in [report] and {numbers[1]} in a recording"
+            numbers = [each.texts.get("serial_number") for each in (instrument, other)]
+            if instrument.is_same(other) and all(numbers) and numbers[0] != numbers[1]:
+                yield f"{instrument.name} has serial number {numbers[0]} in [report] and {numbers[1]} in a recording"
 
 
 def _of_dates(report: Report, measured: Sequence[date]) -> list[str]:
-    found, days = [], sorted({*report.performed, *measured})
+    warnings, days = [], sorted({*report.performed, *measured})
     if report.performed and measured and not _within(measured, report.performed):
-        found.append(f"a run was recorded on {_outside(measured, report.performed)}, outside report.performed")
+        warnings.append(f"a run was recorded on {_outside(measured, report.performed)}, outside report.performed")
     if days and report.received and report.received > days[0]:
-        found.append(f"the item was received on {report.received}, after the measurement of {days[0]}")
+        warnings.append(f"the item was received on {report.received}, after the measurement of {days[0]}")
     if days and report.issued and report.issued < days[-1]:
-        found.append(f"the report was issued on {report.issued}, before the measurement of {days[-1]}")
-    return found + [text for one in report.instruments for text in _of_calibration(one, days)]
+        warnings.append(f"the report was issued on {report.issued}, before the measurement of {days[-1]}")
+    return warnings + [text for instrument in report.instruments for text in _of_calibration(instrument, days)]
 
 
-def _of_calibration(one: Instrument, days: list[date]) -> Iterator[str]:
-    if one.due and days and one.due < days[-1]:
-        yield f"calibration of {one.name} was due on {one.due}, before the measurement of {days[-1]}"
-    if one.due and not days:
-        yield f"calibration of {one.name} is due on {one.due}, and no date of the measurement is known to compare with"
-    if one.calibrated and days and one.calibrated > days[0]:
-        yield f"{one.name} was calibrated on {one.calibrated}, after the measurement of {days[0]}"
-    if one.calibrated and one.due and one.due < one.calibrated:
-        yield f"calibration of {one.name} is due on {one.due}, before it was calibrated on {one.calibrated}"
+def _of_calibration(instrument: Instrument, days: list[date]) -> Iterator[str]:
+    name, calibrated, due = instrument.name, instrument.calibrated, instrument.due
+    if due and days and due < days[-1]:
+        yield f"calibration of {name} was due on {due}, before the measurement of {days[-1]}"
+    if due and not days:
+        yield f"calibration of {name} is due on {due}, and no date of the measurement is known to compare with"
+    if calibrated and days and calibrated > days[0]:
+        yield f"{name} was calibrated on {calibrated}, after the measurement of {days[0]}"
+    if calibrated and due and due < calibrated:
+        yield f"calibration of {name} is due on {due}, before it was calibrated on {calibrated}"
 
 
 def _within(days: Sequence[date], period: Sequence[date]) -> bool:
@@ -304,7 +307,7 @@ def _within(days: Sequence[date], period: Sequence[date]) -> bool:
 
 
 def _outside(days: Sequence[date], period: Sequence[date]) -> date:
-    return next(one for one in days if not min(period) <= one <= max(period))
+    return next(day for day in days if not min(period) <= day <= max(period))
 
 
 def _claims(where: str, content: object) -> Iterator[str]:

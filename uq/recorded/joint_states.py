@@ -46,9 +46,9 @@ class Chain:
             )
         model = _model(declared.urdf)
         if not model.existFrame(declared.urdf_frame):
-            known = ", ".join(frame.name for frame in model.frames if frame.name != "universe")
+            frames = ", ".join(frame.name for frame in model.frames if frame.name != "universe")
             raise ExperimentError(
-                f"unknown frame '{declared.urdf_frame}' at recording.urdf_frame: {declared.urdf} has {known}"
+                f"unknown frame '{declared.urdf_frame}' at recording.urdf_frame: {declared.urdf} has {frames}"
             )
         frame = model.getFrameId(declared.urdf_frame)
         moving = [number for number in model.supports[model.frames[frame].parentJoint] if number > 0]
@@ -80,15 +80,15 @@ class Chain:
 
     def angular_velocity(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Return the frame's angular velocity in its own axes [rad/s], (n, 3), of recorded joints (n, k)."""
-        own = [k for _, k in self.joints]
-        rows = zip(position, velocity[:, own], strict=True)
+        columns = [k for _, k in self.joints]
+        rows = zip(position, velocity[:, columns], strict=True)
         return np.array([self.jacobian(at) @ speed for at, speed in rows]).reshape(-1, 3)
 
     def spread(self, position: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the frame's angular noise on each axis, root mean square, of the joints' own noise (k,)."""
-        own = sigma[[k for _, k in self.joints]]
+        of_joints = sigma[[k for _, k in self.joints]]
         step = max(len(position) // 200, 1)
-        squares = [self.jacobian(at) ** 2 @ own**2 for at in position[::step]]
+        squares = [self.jacobian(at) ** 2 @ of_joints**2 for at in position[::step]]
         return np.sqrt(np.mean(squares, axis=0))
 
 
