@@ -42,6 +42,13 @@ def test_a_public_name_has_a_docstring(package, name):
     assert (getattr(importlib.import_module(package), name).__doc__ or "").strip()
 
 
+def test_the_examples_import_what_there_is():
+    examples = [code for page in PAGES for code in blocks(page.read_text("utf-8"))]
+    for module, name in set().union(*map(imported, examples)):
+        if module.split(".")[0] in PACKAGES:
+            assert hasattr(importlib.import_module(module), name), (module, name)
+
+
 def test_every_public_name_has_an_example():
     shown = set().union(*(imported(code) for page in PAGES for code in blocks(page.read_text("utf-8"))))
     assert not set(NAMES) - shown
