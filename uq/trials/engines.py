@@ -1,4 +1,4 @@
-"""The engines of a trial behind one door: by sums over blocks, sample by sample, or on drawn sums.
+"""The engines of a trial behind one door: by sums over blocks, sample by sample, or on Gram sums.
 
 :mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes what no sums can tell,
 :mod:`uq.trials.collapsed` is for white normal noise and offsets alone. Each is held against the trial that

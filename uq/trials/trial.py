@@ -279,7 +279,7 @@ class _AllSums(NamedTuple):
 
 
 def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
-    """Add to the true sums what noise changes; drawn sums are from the same normal numbers in every variant."""
+    """Add to the true sums what noise changes; Gram sums are drawn from the same normal numbers in every variant."""
     first, elements = setup.changed.start, setup.changed.stop
     change = jnp.pad(drawn.products[:, :elements], ((1, 0), (0, 0), (first, 0)))
     gram = setup.sums.gram[None] + change + change.swapaxes(1, 2)
