@@ -62,7 +62,7 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     first = prepared.evaluate().breakdowns["T1"]["central"].total
     before = compilations()
     assert before > 0
-    swept = [prepared.evaluate(louder(brief, factor).sources) for factor in LEVELS]
+    swept = [prepared.evaluate(louder(brief, factor).sources) for factor in LEVELS[::10]]
     for other in others(brief):
         law(other, "T1", "central")
     assert compilations() == before

@@ -131,9 +131,8 @@ def test_the_fixture_comes_off_by_its_runs_or_as_stated(short, files, capsys):
         f'{POSES}\n[fixture]\nmass = "4.2 kg"\nsigma_mass = "1 g"\nr_cg_from_q = [{vector(FIXTURE.r_cg)}]\n'
         f"inertia = {{ {tensor} }}\n"
     )
-    command[3] = files / "stated.toml"
-    assert main([str(word) for word in [*command, "--estimator", "smoothed", "--out", out]]) == 0
-    stated = json.loads((out / "result.json").read_text())
+    other, known = Experiment.load(files / "stated.toml"), {"estimator": "smoothed", "centre": files / "whole.json"}
+    stated = tare_files(identify_files([files / "whole.mcap"], other, **known), [], other, **known).to_dict()
     assert stated["tare"]["method"] == "stated"
     u = np.array(list(content["standard_uncertainty"].values()))
     apart = np.array([stated["inertia"][name] - content["inertia"][name] for name in moments])

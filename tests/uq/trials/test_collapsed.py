@@ -37,19 +37,19 @@ def test_drawn_sums_give_what_samples_give(both, pair):
                 assert (np.abs(one - two) <= 4.5 * error + 1e-15).all(), (name, figure, (one - two) / error)
 
 
-def test_numbers_do_not_depend_on_batch_or_devices(short):
+def test_numbers_do_not_depend_on_batch_or_devices(brief):
     def errors(devices, batch):
         options = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
-        return montecarlo(short, trials=7, devices=jax.devices()[:devices], batch=batch, **options).errors["T1"]
+        return montecarlo(brief, trials=7, devices=jax.devices()[:devices], batch=batch, **options).errors["T1"]
 
-    np.testing.assert_allclose(errors(2, 2), errors(1, 7), atol=1e-12 * short.inertia.max())
+    np.testing.assert_allclose(errors(2, 2), errors(1, 7), atol=1e-12 * brief.inertia.max())
 
 
-def test_without_errors_the_truth_comes_out(short):
-    silent = dataclasses.replace(short, sources=())
+def test_without_errors_the_truth_comes_out(brief):
+    silent = dataclasses.replace(brief, sources=())
     result = montecarlo(silent, trials=2, trajectories="T1", estimators="smoothed", sampling="collapsed")
     reference = montecarlo(silent, trials=2, trajectories="T1", estimators="smoothed")
-    np.testing.assert_allclose(result.errors["T1"], reference.errors["T1"], atol=1e-12 * short.inertia.max())
+    np.testing.assert_allclose(result.errors["T1"], reference.errors["T1"], atol=1e-12 * brief.inertia.max())
 
 
 def test_what_cannot_be_drawn_is_refused(short):
