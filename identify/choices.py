@@ -7,5 +7,3 @@ OffsetChoice = Literal["estimate", "still", "none"]
 
 CgMotion = Literal["still"]
 """How the centre of gravity moves, where that is declared."""
-Method = Literal["source", "gls", "joint"]
-"""Estimators: the source's, generalised least squares, and the joint estimate."""

@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from identify.choices import Method, OffsetChoice
+from identify.choices import OffsetChoice
 from identify.diagnostics.consistency import Verdict
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.repeatability import Pooling
@@ -71,7 +71,8 @@ class Identification(Result):
     """A frame in which the result is also wanted."""
     tare: Tare | None = None
     """What was taken off; None: nothing."""
-    method: Method = "source"
+    method: str = "source"
+    """Name of the estimator, in :mod:`identify.methods`."""
     """How it was estimated; see :func:`identify`."""
     delay: Aligned | None = None
     """How much the IMU is late, where that was estimated [s]."""

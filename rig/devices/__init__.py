@@ -1,19 +1,36 @@
-"""The devices: one file per family, bytes to samples and back, without I/O. A new device is a file and a line here."""
+"""The devices: one file per family, bytes to samples and back, without I/O. A new device is one new file.
+
+The name of the file is the device's ``kind`` in a rig file, with ``-`` for ``_``.
+"""
 
 from importlib import import_module
+from pkgutil import iter_modules
 
 from rig.devices.base import Device
 from rig.exceptions import RigError
 
-REGISTRY = {
-    "bota": "rig.devices.bota:Bota",
-    "robotous": "rig.devices.robotous:Robotous",
-    "xsens": "rig.devices.xsens:Xsens",
-    "microstrain": "rig.devices.microstrain:MicroStrain",
-    "vectornav": "rig.devices.vectornav:VectorNav",
-    "vectornav-ascii": "rig.devices.vectornav_ascii:VectorNavAscii",
-    "line": "rig.devices.line:Line",
-}
+SHARED = ("base", "checksums", "conversation", "parser")
+"""Modules here that are no device."""
+
+
+def kinds() -> tuple[str, ...]:
+    """The kinds of all devices, without importing them."""
+    return tuple(
+        sorted(module.name.replace("_", "-") for module in iter_modules(__path__) if module.name not in SHARED)
+    )
+
+
+def device_class(kind: str) -> type[Device]:
+    """The class of a kind of device.
+
+    Raises:
+        RigError: the kind is unknown.
+    """
+    if kind not in kinds():
+        raise RigError(f"unknown device kind '{kind}': choose one of {', '.join(kinds())}")
+    module = import_module(f"{__name__}.{kind.replace('-', '_')}")
+    classes = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
+    return next(item for item in classes if issubclass(item, Device))
 
 
 def create_device(kind: str, **options: object) -> Device:
@@ -22,7 +39,4 @@ def create_device(kind: str, **options: object) -> Device:
     Raises:
         RigError: the kind or an option is unknown, or an option has a wrong value.
     """
-    if kind not in REGISTRY:
-        raise RigError(f"unknown device kind '{kind}': choose one of {', '.join(REGISTRY)}")
-    module, _, name = REGISTRY[kind].partition(":")
-    return getattr(import_module(module), name)(**options)
+    return device_class(kind)(**options)

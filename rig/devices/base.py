@@ -44,6 +44,7 @@ class Device(ABC):
     BAUDRATE: ClassVar[int]
     FRAME_BYTES: ClassVar[int]  # of one sample, for its time on the wire
     OPTIONS: ClassVar[dict[str, object]] = {}
+    ASKED: ClassVar[bool] = True  # whether ports are asked for it when devices are looked for
     SETTLING: ClassVar[float] = 0.0  # seconds that the device may take to boot after its port was opened
 
     def __init__(self, **options: object) -> None:

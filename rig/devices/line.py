@@ -91,6 +91,7 @@ class Line(Device):
     """
 
     KIND = "line"
+    ASKED = False  # it cannot answer
     MEASURES = "values"
     BAUDRATE = 115200
     FRAME_BYTES = 64

@@ -49,6 +49,7 @@ class VectorNavAscii(Device):
     """Options: ``rate`` [Hz], one that the sensor knows (1 to 200); ``configure``. There is no device time."""
 
     KIND = "vectornav-ascii"
+    ASKED = False  # the same sensor as `vectornav`
     MEASURES = "imu"
     BAUDRATE = 115200
     FRAME_BYTES = 118

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
-from rig.devices import REGISTRY, create_device
+from rig.devices import create_device, device_class, kinds
 from rig.devices.conversation import Identity, NoAnswerError
 from rig.exceptions import RigError
 from rig.record.port import Port, PortLostError, converse, open_port
@@ -44,9 +44,9 @@ def discover(names: Sequence[str] | None = None) -> list[DiscoveredPort]:
 
 
 def _ask(name: str, description: str) -> DiscoveredPort:
-    for kind in REGISTRY:
-        if kind in ("line", "vectornav-ascii"):
-            continue  # a line cannot be asked; the other is the same sensor as `vectornav`
+    for kind in kinds():
+        if not device_class(kind).ASKED:
+            continue
         try:
             identity = _identify(name, kind)
         except (NoAnswerError, PortLostError):

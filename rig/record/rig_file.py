@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from rig.devices import REGISTRY, create_device
+from rig.devices import create_device, kinds
 from rig.devices.base import Device
 from rig.exceptions import RigError
 from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
@@ -26,7 +26,7 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
 
     name: Text
     """Of letters, digits and underscores; unique."""
-    kind: Annotated[Text, msgspec.Meta(extra_json_schema={"enum": list(REGISTRY)})]
+    kind: Annotated[Text, msgspec.Meta(extra_json_schema={"enum": list(kinds())})]
     """The family of devices."""
     port: Text
     """A serial port, best by /dev/serial/by-id/...; udp:NUMBER; or emulator:RUN.mcap."""

@@ -1,9 +1,8 @@
 """``inertia identify``: the tensor from recorded runs."""
 
 import argparse
-from typing import get_args
 
-from identify.choices import Method
+from identify import methods
 from uq.bodies import export_formats
 from uq.bodies.comparison import compare
 from uq.bodies.export import export, formats_of
@@ -51,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
     parser.add_argument(
         "--method",
-        choices=get_args(Method),
+        choices=methods.names(),
         help="the estimator: the source's, or all unknowns together (recording.method)",
     )
     add_window_options(parser)

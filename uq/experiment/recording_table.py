@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from identify.choices import CgMotion, Method
+from identify import methods
+from identify.choices import CgMotion
 from identify.joint.alignment_prior import Alignment
 from rig.toml_tables import TomlTable, WrongKeyError, written
 from uq.experiment.rotation_key import ROTATION
@@ -29,6 +30,12 @@ SigmaOfRate = Annotated[float, in_unit("rad/s", least=0)]
 SigmaOfAcceleration = Annotated[float, in_unit("m/s^2", least=0)]
 SigmaOfForce = Annotated[float, in_unit("N", least=0)]
 SigmaOfMoment = Annotated[float, in_unit("N*m", least=0)]
+
+
+def _method(_: str, raw: Any) -> str:
+    if raw not in methods.names():
+        raise ValueError(f"is {raw!r}: choose one of {', '.join(methods.names())}")
+    return raw
 
 
 def unit_name(unit: str) -> msgspec.Meta:
@@ -108,7 +115,7 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
         tuple[str, ...], written(_names, {"type": "array", "items": {"type": "string", "minLength": 1}})
     ] = ()
     """Names of the sources whose errors each mounting of the body draws anew."""
-    method: Method = "source"
+    method: Annotated[str, written(_method, {"enum": list(methods.names())})] = "source"
     """The estimator: the source's, or tensor, centre, offsets, delay and rotation together."""
     cg_motion: CgMotion | None = None
     """Whether the motion keeps the centre of gravity still; missing: not declared."""

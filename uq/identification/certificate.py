@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section
 from identify.results.identification_result import Identification
 from identify.text_tables import Table
@@ -92,7 +93,7 @@ class Certificate(Result):
         result, report = self.identification, self.report
         return Section(
             report.texts.get("title", TITLE),
-            [f"{TYPE_A.get(result.method, '')} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
+            [f"{estimator_of(result.method).type_a} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
             result.warnings,
             self.tables(),
             self.drawings(),
@@ -108,14 +109,6 @@ def _decision_rule(report: Report) -> list[str]:
     return [] if rule is None else [f"Decision rule for conformity with {rule.specification}: {RULES[rule.rule]}."]
 
 
-TYPE_A = {
-    "source": "What the runs show, residuals correlated in time and scatter between runs, is evaluated as type A.",
-    "gls": "What the runs show is evaluated as type A: generalised least squares with the residuals' covariance across "
-    "axes and in time, and the scatter between runs.",
-    "joint": "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
-    "noise and from what was declared of them beforehand; where the runs scatter more, that counts.",
-}
-"""How an estimator's uncertainty comes about, by method."""
 UNCERTAINTY = (
     "What is declared and stays constant through the runs, the centre of gravity among it, is type B (GUM 4.2, 4.3, "
     "5.1). The coverage interval is from the distributions of both: k = 1.96 where they are normal, larger where few "

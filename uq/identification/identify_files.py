@@ -7,10 +7,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from identify.choices import Method, OffsetChoice
+from identify.choices import OffsetChoice
 from identify.diagnostics.consistency import Verdict, consistency
 from identify.estimators.offsets import rest_of
 from identify.identification import identify
+from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
@@ -39,7 +40,7 @@ def identify_files(
     windows: Sequence[TimeWindow] | None = None,
     mountings: Sequence[str] | None = None,
     centre: str | Path | None = None,
-    method: Method | None = None,
+    method: str | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body.
 
@@ -87,7 +88,8 @@ def identify_files(
         gravity=experiment.gravity,
         mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
     )
-    if prior is None and experiment.scale is not None and result.method != "joint":
+    estimates = estimator_of(result.method).estimates
+    if prior is None and experiment.scale is not None and "mass" not in estimates:
         result = replace(result, mass_uncertainty=experiment.scale[1])
     result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
     followed = [one for run in runs for one in _followed(run, result)]
@@ -109,7 +111,7 @@ def identify_files(
 
 def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
     """What the run's residuals follow; not of a method that turns and delays the signals before it fits them."""
-    if result.method == "joint" or result.seen is not None:
+    if estimator_of(result.method).estimates or result.seen is not None:
         return ()
     return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
 

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int, Key
 from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.estimators.repeatability import Pooling
+from identify.methods.base import estimator_of
 from identify.motion.trajectory import Trajectory
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import Body
@@ -38,10 +39,6 @@ BATCH = 100
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
-ESTIMATED: Mapping[str, frozenset[str]] = {
-    "joint": frozenset({"cell_bias", "cell_misalignment", "gyro_bias", "gyro_misalignment", "gyro_delay"})
-}
-"""Errors that a method estimates along with the tensor, so that its covariance holds what is known of them."""
 Name = str
 
 
@@ -223,7 +220,7 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
 
     The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
     """
-    elsewhere = HELD | ESTIMATED.get(result.method, frozenset())
+    elsewhere = HELD | estimator_of(result.method).estimates
     sources = [source for source in experiment.sources if source.constant and source.perturbs not in elsewhere]
     mixing = list(experiment.mixing)
     if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already

@@ -1,0 +1,87 @@
+"""What an estimator is given and what it is."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from importlib import import_module
+from typing import ClassVar
+
+import numpy as np
+
+from identify.choices import CgMotion, OffsetChoice
+from identify.estimators.run_information import longest
+from identify.exceptions import RunError
+from identify.joint.alignment_prior import Alignment
+from identify.results.identification_result import Identification
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import motion_band
+from identify.signals.run import Run
+from identify.static.centre_result import Centre
+
+SHORTEST = 64
+"""Samples from which the motion's band can be found."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Runs of one body and what is known beforehand; arguments of :func:`identify.identify`, checked."""
+
+    runs: tuple[Run, ...]
+    r_cg: np.ndarray
+    """Centre of gravity from Q, in B [m]."""
+    sigma_r_cg: np.ndarray
+    """Its standard uncertainty on each axis [m]."""
+    estimator: EstimatorSpec | None = None
+    """Differentiator and filter; None: for the estimator to choose, see :meth:`band`."""
+    offsets: OffsetChoice = "estimate"
+    mass: float | None = None
+    """[kg]"""
+    mass_uncertainty: float | None = None
+    """[kg]; None: the mass counts as exact."""
+    centre: Centre | None = None
+    """Mass and centre of gravity from static poses, with their covariance; then ``r_cg`` and ``mass`` are its."""
+    alignment: Alignment | None = None
+    cg_motion: CgMotion | None = None
+    gravity: float = 9.80665
+    """[m/s²]"""
+
+    def band(self) -> float:
+        """Return the band of the fastest motion [Hz].
+
+        Raises:
+            RunError: a run is too short for it to be found.
+        """
+        for run in self.runs:
+            samples = len(longest(run))
+            if samples < SHORTEST:
+                raise RunError(
+                    f"{run.name} has {samples} samples, fewer than the {SHORTEST} from which a motion's band is found: "
+                    "record for longer, or name an estimator"
+                )
+        return max(motion_band(longest(run), run.rate) for run in self.runs)
+
+
+class Estimator(ABC):
+    """A way from runs to the tensor."""
+
+    type_a: ClassVar[str] = ""
+    """How its uncertainty comes about from the runs, in a sentence for a certificate."""
+    estimates: ClassVar[frozenset[str]] = frozenset()
+    """What it estimates along with the tensor, so that its covariance holds what is known of it: ``mass``, and constant
+    errors by their names (``cell_bias``, ``cell_misalignment``, ``gyro_bias``, ``gyro_misalignment``, ``gyro_delay``).
+    """
+
+    @abstractmethod
+    def fit(self, problem: Problem) -> Identification:
+        """Return the tensor with its uncertainty.
+
+        Raises:
+            RunError: runs that it cannot use.
+        """
+
+
+def estimator_of(name: str) -> Estimator:
+    """Return the estimator of the file of this name."""
+    module = import_module(f"identify.methods.{name}")
+    of_file = [of for of in vars(module).values() if isinstance(of, type) and of.__module__ == module.__name__]
+    (estimator,) = (of for of in of_file if issubclass(of, Estimator))
+    return estimator()
