@@ -115,7 +115,7 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
         tuple[str, ...], written(_names, {"type": "array", "items": {"type": "string", "minLength": 1}})
     ] = ()
     """Names of the sources whose errors each mounting of the body draws anew."""
-    method: Annotated[str, written(_method, {"enum": list(methods.names())})] = "source"
+    method: Annotated[str, written(_method, {"enum": list(methods.names()), "default": "source"})] = "source"
     """The estimator: the source's, or tensor, centre, offsets, delay and rotation together."""
     cg_motion: CgMotion | None = None
     """Whether the motion keeps the centre of gravity still; missing: not declared."""
