@@ -9,8 +9,6 @@ import tokenize
 from functools import cache
 from typing import Any
 
-import pint
-
 UNIT = re.compile(r"[A-Za-zµΩ°%_]([\w*/^.µΩ° ()-]*[\w)µΩ°])?")
 """What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
 
@@ -19,18 +17,22 @@ POWER = re.compile(r"(\*\*|\^)(?!-?\d(\.\d)?([\s*/)]|$))|\d\s*(\*\*|\^)")
 """A power that no unit has: more than one digit, or of a power."""
 
 
-UNREADABLE = (
-    pint.PintError, tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError,
-)  # fmt: skip
-"""What pint raises for a text that it cannot read."""
+UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
+"""What pint raises for a text that it cannot read, beside errors of its own."""
 
 
 class UnitError(ValueError):
     """A value that is not a number with a unit of the asked dimension."""
 
 
+class DimensionError(ValueError):
+    """A unit of another dimension than the one that is asked."""
+
+
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> Any:
+    import pint  # takes a quarter of a second: not before a unit is read
+
     return pint.UnitRegistry(cache_folder=None)
 
 
@@ -49,7 +51,7 @@ def quantity(text: object, unit: str) -> float:
     number, _, name = text.strip().partition(" ")
     try:
         value = float(number) * _factor(name.strip(), unit)
-    except pint.DimensionalityError:
+    except DimensionError:
         raise UnitError(f"is {text!r}: write a unit of the same dimension as {unit}") from None
     except UNREADABLE:
         raise UnitError(f'is {text!r}: write a number, a space and a unit, such as "1 {unit}"') from None
@@ -66,7 +68,7 @@ def scale(name: str, unit: str) -> float:
     """
     try:
         return _factor("standard_gravity" if (name, unit) == ("g", "m/s^2") else name, unit)
-    except pint.DimensionalityError:
+    except DimensionError:
         raise UnitError(f"is {name!r}: write the name of a unit of the same dimension as {unit}") from None
     except UNREADABLE:
         raise UnitError(f"is {name!r}: write the name of a unit, such as {unit}") from None
@@ -78,13 +80,20 @@ def _factor(name: str, unit: str) -> float:
     if not UNIT.fullmatch(name) or POWER.search(name):
         raise ValueError(f"{name!r} is not a unit")
     registry = _registry()
-    given, asked = registry.parse_units(name), registry.parse_units(unit)
-    if _angle(given) != _angle(asked):
-        raise pint.DimensionalityError(given, asked)
-    return float(registry.Quantity(1, given).to(asked).magnitude)
+    import pint
+
+    try:
+        given, asked = registry.parse_units(name), registry.parse_units(unit)
+        if _angle(given) != _angle(asked):
+            raise DimensionError(name)
+        return float(registry.Quantity(1, given).to(asked).magnitude)
+    except pint.DimensionalityError:
+        raise DimensionError(name) from None
+    except pint.PintError:
+        raise ValueError(f"{name!r} is not a unit") from None
 
 
-def _angle(unit: pint.Unit) -> float:
+def _angle(unit: Any) -> float:
     """The power of radian in a unit: 1 in rpm and deg/s, 0 in Hz."""
     powers: dict[str, Any] = dict(_registry().get_root_units(unit)[1]._units)
     return float(powers.get("radian", 0))
