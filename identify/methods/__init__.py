@@ -5,7 +5,7 @@ The name of the file is the method's in ``identify(..., method=)``, ``recording.
 
 from pkgutil import iter_modules
 
-SHARED = ("base", "pooled_result")
+SHARED = ("base",)
 """Modules here that are no estimator."""
 
 

@@ -2,7 +2,7 @@
 
 from identify.estimators.generalised_least_squares import whitened
 from identify.methods.base import Estimator, Problem
-from identify.methods.pooled_result import pooled_result
+from identify.methods.source import pooled_result
 from identify.results.identification_result import Identification
 
 

@@ -1,9 +1,20 @@
-"""The source's estimator: r_CG as it is given, ordinary least squares."""
+"""The source's estimator: r_CG as it is given, ordinary least squares; and the result of any estimator by rows."""
 
-from identify.estimators.run_information import information
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from identify.choices import OffsetChoice
+from identify.estimators.pooling import Pooled, pool
+from identify.estimators.run_information import Information, information
 from identify.methods.base import Estimator, Problem
-from identify.methods.pooled_result import pooled_result
+from identify.precision import check_precision
 from identify.results.identification_result import Identification
+from identify.results.run_estimate import run_estimate
+from identify.results.weak_components import within_bodies
+from identify.rigid_body.inertia import COMPONENTS
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.static.centre_covariance import with_centre
 
 
 class SourceEstimator(Estimator):
@@ -14,3 +25,76 @@ class SourceEstimator(Estimator):
     def fit(self, problem: Problem) -> Identification:
         """Return the tensor with its uncertainty."""
         return pooled_result(problem, information, "source")
+
+
+def pooled_result(problem: Problem, rows_of_run: Callable[..., Information], method: str) -> Identification:
+    """Return the tensor from what each run's rows say of it.
+
+    Args:
+        problem: runs, and what is known beforehand.
+        rows_of_run: a run's normal equations, as :func:`identify.estimators.run_information.information` returns them.
+        method: name of the estimator.
+
+    Raises:
+        RunError: a run too short for the estimator, or a motion that identifies nothing.
+    """
+    warned = check_precision("float64")
+    spec = problem.estimator or _matched(problem)
+    of_runs = [rows_of_run(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
+    pooled = pool(of_runs, problem.sigma_r_cg)
+    sigma, inertia, half, seen = problem.sigma_r_cg, pooled.inertia, pooled.half_width, pooled.excitation.identifiable
+    result = Identification(
+        inertia, pooled.bias, pooled.covariance, np.stack([inertia - half, inertia + half], axis=1), problem.r_cg,
+        sigma, problem.mass, spec,
+        tuple(run_estimate(of_run, problem.r_cg, problem.mass) for of_run in of_runs),
+        (*warned, *_warnings(of_runs, pooled)), _assumptions(problem.offsets), _diagnostics(problem, spec, pooled),
+        offsets=problem.offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
+        pooling=pooled.together, seen=None if seen.all() else pooled.seen,
+    )  # fmt: skip
+    return within_bodies(with_centre(result, problem.centre) if problem.centre else result, problem.runs)
+
+
+def _matched(problem: Problem) -> EstimatorSpec:
+    """A differentiator for the band of the fastest motion."""
+    band = problem.band()
+    return EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
+
+
+def _diagnostics(problem: Problem, spec: EstimatorSpec, pooled: Pooled) -> dict[str, object]:
+    verdict, by_centre = pooled.excitation, pooled.by_centre * problem.sigma_r_cg**2 @ pooled.by_centre.T
+    return {
+        "estimator": {"name": spec.name, "differentiator": spec.differentiator, "band": spec.band,
+                      "window": 2 * len(spec.taps(problem.runs[0].rate)) + 1, "lowpass": spec.lowpass},
+        "condition_number": float(np.sqrt(verdict.strength[-1] / verdict.strength[verdict.identifiable][0])),
+        "excitation_over_noise": (verdict.strength / np.maximum(verdict.noise, 1e-300)).min().item(),
+        "scatter_between_runs": pooled.together.excess.tolist(),
+        "coverage_factor": pooled.coverage_factor.tolist(),
+        "degrees_of_freedom": pooled.degrees_of_freedom.tolist(),
+        "standard_uncertainty_from_residuals": np.sqrt(np.diag(pooled.residual)).tolist(),
+        "standard_uncertainty_from_cg": np.sqrt(np.diag(by_centre)).tolist(),
+    }  # fmt: skip
+
+
+def _warnings(of_runs: Sequence[Information], pooled: Pooled) -> list[str]:
+    warnings = [f"{of_run.run.name}: {text}" for of_run in of_runs for text in of_run.run.warnings]
+    sigma = np.sqrt(np.diag(pooled.covariance))
+    for name, bias, three in zip(COMPONENTS, pooled.bias, 3 * sigma, strict=True):
+        if abs(bias) > 0.1 * three:
+            by = f"{1e3 * bias:.3g} g·m²"
+            warnings.append(f"gyro noise and differentiator bias {name} by about {by}: match a smoother to the band")
+    for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
+        if ratio > 2:
+            warnings.append(
+                f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes"
+            )
+    return warnings
+
+
+def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:
+    zero = ("force and moment are free of constant offsets",) if offsets == "none" else ()
+    return (
+        *zero,
+        "load cell and IMU are aligned in time and in frame",
+        "the gyro's noise is white",
+        "the platform is rigid",
+    )
