@@ -6,8 +6,8 @@ them, everything else is imported from its room, such as ``identify.rigid_body.r
 
 Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transformations.py does so):
 
-- ``rigid_body``: inertia, rotation (rotation vectors), dynamics, regressor, pseudo_inertia (log_cholesky,
-  pseudo_inertia), solids, fixture (left_over);
+- ``rigid_body``: inertia, principal_axes, rotation (rotation vectors), dynamics, regressor, pseudo_inertia
+  (log_cholesky, pseudo_inertia), solids, fixture (left_over);
 - ``motion``: window, trajectory, multisine, attitude, stewart_platform, leg_limits, periodic_motion, stages;
 - ``signals``: differentiate (derivative), filters (apply), band_limited_run (evaluate);
 - ``estimators``: gram, least_squares;
@@ -28,13 +28,13 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from identify.joint.cramer_rao_bound import bound as bound
     from identify.results.weak_components import within_bodies as within_bodies
     from identify.rigid_body.inertia import Body as Body
-    from identify.rigid_body.inertia import is_admissible as is_admissible
     from identify.rigid_body.inertia import pack as pack
     from identify.rigid_body.inertia import parallel_axis as parallel_axis
-    from identify.rigid_body.inertia import principal as principal
     from identify.rigid_body.inertia import rotate as rotate
     from identify.rigid_body.inertia import unpack as unpack
     from identify.rigid_body.inertial_parameters import InertialParameters as InertialParameters
+    from identify.rigid_body.principal_axes import is_admissible as is_admissible
+    from identify.rigid_body.principal_axes import principal as principal
     from identify.rigid_body.pseudo_inertia import log_cholesky as log_cholesky
     from identify.rigid_body.pseudo_inertia import pseudo_inertia as pseudo_inertia
     from identify.rigid_body.regressor import omega_r as omega_r
@@ -55,13 +55,13 @@ _ROOMS = {
     "bound": "identify.joint.cramer_rao_bound",
     "consistency": "identify.diagnostics.consistency",
     "identify": "identify.identification",
-    "is_admissible": "identify.rigid_body.inertia",
+    "is_admissible": "identify.rigid_body.principal_axes",
     "log_cholesky": "identify.rigid_body.pseudo_inertia",
     "omega_r": "identify.rigid_body.regressor",
     "pack": "identify.rigid_body.inertia",
     "parallel_axis": "identify.rigid_body.inertia",
     "pi": "identify.rigid_body.regressor",
-    "principal": "identify.rigid_body.inertia",
+    "principal": "identify.rigid_body.principal_axes",
     "pseudo_inertia": "identify.rigid_body.pseudo_inertia",
     "rotate": "identify.rigid_body.inertia",
     "unpack": "identify.rigid_body.inertia",

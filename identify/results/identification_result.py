@@ -18,7 +18,8 @@ from identify.results.contributions import contributions
 from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component, principal_axes
+from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component
+from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table, decimals, fixed

@@ -17,7 +17,8 @@ from jaxtyping import Array, Float
 
 from identify.exceptions import RunError
 from identify.rigid_body.inertia import parallel_axis
-from identify.rigid_body.inertial_parameters import InertialParameters, propagated
+from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.rigid_body.principal_axes import propagated
 from identify.text_tables import with_error
 
 

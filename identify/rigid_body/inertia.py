@@ -1,4 +1,4 @@
-"""The inertia tensor: packing, frames, principal axes, admissibility.
+"""The inertia tensor: packing, the parallel axis, another frame.
 
 A packed tensor is ``(I11, I12, I13, I22, I23, I33)`` in kg·m². Its off-diagonal terms are the tensor's entries,
 ``I_ij = ∫(δij |ζ|² - ζi ζj) dm``, the sign that URDF and MJCF use.
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
@@ -49,16 +49,3 @@ def parallel_axis(inertia: Float[Array, "6"], mass: Float[Array, ""], offset: Fl
 def rotate(inertia: Float[Array, "6"], rotation: Float[Array, "3 3"]) -> Float[Array, "6"]:
     """Return the tensor in frame C, where ``rotation`` takes components in B to components in C."""
     return pack(rotation @ unpack(inertia) @ rotation.T)
-
-
-def principal(inertia: Float[Array, "6"]) -> tuple[Float[Array, "3"], Float[Array, "3 3"]]:
-    """Return the principal moments [kg·m²], ascending, and their axes in B as the rows of a rotation matrix."""
-    moments, vectors = jnp.linalg.eigh(unpack(inertia))
-    axes = vectors.T
-    return moments, axes * jnp.array([1.0, 1.0, jnp.sign(jnp.linalg.det(axes))])[:, None]
-
-
-def is_admissible(inertia: Float[Array, "6"]) -> Bool[Array, ""]:
-    """Whether a mass distribution with this tensor exists: positive moments that obey the triangle inequality."""
-    moments, _ = principal(inertia)
-    return (moments[0] > 0) & (moments[0] + moments[1] >= moments[2])

@@ -3,24 +3,20 @@
 What is derived from the ten parameters takes their whole covariance along (JCGM 102, 6.2), by autodiff.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
-from identify.rigid_body.inertia import COMPONENTS, parallel_axis, principal, rotate
+from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
+from identify.rigid_body.principal_axes import Principal, principal_axes, propagated
 from identify.rigid_body.rotation import exponential
 
 PARAMETERS = ("mass", "cg_x", "cg_y", "cg_z", *COMPONENTS)
 """The order of the covariance: kg, m, kg·m²."""
-LARGEST_ANGLE = 0.2
-"""Standard uncertainty of a principal axis [rad] beyond which it counts as not determined: 95 % are ±23°."""
 
 
 class Tensor(NamedTuple):
@@ -42,46 +38,6 @@ class Tensor(NamedTuple):
             "inertia": by_component(self.inertia),
             "standard_uncertainty": by_component(self.standard_uncertainty),
             "covariance": self.covariance.tolist(),
-        }
-
-
-class Principal(NamedTuple):
-    """Principal moments and axes with their uncertainty, to first order in the tensor's."""
-
-    moments: np.ndarray
-    """Principal moments, ascending [kg·m²]."""
-    axes: np.ndarray
-    """Their axes in B, the rows of a right-handed rotation."""
-    standard_uncertainty: np.ndarray
-    """Of the moments [kg·m²]."""
-    angles: np.ndarray
-    """Standard uncertainty of the turn of the axes about each of them [rad]; infinite where moments are equal."""
-
-    @property
-    def determined(self) -> np.ndarray:
-        """Whether each axis is: neither turn that would move it is uncertain by more than ``LARGEST_ANGLE``."""
-        determined = self.angles <= LARGEST_ANGLE
-        return np.array([determined[1] & determined[2], determined[2] & determined[0], determined[0] & determined[1]])
-
-    @property
-    def note(self) -> str | None:
-        """Which axes are not determined, in words; None: all are."""
-        lost = [f"{k + 1}" for k in range(3) if not self.determined[k]]
-        if not lost:
-            return None
-        equal = "all three moments are" if len(lost) == 3 else f"the moments {' and '.join(lost)} are"
-        return f"{equal} alike within their uncertainty: the axes {', '.join(lost)} are not determined"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what result.json says of them; the angle of a turn that is not determined is null."""
-        angles = [float(angle) if angle <= LARGEST_ANGLE else None for angle in self.angles]
-        return {
-            "moments": self.moments.tolist(),
-            "axes": self.axes.tolist(),
-            "standard_uncertainty": self.standard_uncertainty.tolist(),
-            "axes_standard_uncertainty": angles,
-            "axes_determined": self.determined.tolist(),
-            "note": self.note,
         }
 
 
@@ -191,35 +147,6 @@ class InertialParameters:
 def by_component(values: np.ndarray) -> dict[str, float]:
     """Return the six values of a packed tensor by their names."""
     return dict(zip(COMPONENTS, map(float, values), strict=True))
-
-
-def principal_axes(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> Principal:
-    """Return principal moments and axes with their uncertainty.
-
-    In the principal axes a small change of the tensor moves moment i by its entry ii, and turns the axes i and j by its
-    entry ij over the difference of their moments. Of moments that are equal within their uncertainty neither the axes
-    nor which of the two is larger is determined; the larger then comes out too large on average.
-
-    Args:
-        inertia: packed tensor [kg·m²].
-        covariance: its covariance [(kg·m²)²].
-    """
-    moments, axes = map(np.asarray, principal(jnp.asarray(inertia)))
-    _, turned = propagated(lambda x: rotate(x, jnp.asarray(axes)), inertia, covariance)
-    spread = np.sqrt(np.diag(turned))
-    gaps = np.abs(np.array([moments[1] - moments[2], moments[2] - moments[0], moments[0] - moments[1]]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        angles = np.where(gaps > 0, spread[[4, 2, 1]] / gaps, np.inf)
-    return Principal(moments, axes, spread[[0, 3, 5]], angles)
-
-
-def propagated(
-    function: Callable[[jnp.ndarray], jnp.ndarray], at: np.ndarray, covariance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return a function's value and covariance: ``J V Jᵀ`` (JCGM 102, 6.2.1.3), J by autodiff."""
-    point = jnp.asarray(at)
-    jacobian = np.asarray(jax.jacobian(function)(point))
-    return np.array(function(point)), jacobian @ covariance @ jacobian.T
 
 
 def _block(first: np.ndarray, second: np.ndarray) -> np.ndarray:

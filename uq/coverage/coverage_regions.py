@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from identify.rigid_body.inertia import principal
+from identify.rigid_body.principal_axes import principal
 
 Draws = Float[np.ndarray, "trials outputs"]
 

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.rigid_body.inertia import MOMENTS, PRODUCTS, principal
+from identify.rigid_body.inertia import MOMENTS, PRODUCTS
+from identify.rigid_body.principal_axes import principal
 from uq.files.document import ExperimentError
 
 GOALS = ("all", "moments", "products", "worst", "axis 1", "axis 2", "axis 3")

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import principal
+from identify.rigid_body.principal_axes import principal
 from identify.text_tables import fixed
 
 HEAD = ("check", "found", "limit", "verdict")

@@ -9,7 +9,7 @@ from identify.results.alignment import Aligned
 from identify.results.contributions import evaluated
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.inertial_parameters import LARGEST_ANGLE, principal_axes
+from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
 from identify.text_tables import Table, decimals, fixed, rounded
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_normal
 from uq.experiment.conformity import decide

@@ -5,20 +5,18 @@ added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sourc
 all runs, so they do not average out; those that each mounting draws anew do.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Float, Int, Key
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
-from identify.estimators.repeatability import Pooling
 from identify.methods.base import estimator_of
 from identify.motion.trajectory import Trajectory
 from identify.results.identification_result import Identification
@@ -27,6 +25,14 @@ from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
+from uq.identification.combined_uncertainty import (
+    Name,
+    Systematic,
+    combined_diagnostics,
+    widened_by_sources,
+    budget_of,
+    combined_interval,
+)
 from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
 from uq.sources.constant_errors import Errors, errors_of_cases
 from uq.sources.draws import Mixing, draw_constants
@@ -39,7 +45,6 @@ BATCH = 100
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
-Name = str
 
 
 class Unknown(Trajectory):
@@ -78,18 +83,6 @@ class Problem(eqx.Module):
 UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
 
 
-class Systematic(NamedTuple):
-    """What the systematic sources do to a pooled tensor."""
-
-    sources: tuple[Source, ...]
-    common: Float[np.ndarray, "trials 6"]
-    """Errors of the tensor from the sources that all runs share [kg·m²]."""
-    anew: Float[np.ndarray, "trials 6"]
-    """From those that each mounting draws anew."""
-    alone: Mapping[Name, Float[np.ndarray, "trials 6"]]
-    """From each source alone."""
-
-
 def with_declared_sources(
     result: Identification,
     runs: Sequence[Run],
@@ -121,7 +114,7 @@ def with_declared_sources(
         return replace(result, warnings=(*result.warnings, UNDETERMINED))
     found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
     if result.pooling is None or result.admissible is not None:
-        return _widened(result, found)
+        return widened_by_sources(result, found)
     together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
     if not found.sources:
         return replace(result, budget=budget_of(together, {}))
@@ -137,27 +130,9 @@ def with_declared_sources(
         budget=budget_of(together, {name: errors.std(axis=0) for name, errors in found.alone.items()}),
         diagnostics={
             **result.diagnostics,
-            **_diagnostics(together, covariance, of_sources, (low, high)),
+            **combined_diagnostics(together, covariance, of_sources, (low, high)),
             "declared_sources": {"trials": trials, "seed": seed},
         },
-    )
-
-
-def _widened(result: Identification, found: Systematic) -> Identification:
-    """A result of an estimator that evaluates its own noise and priors: its ends move out, in squares."""
-    own = np.sqrt(np.diag(result.covariance))
-    alone = {name: errors.std(axis=0) for name, errors in found.alone.items()}
-    if not found.sources:
-        return replace(result, budget={"estimate": own})
-    ends = np.quantile(found.common, [0.975, 0.025], axis=0).T
-    middle, mean = result.inertia[:, None], found.common.mean(axis=0)
-    out = np.hypot(result.interval95 - middle, ends - mean[:, None])
-    return replace(
-        result,
-        covariance=result.covariance + np.cov(found.common.T, ddof=1),
-        interval95=middle - mean[:, None] + out * [-1, 1],
-        bias=result.bias + mean,
-        budget={"estimate": own, **alone},
     )
 
 
@@ -302,48 +277,3 @@ def _trials(
         return jax.vmap(lambda *of: estimate(problem, of))(*errors)
 
     return jax.vmap(of_trial)(indices)
-
-
-def combined_interval(
-    together: Pooling, errors: Float[np.ndarray, "trials 6"], seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the 2.5 % and 97.5 % quantiles of type A's and the sources' errors together [kg·m²].
-
-    Type A's errors are quantiles of its t distribution at even probabilities, in random order: no chance of their own.
-    """
-    trials = len(errors)
-    rng = np.random.default_rng([seed, trials])
-    even = (np.arange(trials) + 0.5) / trials
-    own = [
-        scale * scipy.stats.t.ppf(rng.permutation(even), freedom)
-        for scale, freedom in zip(together.scale, together.degrees_of_freedom, strict=True)
-    ]
-    return tuple(np.quantile(errors + np.transpose(own), [0.025, 0.975], axis=0))
-
-
-def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return contributions to the standard uncertainty [kg·m²]: type A's parts, then each source, largest first."""
-    residuals = np.sqrt(np.diag(together.from_residuals))
-    scatter = np.sqrt(np.maximum(np.diag(together.covariance) - together.foreseen**2, 0))
-    between = "scatter between mountings" if together.mountings > 1 else "scatter between runs"
-    parts = {"residuals": residuals} | ({between: scatter} if scatter.any() else {})
-    total = {name: float((of**2).sum()) for name, of in sources.items()}
-    return parts | {name: sources[name] for name in sorted(sources, key=lambda name: -total[name])}
-
-
-def _diagnostics(
-    together: Pooling,
-    covariance: np.ndarray,
-    of_sources: np.ndarray,
-    ends: tuple[np.ndarray, np.ndarray],
-) -> dict[str, Any]:
-    """What the covariance is made of; effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
-    combined, own = np.diag(covariance), np.diag(together.covariance)
-    freedom = combined**2 * together.degrees_of_freedom / np.maximum(own, 1e-300) ** 2
-    return {
-        "standard_uncertainty_type_a": np.sqrt(own).tolist(),
-        "standard_uncertainty_type_b": np.sqrt(np.diag(of_sources)).tolist(),
-        "effective_degrees_of_freedom": np.minimum(freedom, 1e9).tolist(),
-        "coverage_factor": ((ends[1] - ends[0]) / 2 / np.sqrt(np.maximum(combined, 1e-300))).tolist(),
-        "scatter_between_runs": together.excess.tolist(),
-    }

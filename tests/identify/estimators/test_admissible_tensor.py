@@ -7,7 +7,8 @@ from scipy.optimize import minimize
 
 from identify.estimators.admissible_range import Data, ends, nearest
 from identify.estimators.admissible_tensor import admissible, fit, margin
-from identify.rigid_body.inertia import is_admissible, parallel_axis, unpack
+from identify.rigid_body.inertia import parallel_axis, unpack
+from identify.rigid_body.principal_axes import is_admissible
 from identify.rigid_body.pseudo_inertia import free_of, log_cholesky, of_second_moment, pseudo_inertia, second_moment
 
 PLATE = np.array([0.19, 0.0, 0.0, 0.19, 0.0, 0.38])

@@ -8,7 +8,7 @@ import pytest
 
 from identify.identification import identify
 from identify.results.weak_components import within_bodies
-from identify.rigid_body.inertia import is_admissible
+from identify.rigid_body.principal_axes import is_admissible
 from identify.signals.run import RunError
 from tests import weak_lab as lab
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identify.rigid_body.inertia import is_admissible, pack, parallel_axis, principal, rotate, unpack
+from identify.rigid_body.inertia import pack, parallel_axis, rotate, unpack
+from identify.rigid_body.principal_axes import is_admissible, principal
 
 
 def tensor_of_points(masses, points):

@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
-from identify.rigid_body.inertial_parameters import Datum, InertialParameters, principal_axes
+from identify.rigid_body.inertial_parameters import Datum, InertialParameters
+from identify.rigid_body.principal_axes import principal_axes
 
 PACKED = np.triu_indices(3)
 

@@ -18,7 +18,8 @@ import pytest
 import uq.cli.design as command
 from identify.motion.leg_limits import needs
 from identify.motion.multisine import Multisine
-from identify.rigid_body.inertia import Body, principal
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.principal_axes import principal
 from tests.browser import Reader, drawn
 from uq.cli.main import main
 from uq.excitation.design import Design, Start

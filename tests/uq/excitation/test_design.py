@@ -175,7 +175,7 @@ def test_goals_fall_with_the_covariance(name):
 
 def test_slope_of_a_principal_moment(generator):
     inertia, step = np.array([0.38, 0.01, -0.02, 0.02, 0.03, 0.3]), 1e-6 * generator.normal(size=6)
-    from identify.rigid_body.inertia import principal
+    from identify.rigid_body.principal_axes import principal
 
     change = principal(jnp.asarray(inertia + step))[0] - principal(jnp.asarray(inertia - step))[0]
     for axis in range(3):
