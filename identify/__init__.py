@@ -21,7 +21,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what editors and type checkers see
-    from identify.diagnostics.consistency import consistency as consistency
+    from identify.diagnostics.residual_causes import consistency as consistency
     from identify.exceptions import RunError as RunError
     from identify.identification import identify as identify
     from identify.joint.alignment_prior import Alignment as Alignment
@@ -53,7 +53,7 @@ _ROOMS = {
     "Run": "identify.signals.run",
     "RunError": "identify.exceptions",
     "bound": "identify.joint.cramer_rao_bound",
-    "consistency": "identify.diagnostics.consistency",
+    "consistency": "identify.diagnostics.residual_causes",
     "identify": "identify.identification",
     "is_admissible": "identify.rigid_body.principal_axes",
     "log_cholesky": "identify.rigid_body.pseudo_inertia",

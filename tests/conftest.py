@@ -80,7 +80,7 @@ def lasting(experiment, seconds):
 @pytest.fixture(scope="module")
 def few_draws():
     """Recorded runs' declared sources by 500 draws, not 10,000: where their statistics are not what is tested."""
-    from uq.identification.systematic import with_declared_sources
+    from uq.identification.systematic_errors import with_declared_sources
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(

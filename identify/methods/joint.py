@@ -1,10 +1,10 @@
 """The joint estimate: tensor, mass, r_CG, offsets, delay and rotation together, most probable given what is known."""
 
 from identify.exceptions import RunError
+from identify.floating_point import check_precision
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_estimator import joint, specific_force_of, static_knowledge
 from identify.methods.base import Estimator, Problem
-from identify.precision import check_precision
 from identify.results.identification_result import Identification
 
 

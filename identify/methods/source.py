@@ -7,8 +7,8 @@ import numpy as np
 from identify.choices import OffsetChoice
 from identify.estimators.pooling import Pooled, pool
 from identify.estimators.run_information import Information, information
+from identify.floating_point import check_precision
 from identify.methods.base import Estimator, Problem
-from identify.precision import check_precision
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import run_estimate
 from identify.results.weak_components import within_bodies

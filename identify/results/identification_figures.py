@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from identify.reporting import Drawing
-from identify.results import sphere_axes as sphere
+from identify.results import measured_directions as sphere
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import GRAM_METRE
 from identify.text_tables import fixed

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.consistency import Verdict
+from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.admissible_tensor import Admissible, finite
-from identify.estimators.repeatability import Pooling
+from identify.estimators.type_a import Pooling
 from identify.reporting import Drawing, Result, Section
 from identify.results import identification_figures as drawn
 from identify.results.alignment import Aligned, alignment_notes

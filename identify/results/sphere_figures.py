@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from identify.figure_style import PAGE, PALETTE, STYLE
-from identify.results.sphere_axes import Axes, rms_about, uncertainty_about
+from identify.results.measured_directions import Axes, rms_about, uncertainty_about
 from identify.rigid_body.inertia import GRAM_METRE
 
 RIM = np.sqrt(2)

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from identify.rigid_body.inertia import rotate, unpack
-from identify.rigid_body.principal_axes import principal
 
 LARGEST_ANGLE = 0.2
 """Standard uncertainty of a principal axis [rad] beyond which it counts as not determined: 95 % are ±23°."""

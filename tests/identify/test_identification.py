@@ -6,8 +6,8 @@ import jax
 import numpy as np
 import pytest
 
+from identify.floating_point import PrecisionWarning
 from identify.identification import identify
-from identify.precision import PrecisionWarning
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from uq.campaign.campaign import montecarlo

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import process_count, process_index
 
-from identify.precision import check_precision
+from identify.floating_point import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics, breakdown

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from identify.floating_point import check_precision
 from identify.motion.trajectory import Motion, acceleration_of
-from identify.precision import check_precision
 from identify.rigid_body.dynamics import acceleration_at
 from identify.rigid_body.rotation import exponential
 from identify.signals.run import Run

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.motion.leg_limits import effort, platform_motion
 from identify.reporting import Drawing
-from identify.results import sphere_axes as sphere
+from identify.results import measured_directions as sphere
 from uq.campaign.statistics import Breakdown
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME

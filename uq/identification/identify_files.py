@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.consistency import Verdict, consistency
+from identify.diagnostics.residual_causes import Verdict, consistency
 from identify.estimators.offsets import rest_of
 from identify.identification import identify
 from identify.methods.base import estimator_of
@@ -22,7 +22,7 @@ from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
 from uq.identification.centre_prior import known_by, load_centre, told
 from uq.identification.run_scatter import ScatterVerdict, of_runs
-from uq.identification.systematic import with_declared_sources
+from uq.identification.systematic_errors import with_declared_sources
 from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.gravity_compensation import undo
 from uq.recorded.load_run import load
@@ -57,7 +57,7 @@ def identify_files(
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.time_window.resolve`,
             :func:`uq.recorded.gravity_compensation.undo`, :func:`uq.recorded.mounting.labelled`,
-            :func:`identify.identify` and :func:`uq.identification.systematic.with_declared_sources`.
+            :func:`identify.identify` and :func:`uq.identification.systematic_errors.with_declared_sources`.
     """
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from identify.estimators.repeatability import Pooling
+from identify.estimators.type_a import Pooling
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import Table

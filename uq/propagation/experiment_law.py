@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from identify.floating_point import check_precision
 from identify.motion.trajectory import Motion
-from identify.precision import check_precision
 from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion

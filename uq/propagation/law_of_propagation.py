@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from identify.precision import check_precision
+from identify.floating_point import check_precision
 from identify.reporting import Result
 from identify.text_tables import Table
 from uq.coverage.expanded_uncertainty import welch_satterthwaite

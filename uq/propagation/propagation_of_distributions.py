@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.precision import check_precision
+from identify.floating_point import check_precision
 from identify.reporting import Result
 from identify.text_tables import Table
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable

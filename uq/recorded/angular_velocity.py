@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.signals.attitude_rate import angular_velocity, attitude_band, continuous, differentiator
+from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
 from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.held_samples import repeats
 from identify.signals.resample import in_gap, interpolate, interval, is_uniform

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from identify.precision import check_precision
+from identify.floating_point import check_precision
 from uq.campaign.campaign import Progress, Statistics, distinct
 from uq.campaign.trial_setup import prepare_setup
 from uq.experiment.experiment import Experiment, ExperimentError

@@ -1,7 +1,7 @@
 """The Monte Carlo loop: trials batched, sharded over devices and processes, resumable, the same however they are cut.
 
 Whatever is repeated with other draws runs here: campaigns and budgets (:mod:`uq.trials.engines`), systematic errors of
-recorded runs (:mod:`uq.identification.systematic`), redraws of a model's inputs (:mod:`uq.sensitivity.redraws`),
+recorded runs (:mod:`uq.identification.systematic_errors`), redraws of a model's inputs (:mod:`uq.sensitivity.redraws`),
 emulated experiments (:mod:`uq.campaign.emulated_tables`), blocks of an adaptive propagation
 (:mod:`uq.propagation.propagation_of_distributions`).
 

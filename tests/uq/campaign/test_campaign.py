@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from identify.estimators.gram import accumulate, solve
+from identify.floating_point import PrecisionWarning
 from identify.identification import identify
-from identify.precision import PrecisionWarning
 from identify.rigid_body.regressor import omega_r
 from identify.signals.differentiate import gain
 from uq.campaign.campaign import Statistics, montecarlo

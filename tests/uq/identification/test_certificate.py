@@ -12,7 +12,7 @@ import pytest
 
 from identify.estimators.admissible_tensor import Admissible
 from identify.estimators.residual_trace import trace
-from identify.results import sphere_axes as sphere
+from identify.results import measured_directions as sphere
 from identify.results.alignment import Aligned
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.text_tables import decimals, fixed

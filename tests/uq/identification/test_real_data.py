@@ -10,7 +10,7 @@ from identify.identification import identify
 from identify.rigid_body.inertia import COMPONENTS
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
-from uq.identification.systematic import with_declared_sources
+from uq.identification.systematic_errors import with_declared_sources
 from uq.recorded.load_run import load_run
 
 ROOT = Path(__file__).parents[3]

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
-from identify.signals.attitude_rate import angular_velocity, attitude_band, continuous, differentiator
+from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
 from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from identify.estimators.repeatability import Repeat, pooling
+from identify.estimators.type_a import Repeat, pooling
 from identify.identification import identify
 from identify.signals.run import RunError
 from uq.campaign.simulation import simulate
@@ -14,7 +14,7 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.identification.run_scatter import of_runs
-from uq.identification.systematic import with_declared_sources
+from uq.identification.systematic_errors import with_declared_sources
 from uq.recorded.mounting import labelled, names
 from uq.sources.source import Source
 

@@ -15,7 +15,14 @@ from identify.signals.run import Rest, RunError
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
-from uq.identification.systematic import HELD, draws, estimate, problem_of, propagate_constants, with_declared_sources
+from uq.identification.systematic_errors import (
+    HELD,
+    draws,
+    estimate,
+    problem_of,
+    propagate_constants,
+    with_declared_sources,
+)
 from uq.sources.constant_errors import errors_of
 from uq.sources.distributions import Normal
 from uq.sources.source import Source

@@ -1,6 +1,6 @@
 """The declared systematic sources of a recorded run, propagated by Monte Carlo around the fitted motion (type B).
 
-What the residuals show of noise is type A already (:mod:`identify.estimators.repeatability`); precision sources are not
+What the residuals show of noise is type A already (:mod:`identify.estimators.type_a`); precision sources are not
 added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sources leave no residual and are common to
 all runs, so they do not average out; those that each mounting draws anew do.
 """
@@ -28,10 +28,10 @@ from uq.gram_sums.error_maps import Columns, Platform
 from uq.identification.combined_uncertainty import (
     Name,
     Systematic,
-    combined_diagnostics,
-    widened_by_sources,
     budget_of,
+    combined_diagnostics,
     combined_interval,
+    widened_by_sources,
 )
 from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
 from uq.sources.constant_errors import Errors, errors_of_cases

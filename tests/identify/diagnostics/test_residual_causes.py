@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from identify.diagnostics.consistency import consistency
+from identify.diagnostics.residual_causes import consistency
 from identify.diagnostics.spectral_lines import line
 from identify.identification import identify
 from uq.campaign.simulation import simulate
