@@ -25,6 +25,8 @@ class Systematic(NamedTuple):
     """From those that each mounting draws anew."""
     alone: Mapping[Name, Float[np.ndarray, "trials 6"]]
     """From each source alone."""
+    failed: int = 0
+    """Draws with which the tensor could not be solved; they are left out."""
 
 
 def widened_by_sources(result: Identification, found: Systematic) -> Identification:

@@ -37,7 +37,7 @@ from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weight
 from uq.sources.constant_errors import Errors, errors_of_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
-from uq.trials.trial_loop import all_trials
+from uq.trials.trial_loop import all_trials, finite_trials
 
 TRIALS = 10_000
 """Draws of the systematic errors."""
@@ -113,6 +113,9 @@ def with_declared_sources(
     if result.seen is not None:
         return replace(result, warnings=(*result.warnings, UNDETERMINED))
     found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
+    if found.failed:
+        left_out = f"{found.failed} of {trials:,} draws of the declared sources leave no solution: they are left out"
+        result = replace(result, warnings=(*result.warnings, left_out))
     if result.pooling is None or result.admissible is not None:
         return widened_by_sources(result, found)
     together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
@@ -150,12 +153,10 @@ def propagate_constants(
     if not problem.sources:
         nothing = np.zeros((trials, 6))
         return Systematic((), nothing, nothing, {})
-    found = all_trials(_trials, problem, trials, seed, batch=BATCH, segment=trials)
-    found = found[:, 1:] - found[:, :1]
-    names = [source.name for source in problem.sources]
-    return Systematic(
-        problem.sources, found[:, 0], found[:, 1], {name: found[:, 2 + k] for k, name in enumerate(names)}
-    )
+    tensors = all_trials(_trials, problem, trials, seed, batch=BATCH, segment=trials)
+    errors, failed = finite_trials(tensors[:, 1:] - tensors[:, :1])
+    alone = {source.name: errors[:, 2 + k] for k, source in enumerate(problem.sources)}
+    return Systematic(problem.sources, errors[:, 0], errors[:, 1], alone, failed)
 
 
 def problem_of(

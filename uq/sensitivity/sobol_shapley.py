@@ -13,10 +13,18 @@ import numpy as np
 
 from identify.reporting import Result
 from identify.text_tables import Table, with_error
+from uq.sensitivity.effects import (
+    PairEffects,
+    of_all_subsets,
+    of_permutations,
+    of_swapped_players,
+    swapped_players,
+)
 from uq.sensitivity.redraws import Correlation, Model, correlated, outputs, walks
-from uq.sensitivity.subsets import MOST_PLAYERS, effects_of_costs, effects_of_swaps, masks, walsh
-from uq.sensitivity.variance_shares import Indices, mean, plain_variance, ratio, shares
+from uq.sensitivity.subsets import MOST_PLAYERS
+from uq.sensitivity.variance_shares import Indices, mean, plain_variance, ratio
 from uq.sources.distributions import Distribution
+from uq.trials.trial_loop import finite_trials
 
 
 @dataclass(frozen=True, repr=False)
@@ -115,16 +123,10 @@ def sobol(
         ValueError: no trials, or a group of unknown inputs or of inputs that another group holds.
     """
     names, players = _players(inputs, groups, trials)
-    everything, k = (1 << len(inputs)) - 1, len(players)
-    design = _rows([everything, 0, *players, *(everything & ~p for p in players)], len(inputs))
-    every = outputs(model, inputs, None, design, trials=trials, seed=seed)
-    good = _finite(every)
-    both, none, ones, others = np.split(good, [1, 2, 2 + k], axis=1)
-    first = (both - others) * (ones - none) / 2
-    total = ((both - others) ** 2 + (none - ones) ** 2) / 4
-    pairs = np.concatenate([both - none, ones - others], axis=1)
-    effects = np.concatenate([first, total, (pairs**2).mean(1, keepdims=True) / 2], axis=1)
-    return _result(names, ("first", "total"), effects, plain_variance(good), every)
+    kept = _inputs_kept(swapped_players(len(players)), players, len(inputs))
+    every = outputs(model, inputs, None, kept, trials=trials, seed=seed)
+    good, failed = finite_trials(every)
+    return _result(names, of_swapped_players(good), plain_variance(good), every, failed)
 
 
 def shapley(
@@ -160,31 +162,16 @@ def shapley(
     names, players = _players(inputs, groups, trials)
     joint, k = correlated(inputs, correlation), len(players)
     if k > MOST_PLAYERS:
-        return _permutations(model, inputs, joint, names, _rows(players, len(inputs)), trials, seed)
-    unions = [sum(p for p, kept in zip(players, row, strict=True) if kept) for row in masks(k)]
-    every = outputs(model, inputs, joint, _rows(unions, len(inputs)), trials=trials, seed=seed)
-    good, alone = _finite(every), [1 << p for p in range(k)]
-    if joint is None:
-        effects, alike = effects_of_swaps(alone, k) @ (walsh(k) @ good) ** 2, good
-    else:
-        start, redrawn = good[:, -1:], good[:, ::-1]  # subset u is redrawn where its complement is kept
-        effects, alike = effects_of_costs(alone, k) @ (redrawn - start) ** 2 / 2, start
-    return _result(names, ("first", "total", "shapley"), effects, plain_variance(alike), every)
-
-
-def _permutations(model, inputs, joint, names, holds: np.ndarray, trials: int, seed: int) -> Sensitivity:
-    """Shapley effects from one random permutation of the players a trial."""
-    order, every = walks(model, inputs, joint, holds, trials=trials, seed=seed)
-    order, good = order[np.isfinite(every).all(axis=(1, 2))], _finite(every)
-    start, end = good[:, :1], good[:, -1:]
-    if joint is None:  # the walk and its reverse at once
-        increments = np.diff(good, axis=1) * (end - start) / 2
-    else:
-        increments = np.diff((good - start) ** 2, axis=1) / 2
-    effects = np.empty_like(increments)
-    np.put_along_axis(effects, order[:, :, None], increments, axis=1)
-    effects = np.concatenate([effects, increments.sum(1, keepdims=True)], axis=1)
-    return _result(names, ("shapley",), effects, plain_variance(good[:, [0, -1]]), every)
+        order, every = walks(model, inputs, joint, _inputs_held(players, len(inputs)), trials=trials, seed=seed)
+        good, failed = finite_trials(every)
+        order = order[np.isfinite(every).all(axis=(1, 2))]
+        effects = of_permutations(good, order, correlated=joint is not None)
+        return _result(names, effects, plain_variance(good[:, [0, -1]]), every, failed)
+    kept = _inputs_kept(range(2**k), players, len(inputs))
+    every = outputs(model, inputs, joint, kept, trials=trials, seed=seed)
+    good, failed = finite_trials(every)
+    effects = of_all_subsets(good, [1 << p for p in range(k)], k, correlated=joint is not None)
+    return _result(names, effects, plain_variance(good if joint is None else good[:, -1:]), every, failed)
 
 
 def _players(inputs: Mapping[str, Distribution], groups: Mapping[str, Sequence[str]] | None, trials: int):
@@ -204,20 +191,20 @@ def _players(inputs: Mapping[str, Distribution], groups: Mapping[str, Sequence[s
     return names, [sum(1 << k for k, held in enumerate(player) if held == name) for name in names]
 
 
-def _rows(subsets: Sequence[int], count: int) -> np.ndarray:
+def _inputs_held(subsets: Sequence[int], count: int) -> np.ndarray:
     """Which inputs each of these subsets holds, (subsets, inputs)."""
     return np.array([[subset >> k & 1 for k in range(count)] for subset in subsets], bool)
 
 
-def _finite(every: np.ndarray) -> np.ndarray:
-    return every[np.isfinite(every).all(axis=(1, 2))]
+def _inputs_kept(choices: Sequence[int], players: Sequence[int], count: int) -> np.ndarray:
+    """Which inputs each choice of players keeps of the first draw, (choices, inputs)."""
+    unions = [sum(player for p, player in enumerate(players) if choice >> p & 1) for choice in choices]
+    return _inputs_held(unions, count)
 
 
-def _result(names, kinds, effects: np.ndarray, plain: np.ndarray, every: np.ndarray) -> Sensitivity:
-    """The indices from each trial's effects: a block of players for each kind, then the variance."""
-    k, variance, weights = len(names), effects[:, -1], np.ones(effects.shape[2])
-    found = {kind: shares(effects[:, i * k : (i + 1) * k], variance, weights) for i, kind in enumerate(kinds)}
-    return Sensitivity(
-        names, len(every), len(every) - len(effects), every.shape[0] * every.shape[1],
-        found.get("first"), found.get("total"), found.get("shapley"), *mean(variance), *ratio(variance, plain),
-    )  # fmt: skip
+def _result(
+    names: tuple[str, ...], effects: PairEffects, plain: np.ndarray, every: np.ndarray, failed: int
+) -> Sensitivity:
+    indices, evaluations = effects.indices(np.ones(every.shape[2])), every.shape[0] * every.shape[1]
+    closure = ratio(effects.variance, plain)
+    return Sensitivity(names, len(every), failed, evaluations, *indices, *mean(effects.variance), *closure)

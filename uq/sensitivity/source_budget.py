@@ -2,7 +2,7 @@
 
 Every source is drawn twice, under its own name and under a twin's, and each pair of trials is solved with every choice
 of one or the other. Two choices that differ by swapping some sources say what variance these sources cause
-(:mod:`uq.sensitivity.walks`); as the sources' draws are shared by all choices, only the gyro's cost anything, twice.
+(:mod:`uq.sensitivity.effects`); as the sources' draws are shared by all choices, only the gyro's cost anything, twice.
 The engine of the Monte Carlo does it all: the sources, and the cases in which they act, are its inputs.
 """
 
@@ -21,10 +21,11 @@ from uq.files.provenance import provenance
 from uq.gram_sums.setup import Case, Setup
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import Effects, MeanSquare, SourceBudget
-from uq.sensitivity.variance_shares import mean, plain_variance, ratio, shares
-from uq.sensitivity.walks import Design, PairEffects, walk_variance
+from uq.sensitivity.effects import Design, PairEffects
+from uq.sensitivity.variance_shares import mean, plain_variance, ratio
 from uq.trials.engines import default_batch, run_trials
 from uq.trials.samplewise import SampledSetup
+from uq.trials.trial_loop import finite_trials
 
 AnySetup = Setup | SampledSetup
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
@@ -164,7 +165,7 @@ def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
         twins: the set-up whose cases they are.
         errors: estimate minus truth, (pairs, cases, 6) [kg·m²]; pairs with a NaN are left out.
     """
-    good = errors[np.isfinite(errors).all(axis=(1, 2))]
+    good, failed = finite_trials(errors)
     size, g = len(twins.design.choices), len(twins.groups)
     none, alone, choices = good[:, 0], good[:, 1:-size], good[:, -size:]
     of_sources, of_groups = (twins.design.effects(choices, game) for game in (0, 1))
@@ -174,16 +175,13 @@ def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
         none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
         _mean_square(choices.mean(1), of_sources.variance),
         *ratio(of_sources.variance, plain_variance(choices)),
-        len(errors) - len(good),
+        failed,
     )
 
 
-def _effects(players: Sequence[Player], found: PairEffects, alone: np.ndarray) -> Effects:
-    first, total, shapley = (shares(e, found.variance, WEIGHTS) for e in (found.first, found.total, found.shapley))
-    if found.walks is not None:
-        of_walks = walk_variance(found.walks, found.variance)
-        whole = walk_variance((found.walks @ WEIGHTS)[..., None], (found.variance @ WEIGHTS)[:, None])[:, 0]
-        shapley = shapley.widened(of_walks, whole)
+def _effects(players: Sequence[Player], effects: PairEffects, alone: np.ndarray) -> Effects:
+    first, total, shapley = effects.indices(WEIGHTS)
+    assert first is not None and total is not None and shapley is not None  # noqa: S101, PT018 - a design gives all
     statistics: Mapping[str, Statistics] = {p.name: Statistics.of(alone[:, i]) for i, p in enumerate(players)}
     return Effects(tuple(player.name for player in players), first, total, shapley, statistics)
 

@@ -15,11 +15,6 @@ MOST_PLAYERS = 10
 """Most players whose subsets are all visited."""
 
 
-def masks(count: int) -> np.ndarray:
-    """Return which inputs each subset holds: (2^count, count) of bool, subset ``k`` in row ``k``."""
-    return (np.arange(2**count)[:, None] >> np.arange(count)) % 2 == 1
-
-
 def effects_of_costs(players: Sequence[int], count: int) -> np.ndarray:
     """Return the matrix that takes costs to effects: first order of each player, total, Shapley, then the variance.
 

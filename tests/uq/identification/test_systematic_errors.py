@@ -15,6 +15,7 @@ from identify.signals.run import Rest, RunError
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
+from uq.identification import systematic_errors
 from uq.identification.systematic_errors import (
     HELD,
     draws,
@@ -206,3 +207,22 @@ def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs, tri
         covered.append((low <= constant.inertia) & (constant.inertia <= high))
     print(np.mean(covered, axis=0), np.mean(covered))
     assert (0.75 if runs == 8 else 0.915) < np.mean(covered) <= (1.0 if runs == 8 else 0.985)
+
+
+def test_draws_without_a_solution_are_counted_and_left_out(short, monkeypatch):
+    """Every tenth trial's estimate is NaN: what the others say is stated, with a warning."""
+    experiment = only(short, *(s for s in short.sources if s.target == "r_cg"))
+    run = simulate(only(short), "T2").run
+    before = identified(experiment, run, "estimate", estimator=short.estimator("smoothed"))
+
+    def some_fail(*arguments, **options):
+        trials = np.array(loop(*arguments, **options))
+        trials[::10] = np.nan
+        return trials
+
+    loop = systematic_errors.all_trials
+    monkeypatch.setattr(systematic_errors, "all_trials", some_fail)
+    after = with_declared_sources(before, [run], experiment, trials=500)
+    assert "50 of 500 draws of the declared sources leave no solution: they are left out" in after.warnings
+    assert np.isfinite(after.interval95).all()
+    assert (after.budget["r_cg"] > 0).any()
