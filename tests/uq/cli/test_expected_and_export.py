@@ -90,7 +90,7 @@ def test_swapped_axes_are_named(lab, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--export", "stl"), "unknown export format 'stl': choose of urdf, mjcf"),
+        (("--export", "stl"), "unknown export format 'stl': choose of abb, franka"),
         (("--export", ""), "unknown export format ''"),
         (("--expected", "{lab}/no.toml"), "no.toml"),
         (("--expected", "{lab}/bad.toml"), "part[bar].shape is 'cone': choose one of"),
