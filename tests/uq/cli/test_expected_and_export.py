@@ -95,7 +95,7 @@ def test_swapped_axes_are_named(lab, capsys):
         (("--expected", "{lab}/no.toml"), "no.toml"),
         (("--expected", "{lab}/bad.toml"), "part[bar].shape is 'cone': choose one of"),
         (("--expected", "{lab}/0.mcap"), "not a text file"),
-        (("--expected", "{lab}/e.toml"), "either [[part]]"),
+        (("--expected", "{lab}/e.toml"), "unknown key body: the keys here are cad, frame, mass"),
     ],
 )
 def test_a_mistake_is_one_line_before_anything_is_computed(lab, tmp_path, capsys, monkeypatch, options, words):
