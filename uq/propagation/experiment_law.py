@@ -22,8 +22,9 @@ from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.gram_sums import gram_moments as moments_of
 from uq.gram_sums.error_maps import Columns, true_elements
-from uq.gram_sums.gram_moments import alphas_of, moments_of_signals, own_products
+from uq.gram_sums.gram_moments import own_products
 from uq.gram_sums.setup import Estimator, cases_of
+from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
 from uq.propagation.expansion import (
     Ground,
     Point,

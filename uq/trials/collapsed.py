@@ -25,8 +25,9 @@ from identify.rigid_body.inertia import Body
 from uq.files.document import ExperimentError
 from uq.gram_sums import plain_solve, sum_equations
 from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, cell_map
-from uq.gram_sums.gram_moments import alphas_of, covariance, distinct_products, mean, moments_of_signals
+from uq.gram_sums.gram_moments import covariance, distinct_products, mean
 from uq.gram_sums.setup import Case, Estimator, cases_of
+from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
 from uq.sources.constant_errors import CELL_CHANNELS, Errors, errors_of_cases, perturbed
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing, block_key, draw_constants, stream_number

@@ -10,16 +10,8 @@ import pytest
 from identify.estimators.gram import sums_of
 from identify.rigid_body.regressor import features
 from uq.campaign.trial_setup import prepare_setup
-from uq.gram_sums.gram_moments import (
-    covariance,
-    first_order_covariance,
-    gram_moments,
-    mean,
-    moments_of_signals,
-    own_products,
-    pack,
-    unpack,
-)
+from uq.gram_sums.gram_moments import covariance, first_order_covariance, mean, own_products, pack, unpack
+from uq.gram_sums.sums_over_samples import gram_moments, moments_of_signals
 
 TAPS = ([50.0], [20.0, 12.0])
 
