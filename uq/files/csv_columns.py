@@ -48,7 +48,9 @@ class ColumnsTable(TomlTable, frozen=True, kw_only=True):
             if names.count(name) > 1:
                 raise WrongKeyError("", f"names column {name!r} twice: name each column once")
         if len(self.delimiter) != 1 or self.delimiter in '"\r\n' or self.delimiter == self.decimal:
-            raise WrongKeyError("delimiter", "write one character other than the decimal mark")
+            raise WrongKeyError(
+                "delimiter", "write one character other than the decimal mark", f"is {self.delimiter!r}"
+            )
 
     @property
     def columns(self) -> Columns:

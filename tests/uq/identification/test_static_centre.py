@@ -266,7 +266,7 @@ def test_attitudes_that_are_none(tmp_path, generator, attitude, change, words):
     [
         ('["Fx", "Fy", "Fz"]', '["Fx", "Fy"]', "poses.force is ['Fx', 'Fy']: write the names of 3 columns"),
         ('["Fx", "Fy", "Fz"]', "3", "poses.force is 3: write the names of 3 columns"),
-        ('["Fx", "Fy", "Fz"]', '["Fx", "Fy", "Mx"]', "column 'Mx' is named twice in [poses]"),
+        ('["Fx", "Fy", "Fz"]', '["Fx", "Fy", "Mx"]', "poses names column 'Mx' twice"),
         ('gravity = ["g1", "g2", "g3"]', "", "poses tells no attitude"),
         ('gravity = ["g1"', 'acceleration = ["a1", "a2", "a3"]\ngravity = ["g1"', "by gravity and acceleration"),
         ('gravity = ["g1", "g2", "g3"]', ATTITUDES["matrix"].split("\n")[1], "missing key poses.takes"),
