@@ -83,8 +83,9 @@ def purpose(package: str, name: str) -> str:
     return (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split("\n")[0].replace("``", "`")
 
 
-def box(title: str, rows: list[str], width: int) -> list[str]:
-    """Return a frame of a given width around floors."""
+def box(title: str, rows: list[str], least: int = 0) -> list[str]:
+    """Return a frame around floors, at least so wide."""
+    width = max(least, 4 + max(map(len, rows)))
     inside = [f"│ {row:<{width - 4}} │" for row in rows]
     return [f"┌─ {title} " + "─" * (width - 5 - len(title)) + "┐", *inside, "└" + "─" * (width - 2) + "┘"]
 
@@ -92,10 +93,10 @@ def box(title: str, rows: list[str], width: int) -> list[str]:
 def drawing() -> str:
     """Return the three packages as boxes of floors: whatever imports stands above what it imports."""
     rows = {package: ["  ".join(floor) for floor in floors(package)] for package in PACKAGES}
-    left, right = (box(package, rows[package], 38) for package in ("identify", "rig"))
-    height = max(len(left), len(right))
-    pairs = zip(left + [" " * 38] * (height - len(left)), right + [""] * (height - len(right)), strict=True)
-    whole = [*box("uq", rows["uq"], 80), *(f"{a}    {b}".rstrip() for a, b in pairs)]
+    left, right = (box(package, rows[package]) for package in ("identify", "rig"))
+    height, width = max(len(left), len(right)), len(left[0])
+    pairs = zip(left + [" " * width] * (height - len(left)), right + [""] * (height - len(right)), strict=True)
+    whole = [*box("uq", rows["uq"], width + 4 + len(right[0])), *(f"{a}    {b}".rstrip() for a, b in pairs)]
     return "```\n" + "\n".join(whole) + "\n```\n"
 
 

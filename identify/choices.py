@@ -1,4 +1,4 @@
-"""What a caller of :func:`identify.identification.identify` may choose between."""
+"""What a caller of ``identify`` may choose between."""
 
 from typing import Literal
 
