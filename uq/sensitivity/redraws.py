@@ -6,7 +6,7 @@ regression ``G`` on those kept (conditioning by kriging: Journel and Huijbregts,
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -81,7 +81,13 @@ def outputs(
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
     problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(kept))
-    return all_trials(_outputs, problem, trials, seed, batch=_batch(trials, len(kept)), segment=trials)
+    options: dict[str, Any] = {"devices": _devices(joint), "batch": _batch(trials, len(kept)), "segment": trials}
+    return all_trials(_outputs, problem, trials, seed, **options)
+
+
+def _devices(joint: Joint | None) -> list[jax.Device] | None:
+    """One where inputs are correlated: two of a processor wait for each other for ever in batches of eigenproblems."""
+    return None if joint is None else jax.devices()[:1]
 
 
 def _batch(trials: int, rows: int) -> int:
@@ -120,7 +126,8 @@ def walks(
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
     problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds))
-    return all_trials(_walks, problem, trials, seed, batch=_batch(trials, len(holds) + 1), segment=trials)
+    options: dict[str, Any] = {"devices": _devices(joint), "batch": _batch(trials, len(holds) + 1), "segment": trials}
+    return all_trials(_walks, problem, trials, seed, **options)
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> tuple[Array, Array]:

@@ -199,10 +199,10 @@ def test_correlated_sources_are_one_player_and_fixed_ones_none(bare):
 
 @pytest.mark.parametrize("bias", [0.0, 0.05, 0.5, 2.0])
 def test_the_bias_share_has_an_honest_standard_error(bias, generator):
-    """500 repeats of 200 trials: a coverage of 95 % has a standard error of 1 %; near zero, where the squared mean is far from normal, it is on the safe side."""
+    """2,000 repeats of 200 trials; near zero, where the squared mean is far from normal, it is on the safe side."""
     sigma, hits = np.array([1.0, 2.0]), []
     truth = 2 * bias**2 / (2 * bias**2 + np.sum(sigma**2))
-    for _ in range(500):
+    for _ in range(2000):
         error = bias + sigma * generator.normal(size=(200, 2))
         variance = (error - bias) ** 2
         share, standard_error = _bias_share(error, variance, np.ones(2))
