@@ -31,12 +31,12 @@ def file_schema(file: str) -> dict[str, Any]:
     from uq.files.json_schema import json_schema
     from uq.recorded.import_table import Map
     from uq.sources.source import KINDS
-    from uq.sources.source_keys import source_table
+    from uq.sources.source_keys import DrawTable, SourceTable, source_table
 
     if file != "experiment":
         tables: dict[str, type[TomlTable]] = {"rig": RigFile, "map": Map, "body": BodyFile}
         return json_schema(tables[file])
     sources = [source_table(target, kind) for target, kind in sorted(KINDS)]
-    schema = json_schema(ExperimentFile, Ring, *sources)
+    schema = json_schema(ExperimentFile, Ring, SourceTable, DrawTable, *sources)
     schema["properties"]["source"]["items"] = {"anyOf": [{"$ref": f"#/$defs/{each.__name__}"} for each in sources]}
     return schema

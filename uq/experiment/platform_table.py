@@ -15,7 +15,7 @@ from identify.motion.stewart_platform import Platform, Rod
 from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.inertia import Body
 from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
-from uq.files.schema import Axes, Component, declared_table, in_unit, interval, quantity_schema, vector
+from uq.files.schema import Axes, Component, declared_table, in_unit, interval, vector, vector_schema
 
 Geometry = Literal["assumed-source-size", "linuxcnc-genhexkins", "simscape-demonstration"]
 GEOMETRIES: tuple[str, ...] = get_args(Geometry)
@@ -85,8 +85,9 @@ def _points(path: str, raw: Any, *, shifted: bool = False) -> np.ndarray:
     return np.array(read_value(path, raw, tuple[Axes[Metre], ...]))
 
 
-POINT = {"type": "array", "items": quantity_schema("m"), "minItems": 3, "maxItems": 3}
-POINTS = {"anyOf": [{"type": "array", "items": POINT, "minItems": 6, "maxItems": 6}, {"$ref": "#/$defs/Ring"}]}
+POINTS = {
+    "anyOf": [{"type": "array", "items": vector_schema("m"), "minItems": 6, "maxItems": 6}, {"$ref": "#/$defs/Ring"}]
+}
 
 
 class Plate(TomlTable, frozen=True, kw_only=True):

@@ -37,6 +37,7 @@ SIGNED_AXES = r"^\s*[+-]?\s*[xyzXYZ]\s*(,\s*[+-]?\s*[xyzXYZ]\s*){2}$"
 ROTATION = written(
     read_rotation,
     {
+        "title": "rotation",
         "anyOf": [
             {"type": "string", "pattern": SIGNED_AXES, "examples": ["-y, z, x"]},
             {
@@ -46,7 +47,7 @@ ROTATION = written(
                 "additionalProperties": False,
             },
             matrix_schema(3, 3),
-        ]
+        ],
     },
 )
 """The annotation of a rotation matrix that is written in one of these ways."""

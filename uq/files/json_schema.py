@@ -20,18 +20,28 @@ def json_schema(table: type[TomlTable], *parts: type[TomlTable]) -> dict[str, An
 
     Args:
         table: the file's declaration.
-        parts: tables that are written where an annotation's own schema refers to them.
+        parts: tables to which an annotation's schema refers, and bases whose keys are written once.
     """
     _, definitions = msgspec.json.schema_components((table, *parts), schema_hook=lambda _: {"type": "object"})
     classes = {each.__name__: each for root in (table, *parts) for each in _tables_in(root)}
     definitions = {name: each for name, each in definitions.items() if name in classes}  # others stand in no file
     for name, definition in definitions.items():
+        definition.pop("title", None)
         definition["description"] = definition.get("description", "").replace("``", "")
         meanings = {key: text for base in reversed(classes[name].__mro__) for key, text in _meanings(base).items()}
         for key, value in definition.get("properties", {}).items():
-            definition["properties"][key] = _described(value, meanings.get(key, ""))
-    definition = definitions.pop(table.__name__)
-    return {"$schema": DIALECT, **_plain(definition), "$defs": _plain(definitions)}
+            base = _declaring(key, classes[name])
+            inherited = base is not classes[name] and base.__name__ in definitions
+            reference = {"$ref": f"#/$defs/{base.__name__}/properties/{key}"}
+            definition["properties"][key] = reference if inherited else _described(value, meanings.get(key, ""))
+    shared: dict[str, Any] = {}
+    plain = _plain(definitions, shared)
+    return {"$schema": DIALECT, **plain.pop(table.__name__), "$defs": plain | dict(sorted(shared.items()))}
+
+
+def _declaring(key: str, table: type) -> type:
+    """The class, of a table and its bases, that declares a key; the table itself for the key of its tag."""
+    return next((base for base in table.__mro__ if key in inspect.get_annotations(base)), table)
 
 
 def _tables_in(hint: Any) -> Iterator[type[TomlTable]]:
@@ -74,15 +84,24 @@ def _described(value: dict[str, Any], meaning: str) -> dict[str, Any]:
     return {**value, "description": description} if description else value
 
 
-def _plain(schema: Any) -> Any:
-    """The same without null, which TOML does not have, and with what is written for values of a form of their own."""
+def _plain(schema: Any, shared: dict[str, Any]) -> Any:
+    """The same without null, which TOML does not have, and with what is written for values that are converted.
+
+    A schema with a title is written once, into ``shared`` by its title, and referred to.
+    """
     if isinstance(schema, list):
-        return [_plain(item) for item in schema if item != {"type": "null"}]
+        return [_plain(item, shared) for item in schema if item != {"type": "null"}]
     if not isinstance(schema, Mapping):
         return schema
+    described = {key: schema[key] for key in ("description",) if key in schema}
     if "written" in schema:
-        return _plain({**schema["written"], **{key: schema[key] for key in ("description",) if key in schema}})
-    plain = {key: _plain(value) for key, value in schema.items() if key != "title"}
+        return _plain({**schema["written"], **described}, shared)
+    if isinstance(schema.get("title"), str):  # not a key of this name
+        name = re.sub(r"\W+", "_", schema["title"].replace("/", " per ").replace("%", "percent")).strip("_")
+        rest = {key: value for key, value in schema.items() if key not in ("title", "description")}
+        shared[name] = _plain(rest, shared)
+        return {"$ref": f"#/$defs/{name}", **described}
+    plain = {key: _plain(value, shared) for key, value in schema.items()}
     if "prefixItems" in plain and all(item == plain["prefixItems"][0] for item in plain["prefixItems"]):
         plain["items"] = plain.pop("prefixItems")[0]
     if len(plain.get("anyOf", ())) == 1:

@@ -49,7 +49,14 @@ def in_unit(unit: str, *, above: float | int = -math.inf, least: float | int = -
 
 def quantity_schema(unit: str) -> dict[str, Any]:
     """Return the JSON Schema of a value with its unit."""
-    return {"type": "string", "pattern": QUANTITY, "format": f"quantity {unit}", "examples": [f"1 {unit}"]}
+    form = {"type": "string", "pattern": QUANTITY, "format": f"quantity {unit}", "examples": [f"1 {unit}"]}
+    return {"title": f"quantity in {unit}", **form}
+
+
+def vector_schema(unit: str) -> dict[str, Any]:
+    """Return the JSON Schema of three values with their units."""
+    items = {"type": "array", "items": quantity_schema(unit), "minItems": 3, "maxItems": 3}
+    return {"title": f"vector in {unit}", **items}
 
 
 def vector(unit: str) -> msgspec.Meta:
@@ -59,7 +66,7 @@ def vector(unit: str) -> msgspec.Meta:
     def read(path: str, raw: Any) -> np.ndarray:
         return np.array(read_value(path, raw, items))
 
-    return written(read, {"type": "array", "items": quantity_schema(unit), "minItems": 3, "maxItems": 3})
+    return written(read, vector_schema(unit))
 
 
 def interval(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
@@ -87,7 +94,7 @@ def matrix(rows: int, columns: int) -> msgspec.Meta:
 def matrix_schema(rows: int, columns: int) -> dict[str, Any]:
     """Return the JSON Schema of a list of rows of numbers."""
     row = {"type": "array", "items": {"type": "number"}, "minItems": columns, "maxItems": columns}
-    return {"type": "array", "items": row, "minItems": rows, "maxItems": rows}
+    return {"title": f"matrix {rows} by {columns}", "type": "array", "items": row, "minItems": rows, "maxItems": rows}
 
 
 def finite(raw: Any, shape: tuple[int, int]) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from rig.toml_tables import read_value, written
-from uq.files.schema import in_unit, quantity_schema
+from uq.files.schema import in_unit, quantity_schema, vector_schema
 
 
 def part_of(unit: str) -> float:
@@ -26,10 +26,8 @@ def figures(
         least: what none may fall below.
     """
     each: Any = Annotated[float, in_unit(unit, above=above, least=least)]
-    schema = quantity_schema(unit)
 
     def read(path: str, raw: Any) -> np.ndarray:
         return np.asarray(np.array(read_value(path, raw, tuple[each, each, each] if shape else each)) * part_of(unit))
 
-    of_axes = {"type": "array", "items": schema, "minItems": 3, "maxItems": 3}
-    return written(read, of_axes if shape else schema)
+    return written(read, vector_schema(unit) if shape else quantity_schema(unit))

@@ -125,4 +125,5 @@ def _schema(unit: str) -> dict[str, Any]:
         "distribution": {"enum": list(WITHIN)},
     }
     table = {"type": "object", "properties": keys, "required": ["value"], "additionalProperties": False}
-    return {"anyOf": [size, {**table, "oneOf": [{"required": [key]} for key in STATED]}]}
+    forms = [size, {**table, "oneOf": [{"required": [key]} for key in STATED]}]
+    return {"title": f"uncertain quantity in {unit}", "anyOf": forms}
