@@ -5,7 +5,7 @@ never claimed.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Annotated, Any
 
@@ -167,31 +167,18 @@ class Instrument:
         return any(mine is not None and mine == theirs for mine, theirs in pairs)
 
 
-@dataclass(frozen=True)
-class Report:
-    """What a certificate says beside the figures. Missing texts are not in the mappings; missing dates are None."""
+class Report(ReportTable, frozen=True, kw_only=True):
+    """What a certificate says beside the figures: the table, and what recordings say where it is silent."""
 
-    texts: Mapping[str, str] = field(default_factory=dict)
-    """By the keys of :class:`ReportTable`."""
-    laboratory: Mapping[str, str] = field(default_factory=dict)
-    """By the keys of :class:`Party`."""
-    customer: Mapping[str, str] = field(default_factory=dict)
-    item: Mapping[str, str] = field(default_factory=dict)
-    """By the keys of :class:`Item`."""
-    received: date | None = None
-    performed: tuple[date, ...] = ()
-    """First and last day of the work, or the only one."""
-    performed_recorded: bool = False
-    """Whether it is the recordings that tell these days."""
-    issued: date | None = None
-    conditions: Mapping[str, str] = field(default_factory=dict)
-    """Environmental conditions, each by its name."""
     instruments: tuple[Instrument, ...] = ()
-    coverage_factor: float | None = None
-    coverage_probability: float | None = None
-    approved_by: tuple[Mapping[str, str], ...] = ()
-    """Name and function of each."""
-    conformity: Conformity | None = None
+    performed_recorded: bool = False
+    """Whether it is the recordings that tell the days of the work."""
+
+    @property
+    def approvers(self) -> tuple[Mapping[str, str], ...]:
+        """Name and function of each who approves."""
+        people = self.approved_by if isinstance(self.approved_by, tuple) else (self.approved_by,)
+        return tuple(person.texts for person in people)
 
 
 def parse_report(content: Mapping[str, Any]) -> Report:
@@ -202,22 +189,9 @@ def parse_report(content: Mapping[str, Any]) -> Report:
     """
     refuse_claims(content)
     table = declared_table("report", content, ReportTable)
-    people = table.approved_by if isinstance(table.approved_by, tuple) else (table.approved_by,)
-    return Report(
-        table.texts,
-        table.laboratory.texts,
-        table.customer.texts,
-        table.item.texts,
-        received=table.received,
-        performed=table.performed,
-        issued=table.issued,
-        conditions={key: text.strip() for key, text in table.conditions.items() if text.strip()},
-        instruments=tuple(Instrument(each.texts, each.calibrated, each.due) for each in table.instrument),
-        coverage_factor=table.coverage_factor,
-        coverage_probability=table.coverage_probability,
-        approved_by=tuple(person.texts for person in people),
-        conformity=table.conformity,
-    )
+    conditions = {key: text.strip() for key, text in table.conditions.items() if text.strip()}
+    instruments = tuple(Instrument(each.texts, each.calibrated, each.due) for each in table.instrument)
+    return Report(**table.to_dict() | {"conditions": conditions}, instruments=instruments)
 
 
 def refuse_claims(content: object) -> None:
@@ -242,7 +216,8 @@ def read(provenance: Mapping[str, Any]) -> Report:
         left = [other for other in left if other not in same]
     performed = report.performed or ((days[0], days[-1]) if len(days) > 1 else tuple(days))
     recorded = bool(days) and not report.performed
-    return replace(report, performed=performed, performed_recorded=recorded, instruments=(*stated, *left))
+    changes = {"performed": performed, "performed_recorded": recorded, "instruments": (*stated, *left)}
+    return msgspec.structs.replace(report, **changes)
 
 
 def recorded_days(inputs: Sequence[Mapping[str, Any]]) -> list[date]:

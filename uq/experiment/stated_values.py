@@ -1,13 +1,13 @@
 """Tables of an experiment file that state a quantity with its standard uncertainty: [scale], [datum], [fixture]."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 import numpy as np
 
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.experiment.rotation_key import ROTATION
-from uq.files.schema import Axes, in_unit
+from uq.files.schema import Axes, Component, in_unit
 
 Metre = Annotated[float, in_unit("m")]
 Moment = Annotated[float, in_unit("kg*m^2", above=0)]
@@ -15,7 +15,16 @@ Product = Annotated[float, in_unit("kg*m^2")]
 SigmaOfInertia = Annotated[float, in_unit("kg*m^2", least=0)]
 
 
-class InertiaTable(TomlTable, frozen=True, kw_only=True):
+class TensorTable(TomlTable, frozen=True, kw_only=True):
+    """A figure for each component of a tensor."""
+
+    @property
+    def packed(self) -> np.ndarray:
+        """Of I11, I12, I13, I22, I23, I33 [kg·m²]."""
+        return np.array([getattr(self, name) for name in get_args(Component)])
+
+
+class InertiaTable(TensorTable, frozen=True, kw_only=True):
     """A tensor about the centre of gravity, by its entries."""
 
     I11: Moment
@@ -38,13 +47,8 @@ class InertiaTable(TomlTable, frozen=True, kw_only=True):
                 "its moments must be positive and obey the triangle inequality",
             )
 
-    @property
-    def packed(self) -> np.ndarray:
-        """I11, I12, I13, I22, I23, I33 [kg·m²]."""
-        return np.array([self.I11, self.I12, self.I13, self.I22, self.I23, self.I33])
 
-
-class InertiaUncertaintyTable(TomlTable, frozen=True, kw_only=True):
+class InertiaUncertaintyTable(TensorTable, frozen=True, kw_only=True):
     """Standard uncertainties of a tensor's entries; zero where not stated."""
 
     I11: SigmaOfInertia = 0.0
@@ -53,11 +57,6 @@ class InertiaUncertaintyTable(TomlTable, frozen=True, kw_only=True):
     I22: SigmaOfInertia = 0.0
     I23: SigmaOfInertia = 0.0
     I33: SigmaOfInertia = 0.0
-
-    @property
-    def packed(self) -> np.ndarray:
-        """Of I11, I12, I13, I22, I23, I33 [kg·m²]."""
-        return np.array([self.I11, self.I12, self.I13, self.I22, self.I23, self.I33])
 
 
 class ScaleTable(TomlTable, frozen=True, kw_only=True):

@@ -48,45 +48,52 @@ class TrajectoryTable(TomlTable, frozen=True, kw_only=True, tag_field="kind"):
             raise WrongKeyError("", "has fewer than two samples: raise duration or rate")
 
 
-class SphereTable(TrajectoryTable, frozen=True, kw_only=True, tag="sphere"):
-    """Angular velocity and acceleration of constant size whose directions cover a sphere."""
+class RotationTable(TrajectoryTable, frozen=True, kw_only=True):
+    """Turns about a point that keeps still."""
 
     still: Literal["cg", "omb"] = "cg"
     """The point that keeps still: the centre of gravity, or the platform's centre."""
     angular_velocity: Annotated[float, in_unit("rad/s", above=0)]
-    """Half the diameter of the sphere of angular velocities."""
+    """Amplitude of the angular velocity; of a sphere half its diameter."""
     angular_acceleration: Annotated[float, in_unit("rad/s^2", above=0)]
-    """Half the diameter of the sphere of angular accelerations."""
+    """Amplitude of the angular acceleration; of a sphere half its diameter."""
+
+    def spec(self, name: str, folder: Path) -> TrajectorySpec:
+        """Return the trajectory of this name."""
+        return TrajectorySpec(self.trajectory, self.duration, self.rate, self.still)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion."""
+        raise NotImplementedError
+
+
+class SphereTable(RotationTable, frozen=True, kw_only=True, tag="sphere"):
+    """Angular velocity and acceleration of constant size whose directions cover a sphere."""
+
     precessions: int
     """Turns about the pole."""
     pole: Literal["b1", "b2", "b3"] = "b2"
     """The body's axis about which the motion precesses."""
 
-    def spec(self, name: str, folder: Path) -> TrajectorySpec:
-        """Return the trajectory of this name."""
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion."""
         sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
-        pole = ("b1", "b2", "b3").index(self.pole)
-        ends = np.array(self.duration), np.array(self.ramp)
-        trajectory = Sphere(*sizes, *ends, np.array(float(self.precessions)), pole)
-        return TrajectorySpec(trajectory, self.duration, self.rate, self.still)
+        times = np.array(self.duration), np.array(self.ramp)
+        return Sphere(*sizes, *times, np.array(float(self.precessions)), ("b1", "b2", "b3").index(self.pole))
 
 
-class HarmonicTable(TrajectoryTable, frozen=True, kw_only=True, tag="harmonic"):
+class HarmonicTable(RotationTable, frozen=True, kw_only=True, tag="harmonic"):
     """Harmonic turns about the three axes, one after another."""
 
     SEGMENTS: ClassVar[int] = 3
-    still: Literal["cg", "omb"] = "cg"
-    """The point that keeps still: the centre of gravity, or the platform's centre."""
-    angular_velocity: Annotated[float, in_unit("rad/s", above=0)]
-    """Amplitude of the angular velocity."""
-    angular_acceleration: Annotated[float, in_unit("rad/s^2", above=0)]
-    """Amplitude of the angular acceleration."""
 
-    def spec(self, name: str, folder: Path) -> TrajectorySpec:
-        """Return the trajectory of this name."""
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion."""
         sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
-        trajectory = Harmonic(*sizes, np.array(self.duration), np.array(self.ramp))
-        return TrajectorySpec(trajectory, self.duration, self.rate, self.still)
+        return Harmonic(*sizes, np.array(self.duration), np.array(self.ramp))
 
 
 class MultisineTable(TrajectoryTable, frozen=True, kw_only=True, tag="multisine"):

@@ -48,10 +48,10 @@ def front(report: Report, provenance: Mapping[str, Any]) -> Front:
     made_up = {entry["made_up"] for entry in provenance.get("inputs", ()) if "made_up" in entry}
     return Front(
         stated.get("number"),
-        _party(report.laboratory),
+        _party(report.laboratory.texts),
         [*_items(report), *((label, [stated[key]]) for key, label in WHERE_RELEVANT.items() if key in stated)],
         [ONLY, f"Reproduction: {stated['reproduction']}" if "reproduction" in stated else REPRODUCTION, NO_CLAIM],
-        [(one.get("name", MISSING), one.get("function", "")) for one in report.approved_by],
+        [(person.get("name", MISSING), person.get("function", "")) for person in report.approvers],
         str(report.issued or MISSING),
         " and ".join(sorted(made_up)),
     )
@@ -59,9 +59,9 @@ def front(report: Report, provenance: Mapping[str, Any]) -> Front:
 
 def _items(report: Report) -> Iterator[tuple[str, list[str]]]:
     stated = report.texts
-    yield "Customer", _party(report.customer)
-    yield "Item", _item(report.item)
-    yield "Condition of the item", [report.item.get("condition", MISSING)]
+    yield "Customer", _party(report.customer.texts)
+    yield "Item", _item(report.item.texts)
+    yield "Condition of the item", [report.item.texts.get("condition", MISSING)]
     yield "Item received", [str(report.received or MISSING)]
     yield "Measured", [_performed(report)]
     yield "Issued", [str(report.issued or MISSING)]

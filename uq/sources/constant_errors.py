@@ -61,16 +61,14 @@ def no_errors() -> Errors:
     return Errors(*(jnp.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
 
 
-def of_channels(target: str, draw: Float[Array, "3"]) -> Float[Array, "..."]:
-    """Return three values of the force or the moment among the load cell's six channels; of the gyro, the three."""
-    first = CELL_CHANNELS.get(target)
-    return draw if first is None else jnp.concatenate([jnp.zeros(first), draw, jnp.zeros(3 - first)])
-
-
 def effect(source: Source, draw: Float[Array, "..."]) -> Errors:
     """Return what a constant source's draw [SI] amounts to: linear in it."""
-    nothing = no_errors()
-    return nothing._replace(**{source.perturbs: source.error_kind.value(source, draw)}) if source.perturbs else nothing
+    if source.perturbs is None:
+        return no_errors()
+    value, first = source.error_kind.value(source, draw), CELL_CHANNELS.get(source.target)
+    if first is not None:  # of force or moment: three of the load cell's six channels
+        value = jnp.concatenate([jnp.zeros(first), value, jnp.zeros(3 - first)])
+    return no_errors()._replace(**{source.perturbs: value})
 
 
 def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:

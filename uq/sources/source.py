@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, NoReturn
+from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
 
 import equinox as eqx
 import msgspec
@@ -59,6 +59,11 @@ class Source(eqx.Module):
     def standard_deviation(self) -> Any:
         """Standard deviation of the draw on each axis, in SI."""
         return self.sigma * self.shape.standard_deviation
+
+    @property
+    def variance(self) -> Float[np.ndarray, "3"]:
+        """Variance of the draw on each of three axes, in SI."""
+        return np.square(np.broadcast_to(np.asarray(self.standard_deviation, float), (3,)))
 
     @property
     def constant(self) -> bool:
@@ -151,8 +156,11 @@ class ErrorKind:
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
     def keys(self, target: str) -> dict[str, Any]:
-        """Return the kind's own keys in ``[[source]]`` that are not drawn: their types, in SI (see docs/schema.md)."""
-        return {}
+        """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI (see docs/schema.md).
+
+        They are its :attr:`sizes`, in the unit of the target, unless the kind says otherwise.
+        """
+        return {key: Annotated[np.ndarray, figures(self.targets[target], self.shape, above=0)] for key in self.sizes}
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the figures that are not drawn, in SI, from the values of :meth:`keys`; None: not stated.
@@ -186,7 +194,10 @@ class ErrorKind:
         return replace(source, sigma=np.asarray(factor * source.sigma), settings={**source.settings, **sizes})
 
     def value(self, source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it."""
+        """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it.
+
+        Of the load cell's six channels, a force's or a moment's three.
+        """
         return draw
 
     def noise_samples(

@@ -1,9 +1,12 @@
-"""Figures of a ``[[source]]`` in SI: in the unit of what errs, in the shape of its draw."""
+"""Figures of a ``[[source]]`` in SI: in the unit of what errs, in the shape of its draw; the strictest of several."""
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from rig.toml_tables import read_value, written
 from uq.files.schema import in_unit, quantity_schema, vector_schema
@@ -31,3 +34,20 @@ def figures(
         return np.asarray(np.array(read_value(path, raw, tuple[each, each, each] if shape else each)) * part_of(unit))
 
     return written(read, vector_schema(unit) if shape else quantity_schema(unit))
+
+
+def strictest(
+    stated: Sequence[Any], acting: Sequence[Any], choose: Callable[..., Array], without: Float[Array, "3 1"]
+) -> Float[Array, "3 1"]:
+    """Return which of several sources' figures counts on each axis: the least or the largest of those that act.
+
+    Args:
+        stated: figures of each source, one an axis.
+        acting: whether each source acts: a truth value, often traced.
+        choose: the least or the largest of two.
+        without: what counts when no source acts.
+    """
+    counting = without
+    for figure, acts in zip(stated, acting, strict=True):
+        counting = jnp.where(acts, choose(counting, jnp.asarray(figure, without.dtype)[:, None]), counting)
+    return counting

@@ -56,7 +56,7 @@ def test_what_is_stated_is_kept_and_the_rest_is_not_there():
     assert full.texts["number"] == "2026-0173"
     assert full.performed == (date(2026, 3, 4), date(2026, 3, 5))
     assert full.instruments[0].due == date(2026, 4, 1)
-    assert full.approved_by == ({"name": "A. Person", "function": "head"},)
+    assert full.approvers == ({"name": "A. Person", "function": "head"},)
     assert full.conformity.limits == {"I11": (0.3, 0.4)}
     empty = report("[report]\ntitle = '  '")
     assert empty.texts == {}

@@ -13,50 +13,45 @@ from uq.sources.source import ErrorKind, Source
 from uq.sources.source_figures import figures
 
 
-def _at_the_centre(lengths: np.ndarray | None) -> np.ndarray:
-    return np.zeros(3) if lengths is None else lengths
+class Air(ErrorKind):
+    """Air of mass θ at a stated centre."""
 
-
-class DisplacedAir(ErrorKind):
-    """Buoyancy: the force loses θ times (0, 0, g), and the moment that force's moment at the air's centre."""
-
-    name = "bias"
-    targets = {"displaced_air": "kg"}
     shape = ()
     constant = True
-    perturbs = {"displaced_air": "displaced_air"}
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the air's centre from the centre of gravity."""
         return {"centre_from_cg": Annotated[np.ndarray, vector("m")] | None}
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """Return the air's centre; there, if it is not stated."""
-        return {"centre": _at_the_centre(keys["centre_from_cg"])}
+        """Return the stated lengths, zero where one is not stated."""
+        lengths = {key: np.zeros(3) if length is None else length for key, length in keys.items()}
+        return {key.removesuffix("_from_cg"): length for key, length in lengths.items()}
+
+
+class DisplacedAir(Air):
+    """Buoyancy: the force loses θ times (0, 0, g), and the moment that force's moment at the air's centre."""
+
+    name = "bias"
+    targets = {"displaced_air": "kg"}
+    perturbs = {"displaced_air": "displaced_air"}
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "4"]:
         """Return its mass, and mass times centre."""
         return draw * jnp.concatenate([jnp.ones(1), source.settings["centre"]])
 
 
-class EntrainedAir(ErrorKind):
+class EntrainedAir(Air):
     """Air that moves along, of mass θ: inertia, but no weight."""
 
     name = "bias"
     targets = {"entrained_air": "kg"}
-    shape = ()
-    constant = True
     perturbs = {"entrained_air": "entrained_air"}
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the air's centre from the centre of gravity, and its radii of gyration."""
         radii = Annotated[np.ndarray, figures("m", (3,), least=0)] | None
-        return {"centre_from_cg": Annotated[np.ndarray, vector("m")] | None, "radii_of_gyration": radii}
-
-    def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """Return the air's centre and radii; none, if they are not stated."""
-        centre, radii = keys["centre_from_cg"], keys["radii_of_gyration"]
-        return {"centre": _at_the_centre(centre), "radii_of_gyration": _at_the_centre(radii)}
+        return {**super().keys(target), "radii_of_gyration": radii}
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "10"]:
         """Return its mass, mass times centre, and packed tensor about the centre of gravity."""

@@ -24,7 +24,7 @@ class Precision(ErrorKind):
 
     def added_variance(self, source: Source) -> np.ndarray:
         """Return its variance."""
-        return np.square(np.broadcast_to(np.asarray(source.standard_deviation, float), (3,)))
+        return source.variance
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that the law takes the gyro's noise as independent from axis to axis."""

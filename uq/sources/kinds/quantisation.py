@@ -1,14 +1,14 @@
 """Quantisation: a sensor's finite resolution."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import figures
+from uq.sources.source_figures import strictest
 
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
@@ -24,10 +24,6 @@ class Quantisation(ErrorKind):
     sizes = ("step",)
     stage = 20
 
-    def keys(self, target: str) -> dict[str, Any]:
-        """Return the steps."""
-        return {"step": Annotated[np.ndarray, figures(self.targets[target], self.shape, above=0)]}
-
     def sensed(
         self,
         signal: Float[Array, "3 n"],
@@ -36,18 +32,15 @@ class Quantisation(ErrorKind):
         draws: Mapping[str, Array],
     ) -> Float[Array, "3 n"]:
         """Return the signal, rounded to the coarsest of the steps."""
-        step = jnp.zeros((3, 1), signal.dtype)
-        for source, acts in zip(sources, acting, strict=True):
-            own = jnp.asarray(source.settings["step"], signal.dtype)[:, None]
-            step = jnp.where(acts, jnp.maximum(step, own), step)
-        return quantised(signal, step)
+        steps = [source.settings["step"] for source in sources]
+        return quantised(signal, strictest(steps, acting, jnp.maximum, jnp.zeros((3, 1), signal.dtype)))
 
     def white_variance(self, source: Source, rate: float) -> np.ndarray:
         """Return that of an error between plus and minus half a step: step²/12."""
         return np.square(source.settings["step"]) / 12
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
-        """Return that a signal that moves by less than a step between two samples is rounded alike for long."""
+        """Return that a signal that moves by less than a step between samples is rounded to one value for long."""
         step = np.asarray(source.settings["step"])
         if not np.any(step * ENOUGH_STEPS > signal.moves):
             return None

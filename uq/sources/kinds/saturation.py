@@ -1,14 +1,14 @@
 """Saturation: the end of a sensor's range."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import figures
+from uq.sources.source_figures import strictest
 
 MANY_SIGMA = 6.0
 """Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
@@ -23,10 +23,6 @@ class Saturation(ErrorKind):
     sizes = ("limit",)
     stage = 10
 
-    def keys(self, target: str) -> dict[str, Any]:
-        """Return the ends of the range."""
-        return {"limit": Annotated[np.ndarray, figures(self.targets[target], self.shape, above=0)]}
-
     def resized(self, source: Source, factor: float) -> Source:
         """Return the source as it is: a range has no error's size."""
         return source
@@ -39,10 +35,8 @@ class Saturation(ErrorKind):
         draws: Mapping[str, Array],
     ) -> Float[Array, "3 n"]:
         """Return the signal within the narrowest of the ranges."""
-        limit = jnp.full((3, 1), jnp.inf, signal.dtype)
-        for source, acts in zip(sources, acting, strict=True):
-            own = jnp.asarray(source.settings["limit"], signal.dtype)[:, None]
-            limit = jnp.where(acts, jnp.minimum(limit, own), limit)
+        limits = [source.settings["limit"] for source in sources]
+        limit = strictest(limits, acting, jnp.minimum, jnp.full((3, 1), jnp.inf, signal.dtype))
         return jnp.clip(signal, -limit, limit)
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:

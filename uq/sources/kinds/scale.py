@@ -1,9 +1,6 @@
 """Scale factor of a signal: each channel reads too much or too little in proportion."""
 
-from jaxtyping import Array, Float
-
-from uq.sources.constant_errors import of_channels
-from uq.sources.source import SIGNAL_UNITS, ErrorKind, Source
+from uq.sources.source import SIGNAL_UNITS, ErrorKind
 
 
 class Scale(ErrorKind):
@@ -13,7 +10,3 @@ class Scale(ErrorKind):
     targets = dict.fromkeys(SIGNAL_UNITS, "%")
     constant = True
     perturbs = {"F": "cell_scale", "M": "cell_scale", "omega": "gyro_scale"}
-
-    def value(self, source: Source, draw: Float[Array, "3"]) -> Float[Array, "..."]:
-        """Return the relative errors of the load cell's six scale factors, or of the gyro's three."""
-        return of_channels(source.target, draw)
