@@ -1,6 +1,7 @@
 """The consistency verdict: each cause, put alone into a simulated run, is named and it alone; clean runs say nothing."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -80,6 +81,9 @@ def test_figures_are_those_that_were_put_in(short, silent):
     tone = judged(short, noisy(CAUSES["resonance"](silent.run, None), 6))[0]
     assert "a line at 23.4 Hz" in tone.text
     assert tone.axis == "b1"
+    turned = judged(short, noisy(CAUSES["rotation"](silent.run, None), 6))[0]
+    degrees = [abs(float(text.replace("−", "-"))) for text in re.findall(r"([−.\d]+) ±", turned.text)]
+    np.testing.assert_allclose(degrees, np.degrees([0.02, 0.03, 0.02]), atol=0.2)
     drift = judged(short, noisy(CAUSES["drift"](silent.run, None), 6))[0]
     assert drift.axis == "b1"
     assert float(drift.text.split("drifts by (")[1].split(" ±")[0]) == pytest.approx(0.1, abs=0.01)

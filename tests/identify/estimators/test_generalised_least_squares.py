@@ -74,7 +74,9 @@ def test_the_spectrum_is_the_noises(generator):
     """White noise of 4,000 lines: each window's variance within 5 standard errors, of 9 lines at least."""
     lines = Lines.of([slice(0, 4000)], 100.0)
     noise = lines.transform(generator.normal(size=(4000, 3)) @ MIXING.T)
-    values = spectrum(noise, np.ones((4000, 3)), 1).values
+    found = spectrum(noise, np.ones((4000, 3)), 1)
+    values, half = found.values, 84  # the next whole number from 2 * 500^0.6
+    assert (found.first[500], found.last[500]) == (500 - half, 500 + half + 1)
     np.testing.assert_allclose(values[1000:].mean(axis=0), MIXING @ MIXING.T, atol=0.1)
     assert np.abs(np.einsum("maa->ma", values[1:]) / np.diag(MIXING @ MIXING.T) - 1).max() < 5 * np.sqrt(2 / 9)
 

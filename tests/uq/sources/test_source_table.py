@@ -63,6 +63,14 @@ def test_cross_talk_in_per_cent_of_full_scale_and_as_a_matrix():
     np.testing.assert_allclose(matrix[5], [0.001] * 3 + [0.01] * 3)
 
 
+@pytest.mark.parametrize(("name", "ratio"), [("rectangular", 3), ("triangular", 6), ("u_shaped", 2)])
+def test_a_half_width_over_its_root_is_the_standard_deviation(name, ratio):
+    """Var = a²/3, a²/6, a²/2."""
+    declared = experiment(source("a", "F", "bias", distribution=name, half_width=["1 N", "2 N", "3 N"])).sources[0]
+    np.testing.assert_allclose(declared.sigma, np.array([1, 2, 3]) / np.sqrt(ratio), rtol=1e-12)
+    np.testing.assert_allclose(declared.shape.standard_deviation, 1, rtol=1e-12)
+
+
 def test_degrees_of_freedom_are_kept():
     assert read(BIAS | {"degrees_of_freedom": 9}).shape.degrees_of_freedom == 9
     assert read(BIAS).shape.degrees_of_freedom == np.inf
