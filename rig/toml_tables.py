@@ -25,7 +25,7 @@ class TomlError(ValueError):
 
 
 class WrongKeyError(ValueError):
-    """What a table's own check finds wrong with one of its keys, or with the table itself.
+    """What a table's check reports of one of its keys, or of the table as a whole.
 
     Args:
         key: the key; "" for the table.
@@ -60,7 +60,7 @@ class TomlTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 def written(read: Callable[[str, Any], Any], schema: Mapping[str, Any]) -> msgspec.Meta:
-    """Return the annotation of a value that is written in a form of its own.
+    """Return the annotation of a value that is written in another form.
 
     Args:
         read: what makes the value of the key's path and what is written there; raises TomlError, or ValueError with

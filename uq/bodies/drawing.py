@@ -12,7 +12,7 @@ from identify.rigid_body.solids import Part, Solid, composite, cuboid, cylinder,
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.experiment.rotation_key import ROTATION
 from uq.files.document import ExperimentError
-from uq.sources.tolerances import Known, mean, uncertain, uncertain_vector
+from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector
 
 Values = Mapping[str, Any]
 """Values of the quantities by their keys."""
@@ -21,10 +21,10 @@ AXES = {"x": "y, z, x", "y": "z, x, y", "z": "x, y, z"}
 """A turn that brings a cylinder's own z along each axis of the drawing."""
 
 
-Length = Annotated[Known, uncertain("m", above=0)]
-Mass = Annotated[Known, uncertain("kg", above=0)]
-Density = Annotated[Known, uncertain("kg/m^3", above=0)]
-Vector = tuple[Known, Known, Known]
+Length = Annotated[UncertainQuantity, uncertain("m", above=0)]
+Mass = Annotated[UncertainQuantity, uncertain("kg", above=0)]
+Density = Annotated[UncertainQuantity, uncertain("kg/m^3", above=0)]
+Vector = tuple[UncertainQuantity, UncertainQuantity, UncertainQuantity]
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
@@ -32,16 +32,16 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 class Quantities:
     """The quantities of a file by their keys, gathered for the models that are functions of them."""
 
-    known: dict[str, Known]
+    by_key: dict[str, UncertainQuantity]
 
-    def keep(self, key: str, quantity: Known) -> str:
-        """Keep a quantity and return the key under which models find it."""
-        self.known[key] = quantity
+    def add(self, key: str, quantity: UncertainQuantity) -> str:
+        """Add a quantity and return the key under which models find it."""
+        self.by_key[key] = quantity
         return key
 
-    def keep_vector(self, key: str, quantities: Vector) -> Callable[[Values], Any]:
-        """Keep three quantities and return the function that makes a vector of them."""
-        names = [self.keep(f"{key}[{k}]", quantity) for k, quantity in enumerate(quantities)]
+    def add_vector(self, key: str, quantities: Vector) -> Callable[[Values], Any]:
+        """Add three quantities and return the function that makes a vector of them."""
+        names = [self.add(f"{key}[{k}]", quantity) for k, quantity in enumerate(quantities)]
         return lambda values: jnp.stack([values[name] for name in names])
 
 
@@ -61,7 +61,7 @@ class PartKeys(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
     position: Annotated[Vector, uncertain_vector("m")] = ORIGIN
     """Of its centre, in the drawing's frame."""
     rotation: Annotated[np.ndarray, ROTATION] | None = None
-    """From its own axes to the drawing's."""
+    """From the part's axes to the drawing's."""
     mass: Mass | None = None
     """Missing, with density and material: it shares the body's mass by volume."""
     density: Density | None = None
@@ -76,7 +76,7 @@ class PartKeys(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
 
     @property
     def turn(self) -> np.ndarray:
-        """The rotation from its own axes to the drawing's."""
+        """The rotation from the part's axes to the drawing's."""
         return np.eye(3) if self.rotation is None else self.rotation
 
 
@@ -94,11 +94,11 @@ class RoundPart(PartKeys, frozen=True, kw_only=True):
             raise WrongKeyError("inner_diameter", "write the bore's diameter", "is not below diameter")
 
     def diameters(self, where: str, quantities: Quantities) -> tuple[str, str | None]:
-        """Keep the outer and, where there is one, the inner diameter."""
-        outer = quantities.keep(f"{where}.diameter", self.diameter)
+        """Add the outer and, where there is one, the inner diameter."""
+        outer = quantities.add(f"{where}.diameter", self.diameter)
         if self.inner_diameter is None:
             return outer, None
-        return outer, quantities.keep(f"{where}.inner_diameter", self.inner_diameter)
+        return outer, quantities.add(f"{where}.inner_diameter", self.inner_diameter)
 
 
 class CylinderPart(RoundPart, frozen=True, kw_only=True, tag="cylinder"):
@@ -116,13 +116,13 @@ class CylinderPart(RoundPart, frozen=True, kw_only=True, tag="cylinder"):
 
     @property
     def turn(self) -> np.ndarray:
-        """The rotation from its own axes to the drawing's."""
+        """The rotation from the part's axes to the drawing's."""
         return super().turn if self.axis is None else from_axes(AXES[self.axis]).T
 
     def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
         """Return the solid as a function of its sizes."""
         outer, inner = self.diameters(where, quantities)
-        length = quantities.keep(f"{where}.length", self.length)
+        length = quantities.add(f"{where}.length", self.length)
         return lambda values: cylinder(values[outer], values[length], values[inner] if inner else 0.0)
 
 
@@ -134,7 +134,7 @@ class CuboidPart(PartKeys, frozen=True, kw_only=True, tag="cuboid"):
 
     def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
         """Return the solid as a function of its sizes."""
-        size = quantities.keep_vector(f"{where}.size", self.size)
+        size = quantities.add_vector(f"{where}.size", self.size)
         return lambda values: cuboid(size(values))
 
 
@@ -164,7 +164,10 @@ class _Drawn:
 
 
 def drawing(
-    mass: Known | None, material: Mapping[str, MaterialTable], tables: Sequence[Shape], quantities: Quantities
+    mass: UncertainQuantity | None,
+    material: Mapping[str, MaterialTable],
+    tables: Sequence[Shape],
+    quantities: Quantities,
 ) -> Model:
     """Return the ten parameters in the drawing's frame as a function of the quantities that its file holds.
 
@@ -177,9 +180,9 @@ def drawing(
     Raises:
         ExperimentError: parts and masses that do not fit.
     """
-    whole = None if mass is None else quantities.keep("mass", mass)
+    whole = None if mass is None else quantities.add("mass", mass)
     for name, table in material.items():
-        quantities.keep(f"material.{name}.density", table.density)
+        quantities.add(f"material.{name}.density", table.density)
     parts = [_part(f"part[{table.name or k}]", table, quantities, material) for k, table in enumerate(tables)]
     shared = any(part.mass is None for part in parts)
     if shared and whole is None:
@@ -198,8 +201,8 @@ def drawing(
 def _shared_density(whole: Any, parts: Sequence[_Drawn], solids: list[Solid], values: Values) -> Any:
     """The density of the parts that share the body's mass: what is left of it over their volume."""
     pairs = list(zip(parts, solids, strict=True))
-    own = sum(part.mass(values, solid) for part, solid in pairs if part.mass is not None)
-    return (whole - own) / sum(part.sign * solid.volume for part, solid in pairs if part.mass is None)
+    stated = sum(part.mass(values, solid) for part, solid in pairs if part.mass is not None)
+    return (whole - stated) / sum(part.sign * solid.volume for part, solid in pairs if part.mass is None)
 
 
 def _placed(part: _Drawn, solid: Solid, values: Values, density: Any) -> Part:
@@ -208,11 +211,11 @@ def _placed(part: _Drawn, solid: Solid, values: Values, density: Any) -> Part:
 
 
 def _part(where: str, table: Shape, quantities: Quantities, material: Mapping[str, MaterialTable]) -> _Drawn:
-    if f"{where}.position[0]" in quantities.known:
+    if f"{where}.position[0]" in quantities.by_key:
         raise ExperimentError(f"two parts {where}: give each its own name")
     sign = -1.0 if table.hole else 1.0
     solid = table.solid(where, quantities)
-    position = quantities.keep_vector(f"{where}.position", table.position)
+    position = quantities.add_vector(f"{where}.position", table.position)
     return _Drawn(solid, position, table.turn, sign, _mass(where, table, quantities, material, sign))
 
 
@@ -220,10 +223,10 @@ def _mass(
     where: str, table: Shape, quantities: Quantities, material: Mapping[str, MaterialTable], sign: float
 ) -> Callable[[Values, Solid], Any] | None:
     if table.mass is not None:
-        mass = quantities.keep(f"{where}.mass", table.mass)
+        mass = quantities.add(f"{where}.mass", table.mass)
         return lambda values, solid: sign * values[mass]
     if table.density is not None:
-        density = quantities.keep(f"{where}.density", table.density)
+        density = quantities.add(f"{where}.density", table.density)
     elif table.material is None:
         return None
     elif table.material not in material:

@@ -36,7 +36,7 @@ from uq.experiment.rotation_key import ROTATION
 from uq.files.document import ExperimentError, in_file, read_document
 from uq.files.schema import declared_table
 from uq.sources.distributions import Distribution
-from uq.sources.tolerances import Known, mean, uncertain, uncertain_vector
+from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector
 
 SIGNS = np.array([1.0, -1, -1, 1, -1, 1])
 """From products written as ``+∫xy dm`` to the tensor's entries, and back."""
@@ -59,9 +59,9 @@ class Reference:
     origin: np.ndarray
     """The drawing's origin from Q, in B [m]."""
     about: str = "CG"
-    """The point to which a CAD report's figures are said to refer: CG or origin."""
+    """The point to which a CAD report's figures refer: CG or origin."""
     products: str = "tensor"
-    """The sign with which its products are said to be written: tensor or integral."""
+    """The sign with which its products are written: tensor or integral."""
     warnings: tuple[str, ...] = ()
     file: str | None = None
     sha256: str | None = None
@@ -101,12 +101,12 @@ class FrameTable(TomlTable, frozen=True, kw_only=True):
 class CadInertiaTable(TomlTable, frozen=True, kw_only=True):
     """The six components of a CAD report; products that are not written are zero."""
 
-    I11: Annotated[Known, uncertain("kg*m^2", above=0)]
-    I12: Annotated[Known, uncertain("kg*m^2")] = 0.0
-    I13: Annotated[Known, uncertain("kg*m^2")] = 0.0
-    I22: Annotated[Known, uncertain("kg*m^2", above=0)]
-    I23: Annotated[Known, uncertain("kg*m^2")] = 0.0
-    I33: Annotated[Known, uncertain("kg*m^2", above=0)]
+    I11: Annotated[UncertainQuantity, uncertain("kg*m^2", above=0)]
+    I12: Annotated[UncertainQuantity, uncertain("kg*m^2")] = 0.0
+    I13: Annotated[UncertainQuantity, uncertain("kg*m^2")] = 0.0
+    I22: Annotated[UncertainQuantity, uncertain("kg*m^2", above=0)]
+    I23: Annotated[UncertainQuantity, uncertain("kg*m^2")] = 0.0
+    I33: Annotated[UncertainQuantity, uncertain("kg*m^2", above=0)]
 
 
 class CadTable(TomlTable, frozen=True, kw_only=True):
@@ -185,9 +185,9 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
 
 def _propagated(model: Model, quantities: Quantities) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """The model's value, its first-order covariance, and each uncertain quantity's part of the variances."""
-    known = quantities.known
-    exact = {name: jnp.asarray(value) for name, value in known.items() if not isinstance(value, Distribution)}
-    unsure = {name: value for name, value in known.items() if isinstance(value, Distribution)}
+    stated = quantities.by_key.items()
+    exact = {name: jnp.asarray(value) for name, value in stated if not isinstance(value, Distribution)}
+    unsure = {name: value for name, value in stated if isinstance(value, Distribution)}
     means = jnp.asarray([float(value.mean) for value in unsure.values()])
     sigmas = np.array([float(value.standard_deviation) for value in unsure.values()])
 
@@ -215,8 +215,8 @@ def _impossible(parameters: InertialParameters, name: str) -> str | None:
 
 def _frame(table: FrameTable, quantities: Quantities) -> Callable[[Values, Any], Any]:
     """The function that takes ten parameters in the drawing's frame to those in B from Q."""
-    origin = quantities.keep_vector("frame.origin", table.origin)
-    small = quantities.keep_vector("frame.misalignment", table.misalignment)
+    origin = quantities.add_vector("frame.origin", table.origin)
+    small = quantities.add_vector("frame.misalignment", table.misalignment)
 
     def placed(values: Values, ten: Any) -> Any:
         turn = exponential(small(values)) @ jnp.asarray(table.axes)
@@ -227,9 +227,9 @@ def _frame(table: FrameTable, quantities: Quantities) -> Callable[[Values, Any],
 
 def _cad(table: CadTable, quantities: Quantities) -> Model:
     """The ten parameters of a CAD report in its frame."""
-    mass = quantities.keep("cad.mass", float("nan") if table.mass is None else table.mass)
-    centre = None if table.cg is None else quantities.keep_vector("cad.cg", table.cg)
-    tensor = [quantities.keep(f"cad.inertia.{name}", getattr(table.inertia, name)) for name in COMPONENTS]
+    mass = quantities.add("cad.mass", float("nan") if table.mass is None else table.mass)
+    centre = None if table.cg is None else quantities.add_vector("cad.cg", table.cg)
+    tensor = [quantities.add(f"cad.inertia.{name}", getattr(table.inertia, name)) for name in COMPONENTS]
 
     def model(values: Values) -> Any:
         inertia = jnp.stack([values[name] for name in tensor])

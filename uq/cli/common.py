@@ -58,8 +58,8 @@ class _Limit(argparse.Action):
     def __call__(
         self, parser: object, namespace: argparse.Namespace, values: object, option: str | None = None
     ) -> None:
-        found = [*getattr(namespace, self.dest), ((option or "").lstrip("-"), values)]
-        setattr(namespace, self.dest, found)
+        limits = [*getattr(namespace, self.dest), ((option or "").lstrip("-"), values)]
+        setattr(namespace, self.dest, limits)
 
 
 def add_window_options(parser: argparse.ArgumentParser, without: str = "the segments that move are found") -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
 from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
-from uq.cli.processes import add_cluster_options, kept_in, together
+from uq.cli.processes import add_cluster_options, checkpoint_folder, together
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
@@ -69,7 +69,8 @@ def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
         checkpoints = {
-            name: None if folder is None else checkpoint_of(kept_in(folder), say) for name, folder in folders.items()
+            name: None if folder is None else checkpoint_of(checkpoint_folder(folder), say)
+            for name, folder in folders.items()
         }
         try:
             results = {

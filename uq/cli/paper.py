@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from uq.barreto2016 import paper, row
 from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
 from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
-from uq.cli.processes import add_cluster_options, kept_in, together
+from uq.cli.processes import add_cluster_options, checkpoint_folder, together
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
     with together(arguments) as speaks, output_folder(arguments.out) as out:
-        checkpoint = None if out is None else checkpoint_of(kept_in(out), say)
+        checkpoint = None if out is None else checkpoint_of(checkpoint_folder(out), say)
         with ProgressBar(silent=not speaks) as progress:
 
             def show(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:

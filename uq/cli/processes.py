@@ -77,6 +77,6 @@ def _end(error: BaseException) -> None:
     os._exit(status)
 
 
-def kept_in(folder: Path) -> Path:
-    """Return where in an output folder what is done is kept until the result is written."""
+def checkpoint_folder(folder: Path) -> Path:
+    """Return the folder of finished trials, in an output folder, until the result is written."""
     return folder / "checkpoint"

@@ -233,7 +233,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:
 def _bodies(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables ``[body.NAME]``; none where ``[body]`` is itself a body."""
     body = document.get("body")
-    several = isinstance(body, Mapping) and bool(body) and all(isinstance(part, Mapping) for part in body.values())
+    several = isinstance(body, Mapping) and bool(body) and all(isinstance(table, Mapping) for table in body.values())
     return dict(body) if isinstance(body, Mapping) and several and set(body) != {"inertia"} else {}
 
 

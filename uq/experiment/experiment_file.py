@@ -37,7 +37,7 @@ class EstimatorTable(TomlTable, frozen=True, kw_only=True):
     method: Literal["ols"] = "ols"
     """Least squares."""
     differentiator: Literal["central", "savitzky-golay"]
-    """How the angular acceleration is found from the angular velocity."""
+    """How the angular acceleration is computed from the angular velocity."""
     band: Annotated[float, in_unit("Hz", above=0)] | None = None
     """Highest frequency of the motion, to which the differentiator is matched."""
     window: int | None = None

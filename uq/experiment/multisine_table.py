@@ -9,7 +9,7 @@ from uq.files.document import ExperimentError
 
 COORDINATES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 """Displacement of the platform's centre in A, and rotation vector."""
-COLUMNS = ("frequency_hz", *(f"{part}_{name}" for part in ("cos", "sin") for name in COORDINATES))
+COLUMNS = ("frequency_hz", *(f"{phase}_{name}" for phase in ("cos", "sin") for name in COORDINATES))
 START = "start_s"
 """The column before these in a table of stages: rows of one start are a stage, which ends when the next one starts."""
 

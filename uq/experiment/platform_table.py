@@ -37,7 +37,7 @@ class DeclaredLimits:
 
 
 class Place(TomlTable, frozen=True, kw_only=True):
-    """Where the platform stands, which tells local gravity."""
+    """Where the platform stands, from which local gravity is computed."""
 
     latitude: Annotated[float, in_unit("rad")]
     """Geographic latitude."""

@@ -45,7 +45,7 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
     """Which components a matrix or quaternion takes to which; the level frame's z is up."""
     accelerometer: Literal["offset", "scale"] | None = None
-    """What is found of the accelerometer before its attitudes are used; missing: its offset where poses allow."""
+    """What is estimated of the accelerometer before its attitudes are used; missing: its offset where poses allow."""
     sigma_attitude: Annotated[float, in_unit("rad", least=0)] = 0.0
     """Standard uncertainty of each pose's own tilt [rad], beside what the residuals show."""
     sigma_alignment: Annotated[float, in_unit("rad", least=0)] = 0.0
@@ -84,7 +84,7 @@ def uncertain(specific_force: np.ndarray, poses: Poses, of_sensor: Accelerometer
     Args:
         specific_force: of each pose, in B [m/s²].
         poses: what is declared of the attitudes.
-        of_sensor: the accelerometer that told them; None: something else did.
+        of_sensor: the accelerometer that measured them; None: another sensor did.
         turn: R with body = R · the attitude's sensor.
     """
     gravity = np.linalg.norm(specific_force, axis=1)[:, None, None]
@@ -141,7 +141,7 @@ def _of_quaternion(value: np.ndarray, level_to_sensor: bool) -> np.ndarray:
 def of_accelerometer(
     readings: np.ndarray, poses: Poses, gravity: float
 ) -> tuple[np.ndarray, Accelerometer, tuple[str, ...]]:
-    """Return the specific force [m/s²] that an accelerometer's static readings tell, what was found of it, warnings."""
+    """Return the specific force [m/s²] of static readings, the accelerometer's calibration, and warnings."""
     calibration = calibrate(readings, gravity, method=poses.accelerometer)
     warnings = []
     if not calibration.fitted and poses.accelerometer is None:

@@ -108,13 +108,13 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     estimator: str | None = None
     """Name of the estimator for recorded runs; missing: the first."""
     urdf: str | None = None
-    """Path of the robot's description, where the motion is told by joint states."""
+    """Path of the robot's description, where joint states give the motion."""
     urdf_frame: str | None = None
     """The frame of the description that turns with the body."""
     drawn_by_mounting: Annotated[
         tuple[str, ...], written(_names, {"type": "array", "items": {"type": "string", "minLength": 1}})
     ] = ()
-    """Names of the sources whose errors each mounting of the body draws anew."""
+    """Names of the sources whose errors each mounting of the body draws again."""
     method: Annotated[str, written(_method, {"enum": list(methods.names()), "default": "source"})] = "source"
     """The estimator: the source's, or tensor, centre, offsets, delay and rotation together."""
     cg_motion: CgMotion | None = None
@@ -122,7 +122,7 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     delay: Annotated[float, in_unit("s")] | None = None
     """For the joint estimate: the IMU's sample is that of so long before its stamp [s]."""
     sigma_delay: SigmaOfTime | None = None
-    """Standard uncertainty of ``delay`` [s]; 0: known."""
+    """Standard uncertainty of ``delay`` [s]; 0: ``delay`` is exact."""
     sigma_rotation: SigmaOfAngle | Axes[SigmaOfAngle] | None = None
     """Standard uncertainty of the rotation from the IMU's axes to the body's [rad], one value or one an axis."""
     sigma_gyro_bias: SigmaOfRate | Axes[SigmaOfRate] | None = None
@@ -147,7 +147,7 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
 
     @property
     def alignment(self) -> Alignment:
-        """What is known beforehand of delay, rotation and slow errors; the rest is left wide."""
+        """Prior of delay, rotation and slow errors; wide where nothing is stated."""
         stated = {key: getattr(self, key) for key in ALIGNMENT}
         return Alignment(**{key: value for key, value in stated.items() if value is not None})
 

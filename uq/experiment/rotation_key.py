@@ -42,7 +42,7 @@ ROTATION = written(
             {"type": "string", "pattern": SIGNED_AXES, "examples": ["-y, z, x"]},
             {
                 "type": "object",
-                "properties": {part: {"type": "number"} for part in "wxyz"},
+                "properties": {component: {"type": "number"} for component in "wxyz"},
                 "required": list("wxyz"),
                 "additionalProperties": False,
             },

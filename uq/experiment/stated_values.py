@@ -60,7 +60,7 @@ class InertiaUncertaintyTable(TensorTable, frozen=True, kw_only=True):
 
 
 class ScaleTable(TomlTable, frozen=True, kw_only=True):
-    """``[scale]``: the mass on the load cell as a scale tells it."""
+    """``[scale]``: the mass on the load cell as a scale shows it."""
 
     mass: Annotated[float, in_unit("kg", above=0)]
     """Reading of the scale."""

@@ -13,7 +13,7 @@ VARIABLE = "INERTIA_CACHE"
 
 
 def cache_folder() -> Path | None:
-    """Return where compiled code is kept, for this kind of processor; None where it is switched off."""
+    """Return the folder of compiled code, for this kind of processor; None where it is switched off."""
     chosen = os.environ.get(VARIABLE, "")
     if chosen == "off":
         return None
@@ -25,7 +25,7 @@ def keep_compiled() -> None:
     """Let JAX keep and find compiled code in the cache folder; without a folder that can be written, it does without.
 
     Several processes may share the folder. An entry that cannot be read (a process was killed as it wrote it) is
-    compiled anew.
+    compiled again.
     """
     folder = cache_folder()
     if folder is None:

@@ -51,8 +51,8 @@ def _tables_in(hint: Any) -> Iterator[type[TomlTable]]:
         parts: Iterable[Any] = get_type_hints(hint, include_extras=True).values()
     else:
         parts = get_args(hint)
-    for part in parts:
-        yield from _tables_in(part)
+    for each in parts:
+        yield from _tables_in(each)
 
 
 def _meanings(table: type) -> dict[str, str]:

@@ -18,7 +18,7 @@ POWER = re.compile(r"(\*\*|\^)(?!-?\d(\.\d)?([\s*/)]|$))|\d\s*(\*\*|\^)")
 
 
 UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
-"""What pint raises for a text that it cannot read, beside errors of its own."""
+"""What pint raises for a text that it cannot read, beside pint.PintError."""
 
 
 class UnitError(ValueError):

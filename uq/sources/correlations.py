@@ -1,4 +1,4 @@
-"""``[[correlation]]`` of an experiment file, and which sources hang together by it."""
+"""``[[correlation]]`` of an experiment file, and the sets of sources that it correlates."""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
@@ -17,7 +17,7 @@ class Entry(NamedTuple):
 
     source: Source
     correlation: np.ndarray | None
-    """Between its own axes."""
+    """Between its axes."""
 
     @property
     def axes(self) -> int:
@@ -59,12 +59,12 @@ def link_of(where: str, table: LinkTable, sources: Mapping[str, Source]) -> Link
     names, written_names = table.sources, list(table.sources)
     if not set(names) <= sources.keys() or names[0] == names[1]:
         raise ExperimentError(f"{where}.sources is {written_names!r}: name two different ones of [[source]]")
-    one, two = (sources[name] for name in names)
-    for source in (one, two):
+    first, second = (sources[name] for name in names)
+    for source in (first, second):
         check_correlated(f"{where}.sources", source)
-    if one.constant != two.constant:
+    if first.constant != second.constant:
         raise ExperimentError(f"{where}.sources: one is drawn at each sample, the other once; leave it out")
-    sizes = np.size(one.sigma), np.size(two.sigma)
+    sizes = np.size(first.sigma), np.size(second.sigma)
     if isinstance(table.coefficient, float) and sizes[0] == sizes[1]:
         return Link(names, table.coefficient * np.eye(sizes[0]))
     rows = table.coefficient if isinstance(table.coefficient, tuple) else ()
@@ -87,27 +87,27 @@ def check_correlated(where: str, source: Source) -> None:
 
 
 def mixing_of(entries: Sequence[Entry], links: Sequence[Link]) -> tuple[Mixing, ...]:
-    """Return the sets of sources that hang together by correlations, each with its correlation matrix.
+    """Return the sets of sources that are correlated, each with its correlation matrix.
 
     Raises:
         ExperimentError: coefficients that no joint distribution has.
     """
     sets: list[set[str]] = [{entry.source.name} for entry in entries if entry.correlation is not None]
     for link in links:
-        touched = [one for one in sets if one & set(link.names)]
-        sets = [one for one in sets if one not in touched] + [set(link.names).union(*touched)]
-    return tuple(_mixing([entry for entry in entries if entry.source.name in one], links) for one in sets)
+        linked = [names for names in sets if names & set(link.names)]
+        sets = [names for names in sets if names not in linked] + [set(link.names).union(*linked)]
+    return tuple(_mixing([entry for entry in entries if entry.source.name in names], links) for names in sets)
 
 
 def _mixing(members: Sequence[Entry], links: Sequence[Link]) -> Mixing:
     names, axes = [entry.source.name for entry in members], [entry.axes for entry in members]
-    part = {name: slice(end - n, end) for name, n, end in zip(names, axes, np.cumsum(axes), strict=True)}
+    axes_of = {name: slice(end - n, end) for name, n, end in zip(names, axes, np.cumsum(axes), strict=True)}
     matrix = np.eye(sum(axes))
     for entry in members:
         if entry.correlation is not None:
-            matrix[part[entry.source.name], part[entry.source.name]] = entry.correlation
-    for one, two, coefficients in ((part[a], part[b], c) for (a, b), c in links if a in part):
-        matrix[one, two], matrix[two, one] = coefficients, coefficients.T
+            matrix[axes_of[entry.source.name], axes_of[entry.source.name]] = entry.correlation
+    for rows, columns, coefficients in ((axes_of[a], axes_of[b], c) for (a, b), c in links if a in axes_of):
+        matrix[rows, columns], matrix[columns, rows] = coefficients, coefficients.T
     check_correlation(f"correlation of {', '.join(names)}", matrix)
     return Mixing(tuple(names), tuple(axes), matrix)
 

@@ -55,13 +55,13 @@ def datasheet(
     """
     if not isinstance(text, str):
         raise UnitError(f"is {text!r}: write a statement such as {EXAMPLES}")
-    figure, *said = (part.strip() for part in re.split(r"[,;()]", text) if part.strip() or not text.strip())
+    figure, *remarks = (part.strip() for part in re.split(r"[,;()]", text) if part.strip() or not text.strip())
     for words in (r"\d\s*(?:σ|sigma)", "rms", "resolution", "standard (?:uncertainty|deviation)"):
-        if found := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
-            said.append(found[0])
-            figure = (figure[: found.start()] + figure[found.end() :]).strip(" =:")
+        if remark := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
+            remarks.append(remark[0])
+            figure = (figure[: remark.start()] + figure[remark.end() :]).strip(" =:")
     half_width = _half_width(text, _without_words(figure), unit, full_scale, reading)
-    return _meaning(text, half_width, said)
+    return _meaning(text, half_width, remarks)
 
 
 def _without_words(figure: str) -> str:
@@ -77,10 +77,10 @@ def _without_words(figure: str) -> str:
 
 def _half_width(text: str, figure: str, unit: str, full_scale: float | None, reading: float | None) -> float:
     for pattern, name, whole in ((FULL_SCALE, "full scale", full_scale), (READING, "reading", reading)):
-        if found := pattern.fullmatch(figure):
+        if match := pattern.fullmatch(figure):
             if whole is None:
                 raise UnitError(f"is {text!r}: give the {name} too")
-            return float(found[1]) / 100 * whole
+            return float(match[1]) / 100 * whole
     try:
         value = quantity(re.sub(rf"^({NUMBER})\s*(?=\D)", r"\1 ", figure), unit)
     except UnitError:
@@ -90,17 +90,17 @@ def _half_width(text: str, figure: str, unit: str, full_scale: float | None, rea
     return value
 
 
-def _meaning(text: str, half_width: float, said: list[str]) -> Distribution:
+def _meaning(text: str, half_width: float, remarks: list[str]) -> Distribution:
     """The distribution of which ``half_width`` is the stated figure."""
-    found = {name: value for words in said for name, value in _understood(text, words).items()}
-    covers, shape = found.keys() & {"k", "level"}, found.get("shape")
-    if "resolution" in found:
+    stated = {name: value for words in remarks for name, value in _understood(text, words).items()}
+    covers, shape = stated.keys() & {"k", "level"}, stated.get("shape")
+    if "resolution" in stated:
         half_width, shape = half_width / 2, shape or Rectangular
     if covers and shape is None:
-        return _covering(text, half_width, found.get("k"), found.get("level"), found.get("freedom"))
-    if covers or "freedom" in found:
+        return _covering(text, half_width, stated.get("k"), stated.get("level"), stated.get("freedom"))
+    if covers or "freedom" in stated:
         raise UnitError(f"is {text!r}: a coverage factor goes with a normal error; leave one out")
-    if "normal" in found:
+    if "normal" in stated:
         raise UnitError(
             f"is {text!r}: a normal error needs a coverage factor or a level of confidence; add k = 2 or 95 %"
         )
@@ -110,8 +110,8 @@ def _meaning(text: str, half_width: float, said: list[str]) -> Distribution:
 def _understood(text: str, words: str) -> dict[str, Any]:
     """What one remark beside the figure says."""
     for name, pattern in REMARKS.items():
-        if found := re.fullmatch(pattern, words, re.I):
-            return {name: float(next(filter(None, found.groups()), 1.0))}
+        if match := re.fullmatch(pattern, words, re.I):
+            return {name: float(next(filter(None, match.groups()), 1.0))}
     if words.lower() in SHAPES:
         return {"shape": SHAPES[words.lower()]}
     raise UnitError(f"is {text!r}: '{words}' is not understood; write such as {EXAMPLES}")

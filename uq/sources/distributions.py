@@ -1,4 +1,4 @@
-"""Probability distributions as pytrees: what is known of a quantity, its moments, and draws from a key.
+"""Probability distributions as pytrees: moments of a quantity, and draws from a key.
 
 The names and parameters are those of JCGM 101:2008, 6.4. Parameters may be arrays, one value an axis; a draw's shape
 ends with theirs. Draws depend on the key, the shape and the dtype alone.
@@ -18,7 +18,7 @@ Value = Any
 
 
 class Distribution(eqx.Module):
-    """What is known of a quantity."""
+    """The probability distribution of a quantity."""
 
     if TYPE_CHECKING:  # fields in some distributions, properties in others
 
@@ -69,7 +69,7 @@ class Normal(Distribution):
 
 
 class Rectangular(Distribution):
-    """All values between two limits alike (JCGM 101, 6.4.2)."""
+    """All values between two limits are equally probable (JCGM 101, 6.4.2)."""
 
     low: Value
     high: Value
@@ -115,8 +115,8 @@ class Triangular(Distribution):
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``: the average of two rectangular ones."""
-        one, two = jax.random.uniform(key, (2, *shape), _float(dtype))
-        return _between(self, (one + two) / 2)
+        first, second = jax.random.uniform(key, (2, *shape), _float(dtype))
+        return _between(self, (first + second) / 2)
 
 
 class UShaped(Distribution):
@@ -277,10 +277,10 @@ def _over(value: Value, shape: tuple[int, ...], dtype: Any) -> Array:
     return jnp.broadcast_to(jnp.asarray(value, dtype), shape)
 
 
-def _between(limits: Any, part: Array) -> Array:
-    """The value that lies this part of the way from low to high."""
+def _between(limits: Any, fraction: Array) -> Array:
+    """The value that lies this fraction of the way from low to high."""
     low, width = limits.low, limits.high - limits.low
-    return _over(low, part.shape, part.dtype) + _over(width, part.shape, part.dtype) * part
+    return _over(low, fraction.shape, fraction.dtype) + _over(width, fraction.shape, fraction.dtype) * fraction
 
 
 def _require(name: str, what: str, value: Value, holds: Any) -> None:

@@ -47,8 +47,8 @@ class Mixing(eqx.Module):
     def _root(self, here: Sequence[str]) -> Float[Array, "k k"]:
         """The triangular root of the correlations of those that are here; nearly so if some go together wholly."""
         ends = np.cumsum(self.axes)
-        kept = [np.arange(e - n, e) for name, n, e in zip(self.names, self.axes, ends, strict=True) if name in here]
-        index = np.concatenate(kept)
+        places = [np.arange(e - n, e) for name, n, e in zip(self.names, self.axes, ends, strict=True) if name in here]
+        index = np.concatenate(places)
         small = 16 * float(jnp.finfo(float).eps)
         root = jnp.linalg.cholesky(jnp.asarray(self.correlation)[np.ix_(index, index)] + small * jnp.eye(len(index)))
         return root / jnp.linalg.norm(root, axis=1, keepdims=True)
@@ -77,17 +77,17 @@ def draw_constants(
     """Return the one draw of each constant source of a trial, in SI, by name."""
     constant = [source for source in sources if source.constant]
     drawn: dict[str, Array] = {}
-    for alike in _alike(constant):  # drawn in one go: the same numbers as one by one, compiled once
-        numbers = jnp.asarray([stream_number(s.name) for s in alike], jnp.uint32)
+    for group in _grouped(constant):  # drawn in one go: the same numbers as one by one, compiled once
+        numbers = jnp.asarray([stream_number(s.name) for s in group], jnp.uint32)
         keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
-        values = jax.vmap(lambda one, s=alike[0]: s.shape.draw(one, np.shape(s.sigma), dtype))(keys)
-        drawn |= {source.name: value for source, value in zip(alike, values, strict=True)}
+        values = jax.vmap(lambda k, s=group[0]: s.shape.draw(k, np.shape(s.sigma), dtype))(keys)
+        drawn |= {source.name: value for source, value in zip(group, values, strict=True)}
     drawn = mixed(drawn, mixing)
     return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
 
 
-def _alike(sources: Sequence[Source]) -> list[list[Source]]:
-    """Sources whose draws have one distribution and one shape, together."""
+def _grouped(sources: Sequence[Source]) -> list[list[Source]]:
+    """Sources in groups whose draws have one distribution and one shape."""
     groups: dict[Any, list[Source]] = {}
     for source in sources:
         figures = jax.tree.leaves(source.shape)
@@ -113,7 +113,7 @@ def draw_pairs(
 
     Real parts are the first half of the block, imaginary parts the second: what the generator makes, not yet in order.
     """
-    pairs = {s.name: _standard_pairs(s, one, block, dtype) for s, one in zip(sources, streams, strict=True)}
+    pairs = {s.name: _standard_pairs(s, stream, block, dtype) for s, stream in zip(sources, streams, strict=True)}
     drawn = mixed(pairs, mixing)
     return [_scaled(drawn[s.name], s.sigma) for s in sources]
 
@@ -156,5 +156,5 @@ def draw_sums(
 ) -> list[Float[Array, "{size} 3"]]:
     """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
     keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
-    drawn = mixed({name: normals(one, (size, 3), jnp.result_type(float)).T for name, one in keys.items()}, mixing)
+    drawn = mixed({name: normals(k, (size, 3), jnp.result_type(float)).T for name, k in keys.items()}, mixing)
     return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

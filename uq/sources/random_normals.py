@@ -28,14 +28,14 @@ Word = UInt32[Array, "*shape"]
 def threefry(key: tuple[Word, Word], counter: tuple[Word, Word]) -> tuple[Word, Word]:
     """Return the two words of Threefry-2x32 with 20 rounds; key and counter broadcast."""
     keys = (*key, key[0] ^ key[1] ^ jnp.uint32(PARITY))
-    one, two = counter[0] + keys[0], counter[1] + keys[1]
+    left, right = counter[0] + keys[0], counter[1] + keys[1]
     for group in range(5):
         for turn in ROTATIONS[group % 2]:
-            one = one + two
-            two = one ^ ((two << jnp.uint32(turn)) | (two >> jnp.uint32(32 - turn)))
-        one = one + keys[(group + 1) % 3]
-        two = two + keys[(group + 2) % 3] + jnp.uint32(group + 1)
-    return one, two
+            left = left + right
+            right = left ^ ((right << jnp.uint32(turn)) | (right >> jnp.uint32(32 - turn)))
+        left = left + keys[(group + 1) % 3]
+        right = right + keys[(group + 2) % 3] + jnp.uint32(group + 1)
+    return left, right
 
 
 def normal_pairs(
@@ -49,9 +49,9 @@ def normal_pairs(
         place: numbers of the places in the block.
         dtype: float32 or float64 of each part.
     """
-    one, two = jax.random.key_data(key)
+    left, right = jax.random.key_data(key)
     zero = jnp.zeros_like(place)
-    words = threefry((one + zero, two + zero), (jnp.asarray(block).astype(jnp.uint32) + zero, place))
+    words = threefry((left + zero, right + zero), (jnp.asarray(block).astype(jnp.uint32) + zero, place))
     return box_muller(*words, dtype)
 
 
@@ -65,7 +65,7 @@ def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64")
 def normals_of_keys(keys: Key[Array, " trials"], count: int) -> Float[Array, "count trials"]:
     """Return what :func:`normals` gives of each key, side by side.
 
-    In a loop over places, whose results the compiler keeps: it would compute all anew for real and imaginary parts.
+    In a loop over places, whose results the compiler keeps: it would compute all twice, for real and imaginary parts.
     """
     of_place = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, float))(keys)  # noqa: E731
     pairs = jax.lax.map(of_place, jnp.arange(-(-count // 2), dtype=jnp.uint32))
@@ -109,10 +109,10 @@ def _log(x: Float[Array, "..."]) -> Float[Array, "..."]:
     return exponent.astype(jnp.int32).astype(jnp.float64) * math.log(2) + ratio * series
 
 
-def _sine_and_cosine(part: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Of ±45° for a part of ±2³¹."""
-    turn = part * part.dtype.type(math.pi / 2 * 2.0**-32)
-    factorial = [(-1) ** (k // 2) / math.factorial(k) for k in range(2 * SERIES[part.dtype.name])]
+def _sine_and_cosine(angle: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """Of ±45° for an angle of ±2³¹."""
+    turn = angle * angle.dtype.type(math.pi / 2 * 2.0**-32)
+    factorial = [(-1) ** (k // 2) / math.factorial(k) for k in range(2 * SERIES[angle.dtype.name])]
     square = turn * turn
     return turn * _polynomial(square, factorial[1::2]), _polynomial(square, factorial[0::2])
 

@@ -44,7 +44,7 @@ class Source(eqx.Module):
     reference: str = eqx.field(static=True, default="")
     """Where the figure comes from."""
     mean: Float[Array | np.ndarray, "..."] | float = 0.0
-    """Expectation of a constant's draw, in SI: an effect that is known but not corrected."""
+    """Expectation of a constant's draw, in SI: a known effect that is not corrected."""
     shape: Distribution = Normal(0.0, 1.0)
     """Distribution of the draw in units of ``sigma``, about its mean."""
     settings: Mapping[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
@@ -117,8 +117,8 @@ class SignalRange(NamedTuple):
 class ErrorKind:
     """One kind of error on the targets that it can act on.
 
-    To define a subclass with a ``name`` is to register it: experiment files know it from then on. Kinds have no state;
-    their methods take one source (or all sources of the kind on a signal) and are pure functions of arrays.
+    To define a subclass with a ``name`` is to register it for experiment files. Kinds have no state; their methods take
+    one source (or all sources of the kind on a signal) and are pure functions of arrays.
     """
 
     name: ClassVar[str] = ""

@@ -43,7 +43,7 @@ SIZES = {
     "half_width": "Half the width of a distribution between limits.",
     "scale": "Scale of Student's t.",
     "full_scale": "Of which a datasheet's per cent are.",
-    "mean": "Expectation of the draw: an effect that is known but not corrected.",
+    "mean": "Expectation of the draw: a known effect that is not corrected.",
     "correlation": "Between the axes.",
 }
 """What the keys mean that are in the unit of what errs."""
@@ -66,12 +66,14 @@ def draw_keys(kind: ErrorKind, target: str) -> list[tuple[str, Any, None]]:
 def source_table(target: str, name: str) -> Any:
     """Return the declaration of ``[[source]]`` for a kind of error on a target."""
     kind = KINDS[target, name]
-    own = [(key, hint) if needed(hint) else (key, hint, None) for key, hint in kind.keys(target).items()]
+    undrawn = [(key, hint) if needed(hint) else (key, hint, None) for key, hint in kind.keys(target).items()]
     head = [("target", Literal[target]), ("kind", Literal[name])]
     if not (kind.constant or kind.white):
-        return msgspec.defstruct(f"{target}_{name}", [*head, *own], bases=(SourceTable,), frozen=True, kw_only=True)
+        return msgspec.defstruct(f"{target}_{name}", [*head, *undrawn], bases=(SourceTable,), frozen=True, kw_only=True)
     drawn = draw_keys(kind, target)
-    return msgspec.defstruct(f"{target}_{name}", [*head, *own, *drawn], bases=(DrawTable,), frozen=True, kw_only=True)
+    return msgspec.defstruct(
+        f"{target}_{name}", [*head, *undrawn, *drawn], bases=(DrawTable,), frozen=True, kw_only=True
+    )
 
 
 def needed(hint: Any) -> bool:

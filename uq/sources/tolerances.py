@@ -19,7 +19,8 @@ WITHIN: Mapping[str, Any] = {"rectangular": Rectangular, "triangular": Triangula
 """Distributions between two limits."""
 STATED = ("tolerance", "standard_uncertainty", "expanded_uncertainty")
 
-Known = float | Distribution
+UncertainQuantity = float | Distribution
+"""A number where the quantity is exact, else its distribution."""
 
 
 def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
@@ -30,7 +31,7 @@ def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
         above: what all its values must exceed.
     """
 
-    def read(path: str, raw: Any) -> Known:
+    def read(path: str, raw: Any) -> UncertainQuantity:
         return _read(path, raw, unit, above)
 
     return written(read, _schema(unit))
@@ -38,26 +39,26 @@ def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
 
 def uncertain_vector(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
     """Return the annotation of three quantities in ``unit``, one an axis, each as of :func:`uncertain`."""
-    each = Annotated[Known, uncertain(unit, above=above)]
+    each = Annotated[UncertainQuantity, uncertain(unit, above=above)]
 
-    def read(path: str, raw: Any) -> tuple[Known, ...]:
+    def read(path: str, raw: Any) -> tuple[UncertainQuantity, ...]:
         return read_value(path, raw, tuple[each, each, each])
 
     return written(read, {"type": "array", "items": _schema(unit), "minItems": 3, "maxItems": 3})
 
 
-def mean(quantity: Known) -> float:
+def mean(quantity: UncertainQuantity) -> float:
     """Return a quantity's best estimate."""
     return float(quantity.mean) if isinstance(quantity, Distribution) else float(quantity)
 
 
-def _read(path: str, raw: Any, unit: str, above: float | int) -> Known:
+def _read(path: str, raw: Any, unit: str, above: float | int) -> UncertainQuantity:
     if not isinstance(raw, Mapping):
         return float(read_value(path, raw, Annotated[float, in_unit(unit, above=above)]))
-    known = read_table(path, raw, _table(unit, above)).distribution_of_value
-    if getattr(known, "low", math.inf) <= above:
+    distribution = read_table(path, raw, _table(unit, above)).distribution_of_value
+    if getattr(distribution, "low", math.inf) <= above:
         raise ValueError(f"has a tolerance {raw['tolerance']!r}: the limits must be above zero")
-    return known
+    return distribution
 
 
 @cache

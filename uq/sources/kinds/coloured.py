@@ -69,8 +69,9 @@ class Coloured(ErrorKind):
 def _white(source: Source, key: Key[Array, ""], trial: Index, n: int, number: int, dtype: Any) -> Float[Array, "3 n"]:
     """Standard normal samples, block by block as all draws."""
     stream = stream_number(source.name)
-    own = lambda block: jax.random.fold_in(block_key(stream, key, trial, block), number)  # noqa: E731
-    blocks = jax.lax.map(lambda block: jax.random.normal(own(block), (3, BLOCK), dtype), jnp.arange(-(-n // BLOCK)))
+    of_block = lambda block: jax.random.fold_in(block_key(stream, key, trial, block), number)  # noqa: E731
+    draw = lambda block: jax.random.normal(of_block(block), (3, BLOCK), dtype)  # noqa: E731
+    blocks = jax.lax.map(draw, jnp.arange(-(-n // BLOCK)))
     return blocks.swapaxes(0, 1).reshape(3, -1)[:, :n]
 
 
