@@ -81,17 +81,16 @@ def outputs(
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
     problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(kept))
-    options: dict[str, Any] = {"devices": _devices(joint), "batch": _batch(trials, len(kept)), "segment": trials}
-    return all_trials(_outputs, problem, trials, seed, **options)
+    return all_trials(_outputs, problem, trials, seed, **_options(trials, len(kept)))
 
 
-def _devices(joint: Joint | None) -> list[jax.Device] | None:
-    """One where inputs are correlated: two of a processor wait for each other for ever in batches of eigenproblems."""
-    return None if joint is None else jax.devices()[:1]
+def _options(trials: int, rows: int) -> dict[str, Any]:
+    """How the loop runs: on one device, since batches of LAPACK's on two of one processor wait for ever.
 
-
-def _batch(trials: int, rows: int) -> int:
-    return max(1, min(trials, AT_ONCE // rows))
+    Models may call it (eigenvalues, solutions of equations), and so do the regressions of correlated inputs.
+    """
+    batch = max(1, min(trials, AT_ONCE // rows))
+    return {"devices": jax.devices()[:1], "batch": batch, "segment": trials}
 
 
 class _Redrawn(NamedTuple):
@@ -126,8 +125,7 @@ def walks(
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
     problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds))
-    options: dict[str, Any] = {"devices": _devices(joint), "batch": _batch(trials, len(holds) + 1), "segment": trials}
-    return all_trials(_walks, problem, trials, seed, **options)
+    return all_trials(_walks, problem, trials, seed, **_options(trials, len(holds) + 1))
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> tuple[Array, Array]:

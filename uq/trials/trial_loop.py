@@ -31,7 +31,11 @@ SEGMENT = 100
 
 @runtime_checkable
 class RunTrials(Protocol):
-    """Runs a batch of trials on one device; a pure function at the top of a module, so that it is compiled once."""
+    """Runs a batch of trials on one device; a pure function at the top of a module, so that it is compiled once.
+
+    Where it calls LAPACK in batches (eigenvalues, decompositions), give the loop one device: on several of one processor
+    these calls wait for one another for ever.
+    """
 
     def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /, *, at_once: bool) -> Any:
         """Return the batch's results, trials leading; ``at_once``: the device is wide, so that all fit side by side."""

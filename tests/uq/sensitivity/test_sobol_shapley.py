@@ -346,3 +346,10 @@ def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(name, way):
     for kind, coverage in covered(name, way, 1000, 1000).items():
         print(name, way, kind, coverage)
         assert ((coverage >= 0.90) & (coverage <= 0.99)).all(), (kind, coverage)
+
+
+def test_a_model_may_call_lapack():
+    """Two devices of one processor would wait for each other for ever: a trial of 500 eigenproblems at a time."""
+    inputs = {"a": Normal(1.0, 0.1), "b": Normal(0.3, 0.1)}
+    result = sobol(lambda x: jnp.linalg.eigvalsh(jnp.diag(jnp.stack([x["a"], x["b"]]))), inputs, trials=500)
+    np.testing.assert_allclose(result.first.value, [[0, 1], [1, 0]], atol=0.2)
