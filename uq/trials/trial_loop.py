@@ -33,8 +33,8 @@ SEGMENT = 100
 class RunTrials(Protocol):
     """Runs a batch of trials on one device; a pure function at the top of a module, so that it is compiled once.
 
-    Where it calls LAPACK in batches (eigenvalues, decompositions), give the loop one device: on several of one processor
-    these calls wait for one another for ever.
+    Where it calls LAPACK in batches (eigenvalues, decompositions), give the loop one device: on several of one
+    processor these calls wait for one another for ever.
     """
 
     def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /, *, at_once: bool) -> Any:
