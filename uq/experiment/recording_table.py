@@ -3,6 +3,7 @@
 Nothing here touches a recording; :mod:`uq.recorded.load_run` applies it.
 """
 
+from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -18,6 +19,8 @@ from uq.files.units import scale
 
 UNITS = {"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}
 """The unit in SI of each of a recorded run's quantities."""
+ALIGNMENT = frozenset(field.name for field in fields(Alignment))
+"""What the joint estimate takes beforehand; most are keys of ``[recording]``."""
 LONGEST_DELAY = 10.0
 """Seconds of delay, or of its standard uncertainty, beyond which clocks are to be repaired instead."""
 WIDEST_ANGLE = np.pi / 6
@@ -148,17 +151,10 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     @property
     def alignment(self) -> Alignment:
         """Prior of delay, rotation and slow errors; wide where nothing is stated."""
-        stated = {key: getattr(self, key) for key in ALIGNMENT}
+        stated = {key: getattr(self, key) for key in self.__struct_fields__ if key in ALIGNMENT}
         return Alignment(**{key: value for key, value in stated.items() if value is not None})
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is declared, the alignment with what the estimate takes where it is not stated."""
         values = {key: value for key, value in msgspec.structs.asdict(self).items() if key not in ALIGNMENT}
         return {**values, "alignment": self.alignment}
-
-
-ALIGNMENT = (
-    "delay", "sigma_delay", "sigma_rotation", "sigma_gyro_bias", "sigma_tilt", "sigma_accelerometer_bias",
-    "sigma_force_drift", "sigma_moment_drift",
-)  # fmt: skip
-"""Keys of the joint estimate's :class:`Alignment`."""

@@ -66,16 +66,8 @@ def draw_keys(kind: ErrorKind, target: str) -> list[tuple[str, Any, None]]:
 def source_table(target: str, name: str) -> Any:
     """Return the declaration of ``[[source]]`` for a kind of error on a target."""
     kind = KINDS[target, name]
-    undrawn = [(key, hint) if needed(hint) else (key, hint, None) for key, hint in kind.keys(target).items()]
-    head = [("target", Literal[target]), ("kind", Literal[name])]
-    if not (kind.constant or kind.white):
-        return msgspec.defstruct(f"{target}_{name}", [*head, *undrawn], bases=(SourceTable,), frozen=True, kw_only=True)
-    drawn = draw_keys(kind, target)
-    return msgspec.defstruct(
-        f"{target}_{name}", [*head, *undrawn, *drawn], bases=(DrawTable,), frozen=True, kw_only=True
-    )
-
-
-def needed(hint: Any) -> bool:
-    """Whether a key of this type must be written."""
-    return type(None) not in get_args(hint)
+    base, drawn = (DrawTable, draw_keys(kind, target)) if kind.constant or kind.white else (SourceTable, [])
+    hints = kind.keys(target).items()
+    undrawn = [(key, hint, None) if type(None) in get_args(hint) else (key, hint) for key, hint in hints]
+    keys = [("target", Literal[target]), ("kind", Literal[name]), *undrawn, *drawn]
+    return msgspec.defstruct(f"{target}_{name}", keys, bases=(base,), frozen=True, kw_only=True)
