@@ -74,6 +74,11 @@ def _width(cell: str) -> int:
     return sum(not unicodedata.combining(character) for character in cell)
 
 
+def sentence(text: str) -> str:
+    """Return a text with a capital and a full stop."""
+    return f"{text[0].upper()}{text[1:]}."
+
+
 def with_error(value: float, standard_error: float, decimals: int = 4) -> str:
     """Return a figure with its standard error, ``−30.644 ± 0.054``: two digits of the error, ``decimals`` at most."""
     if not math.isfinite(value):

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from identify.estimators.gram import accumulate, solve
 from identify.joint.gauss_newton import posterior
-from identify.joint.priors import STATIC, Known
+from identify.joint.priors import STATIC, PriorBlock
 from identify.joint.single_run import REACH, JointRun, Setting, fitted, joint_run, prepared
 from identify.motion.trajectory import sample
 from identify.rigid_body.dynamics import wrench
@@ -114,7 +114,7 @@ class Laboratory:
     def calibration(self, rng, correlated=None):
         """What static poses say of this body: drawn around the truth with the declared covariance."""
         covariance = np.diag(self.sigma_static**2) if correlated is None else correlated
-        return Known(rng.multivariate_normal(self.static, covariance, method="cholesky"), covariance)
+        return PriorBlock(rng.multivariate_normal(self.static, covariance, method="cholesky"), covariance)
 
     def estimate(self, run, known, alignment) -> JointRun:
         return joint_run(run, Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity, 0.1))

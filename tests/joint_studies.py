@@ -40,8 +40,8 @@ def _one_laboratory(experiment, number, runs, seed):
             laboratory.run(rng, delay, rotation), laboratory.calibration(rng, covariance), Alignment()
         )
         truth = np.concatenate([laboratory.body.inertia, [delay], rotation, laboratory.body.r_cg_from_q])
-        total, of_prior = (np.diag(part)[SHOWN] for part in joint.posterior())
-        rows.append((joint.theta[SHOWN] - truth, np.sqrt(total), of_prior / total))
+        total, prior_covariance = (np.diag(part)[SHOWN] for part in joint.posterior())
+        rows.append((joint.theta[SHOWN] - truth, np.sqrt(total), prior_covariance / total))
     return tuple(np.array(part) for part in zip(*rows, strict=True))
 
 

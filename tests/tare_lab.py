@@ -9,7 +9,8 @@ from identify.identification import identify
 from identify.rigid_body.fixture import subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.static.centre import Attitudes, centre
+from identify.static.centre import centre
+from identify.static.pose_fit import Attitudes
 from uq.campaign.simulation import simulate
 from uq.identification.tare import lasting_errors, tared
 

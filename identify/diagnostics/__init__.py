@@ -1,1 +1,1 @@
-"""What the residuals of a run say: their possible causes, spectral lines, the consistency verdict."""
+"""Diagnostics of a run: causes of its residuals, spectral lines, conventions of axes, signs and units."""

@@ -5,8 +5,7 @@ With the wrench (F, M) on the body at Q, specific force f and angular velocity �
     F = m f + α × b + ω × (ω × b) + F0                b = m (r_CG − r_IMU)
     M = r × F + q × f + I α + ω × I ω + M0            q: only where weight is missing in F but not in M
 
-whose columns are those of the regressor. Each is linear in its unknowns; a fit says what is left, and how surely each
-unknown is determined.
+whose columns are those of the regressor. Each is linear in its unknowns; a fit has them with covariance and misfit.
 """
 
 from dataclasses import dataclass
@@ -113,7 +112,7 @@ def tensor(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "3 3"]:
 
 
 def negativity(fit: Fit) -> float:
-    """What it costs in chi-square to make a tensor that has a negative moment one that has not."""
+    """Increase of chi-square when a tensor's negative moments are raised to zero."""
     moments, axes = np.linalg.eigh(tensor(fit.values[INERTIA_AT]))
     cost = 0.0
     for moment, axis in zip(moments, axes.T, strict=True):

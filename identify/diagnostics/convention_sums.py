@@ -1,4 +1,4 @@
-"""What a run says of its mechanics, in a few sums: smoothed signals of both sensors on common instants.
+"""The mechanics of a run in a few sums: smoothed signals of both sensors on common instants.
 
 Newton's and Euler's equations are linear in force, moment, specific force and the thirteen features of the motion
 (:mod:`identify.rigid_body.regressor`). One smoothing filter over all of them, products taken before, keeps them exact
@@ -16,7 +16,7 @@ from identify.rigid_body import regressor
 from identify.rigid_body.regressor import FEATURES, PAIRS
 
 SMOOTHING = 0.05  # standard deviation of the Gaussian filter [s]: half the power at 2.6 Hz
-STEP = 0.05  # between the instants that are kept [s]
+STEP = 0.05  # between the instants of the sums [s]
 LEAST_SECONDS = 3.0  # with less there is too little to judge
 FORCE, MOMENT, SPECIFIC, GRAVITY = (slice(3 * i, 3 * i + 3) for i in range(4))
 MOTION = slice(12, 12 + len(FEATURES))
@@ -58,9 +58,9 @@ class ConventionSums:
     gram: Float[np.ndarray, "25 25"]
     instants: float
     noise: tuple[float, float] = (0.0, 0.0)
-    """Standard deviation of what the filter took off the force [N] and the moment [N·m]."""
+    """Standard deviation of the noise that the filter removed from force [N] and moment [N·m]."""
     white: float = 0.0
-    """What the filter leaves of white noise's variance."""
+    """Part of white noise's variance that passes the filter."""
 
     def mean(self, columns: slice) -> Float[np.ndarray, " k"]:
         """The mean of some columns."""
@@ -141,7 +141,7 @@ def _on_grid(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> Float[np
     return np.stack([np.interp(grid, time, column) for column in smooth], axis=1)
 
 
-RECALL = 20.0  # seconds after which the accelerometer has the say on where gravity is
+RECALL = 20.0  # time constant with which the accelerometer corrects gravity's direction [s]
 LARGEST_BIAS = 0.02  # rad/s of mean angular velocity that is taken for the gyro's bias
 
 

@@ -10,7 +10,7 @@ from identify.diagnostics.convention_sums import ImuSignal
 from identify.diagnostics.conventions import signed_axes
 
 LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
-UNLIKE = 15.0  # times less turned than that; a lever arm or a filter makes two or three
+UNLIKE = 15.0  # ratio of the turn by the gyro to that by the accelerometer; a lever arm or a filter makes two or three
 STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
 LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
 WITHIN = 5.0  # seconds: slower turns may be a gyro's bias

@@ -24,7 +24,7 @@ from identify.diagnostics.conventions import DECISIVE, Scales, hypotheses
 
 AIR = 1.0  # kg/m³: no body on a load cell is lighter
 LEAST_WEIGHT = 0.3  # of the declared weight, below which it counts as missing
-SURE = 6.0  # standard deviations
+CERTAIN = 6.0  # standard deviations
 ZERO = 0.03  # of the mean force that may be the zero, as a standard deviation, besides a quarter of the noise
 LIKENESS = 0.05  # of the force's changes: gravity carried along by a gyro is no better
 LARGEST_ARM = 0.5  # metres from Q to the centre of gravity, as a standard deviation
@@ -35,7 +35,7 @@ Removed = Literal["force", "force and moment", "undetermined"]
 
 @dataclass(frozen=True)
 class ApparentMass:
-    """The mass whose weight the mean force is [kg], and what its zero and noise may make of it [kg]."""
+    """The mass whose weight the mean force is, with its uncertainty from zero and noise [kg]."""
 
     mass: float
     uncertainty: float
@@ -66,7 +66,7 @@ class DeclaredBody:
 
 @dataclass(frozen=True)
 class MissingWeight:
-    """What was done to the weight, as far as the run tells: both may be possible."""
+    """How the weight was removed, as far as the run shows: both may be possible."""
 
     zeroed: bool
     """With the body on the load cell."""
@@ -95,9 +95,9 @@ def missing_weight(sums: ConventionSums, given: Scales, body: DeclaredBody) -> M
     lever = np.einsum("k,kij->ij", body.lever, LEVER)
     zeroed_terms = np.concatenate([WEIGHT + lever, OFFSET])
     zeroed = convention_fit.solve(sums, zeroed_terms, FORCE, variance=variance)
-    sure = convention_fit.solve(sums, zeroed_terms, FORCE, variance=given.force).significance(slice(0, 1))
+    significance = convention_fit.solve(sums, zeroed_terms, FORCE, variance=given.force).significance(slice(0, 1))
     removed_from = _removed_from(sums, given, body)
-    if zeroed.values[0] <= 0 or sure < SURE:
+    if zeroed.values[0] <= 0 or significance < CERTAIN:
         return MissingWeight(zeroed=False, removed=removed_from)
     removed = convention_fit.solve(sums, np.concatenate([ACCELERATION + lever, OFFSET]), FORCE, variance=variance)
     if removed.misfit - zeroed.misfit > DECISIVE:
@@ -140,4 +140,4 @@ def _least_trace(sums: ConventionSums) -> float:
     fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(left), priors=priors)
     moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
     spread = np.sqrt(max(float(fit.covariance[np.ix_(moments, moments)].sum()), 0.0))
-    return abs(float(fit.values[moments].sum())) - SURE * spread
+    return abs(float(fit.values[moments].sum())) - CERTAIN * spread

@@ -1,7 +1,7 @@
-"""The consistency verdict: what a run's residuals follow, and so what is likely wrong with the rig or its declaration.
+"""The consistency verdict: signals that a run's residuals follow, and the causes in the rig or its declaration.
 
-The residual moment is regressed on sets of signals that known causes make; each set less what the tensor and the
-offsets take of it, since the estimate has swallowed that part. A set is judged by a Wald test whose covariance allows
+The residual moment is regressed on the sets of signals of known causes; each set less its projection on the columns of
+tensor and offsets, which the estimate has absorbed. A set is judged by a Wald test whose covariance allows
 for residuals that are correlated in time (Newey and West, doi:10.2307/1913610). The best by Schwarz's criterion
 (doi:10.1214/aos/1176344136) is named first; others only for what is left beside it.
 """
@@ -22,7 +22,7 @@ from identify.signals.run import Run
 SIGNIFICANCE = 1e-5
 """Chance that a clean run's residuals follow one set of signals by accident."""
 LEAST = 1e-3
-"""Smallest part of the residuals' variance that is worth a word."""
+"""Smallest part of the residuals' variance that is reported."""
 GENERAL = {"attitude": ("centre of gravity",)}
 """Sets that hold others: named only where they explain more than these by the factor ``BETTER``."""
 BETTER = 1.1
@@ -115,9 +115,9 @@ def consistency(
     fits = _followed(rest, causes(left, inertia), base) if total > 0 else []
     plain = estimator.lowpass is None
     whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
-    tone = line(whole.moment - _unfiltered(fits, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
+    resonance = line(whole.moment - _unfiltered(fits, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
     verdicts = [_verdict(fit, total, run.name) for fit in fits]
-    return (*verdicts, *([] if tone is None or tone.share < LEAST else [_of_line(tone, run.name)]))
+    return (*verdicts, *([] if resonance is None or resonance.share < LEAST else [_line_verdict(resonance, run.name)]))
 
 
 def _followed(rest: np.ndarray, open_to: list[Cause], base: np.ndarray) -> list[Fit]:
@@ -234,7 +234,7 @@ def _unfiltered(fits: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.nd
     return total
 
 
-SAID = {
+TEXTS = {
     "delay": "angular acceleration: as if the angular velocity came late by {} ms (delay)",
     "rotation": "angular acceleration: as if the IMU were turned against the load cell by ({}) deg (rotation)",
     "tensor": "angular acceleration: as that of a body whose tensor changes during the run (something moves)",
@@ -255,10 +255,11 @@ def _verdict(fit: Fit, total: float, name: str) -> Verdict:
     scale = SCALED.get(cause, 1.0)
     pairs = zip(scale * fit.coefficients, abs(scale) * fit.standard_uncertainty, strict=True)
     figures = ", ".join(f"{value:.2g} ± {sigma:.1g}" for value, sigma in pairs).replace("-", "−")
-    text = f"{name}: the residual moment follows the {SAID[cause].format(figures)}; {rms:.2g} N·m rms"
+    text = f"{name}: the residual moment follows the {TEXTS[cause].format(figures)}; {rms:.2g} N·m rms"
     return Verdict(cause, f"b{int(np.argmax(of_axis)) + 1}", share, text, name)
 
 
-def _of_line(tone: Line, name: str) -> Verdict:
-    text = f"{name}: a line at {tone.frequency:.3g} Hz in the residual moment about b{tone.axis + 1} (resonance); "
-    return Verdict("resonance", f"b{tone.axis + 1}", tone.share, f"{text}{tone.rms:.2g} N·m rms", name)
+def _line_verdict(resonance: Line, name: str) -> Verdict:
+    axis = f"b{resonance.axis + 1}"
+    text = f"{name}: a line at {resonance.frequency:.3g} Hz in the residual moment about {axis} (resonance); "
+    return Verdict("resonance", axis, resonance.share, f"{text}{resonance.rms:.2g} N·m rms", name)

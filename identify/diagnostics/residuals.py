@@ -1,4 +1,4 @@
-"""What a run's moment leaves unexplained, instant by instant, beside the signals that might explain it."""
+"""A run's residual moment, instant by instant, beside the signals that might explain it."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -82,7 +82,7 @@ def residuals(
 
 
 def upward_by_force(run: Run, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
-    """Return the upward direction in B that gyro and force tell together: the load cell as an accelerometer.
+    """Return the upward direction in B from gyro and force together: the load cell as an accelerometer.
 
     The force's own noise is that of the residuals, which would seem to follow it; the gyro's integral is free of it.
     Zeros where there is no force.

@@ -9,7 +9,7 @@ from jaxtyping import Float
 CHANCE = 1e-5
 """Of a line in noise, over all frequencies and axes."""
 AROUND = 40
-"""Parts of the spectrum over one of which its level is taken."""
+"""The level is a median over the spectrum's length divided by this."""
 
 
 class Line(NamedTuple):
@@ -57,7 +57,7 @@ SAFETY = 1.5
 
 
 def _level(spectrum: np.ndarray, width: int) -> np.ndarray:
-    """What the spectrum is around: its median on the side where that is higher, so that a slope is no line."""
+    """Level of the spectrum around each bin: its median on the side where that is higher, a slope being no line."""
     half = width // 2
     sides = [
         scipy.ndimage.median_filter(spectrum, size=(width, 1), origin=(shift, 0), mode="reflect")
@@ -67,7 +67,7 @@ def _level(spectrum: np.ndarray, width: int) -> np.ndarray:
 
 
 def _power(spectrum: np.ndarray, level: np.ndarray, peak: int) -> float:
-    """What stands above the level about the peak, as far as it stands out."""
+    """Power above the level about the peak, over the bins that exceed three times the level."""
     out = spectrum > 3 * level
     first = last = peak
     while first > 0 and out[first - 1]:

@@ -1,4 +1,4 @@
-"""What is known beforehand of delay and rotation between load cell and IMU, and of both sensors' slow errors."""
+"""The prior of delay and rotation between load cell and IMU, and of both sensors' slow errors."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from identify.signals.run import RunError
 
 @dataclass(frozen=True)
 class Alignment:
-    """What is known of the IMU against the load cell, and of both sensors' slow errors; SI units."""
+    """Prior of the IMU's delay and rotation against the load cell, and of both sensors' slow errors; SI units."""
 
     delay: float = 0.0
     """The IMU's sample is that of so long before its stamp [s]."""
@@ -22,7 +22,7 @@ class Alignment:
     sigma_gyro_bias: float | tuple[float, float, float] = 0.02
     """Standard uncertainty of the gyro's zero [rad/s]."""
     sigma_tilt: float | None = None
-    """Standard uncertainty of the attitude at the start, which is level [rad]; None: unknown, the force tells it."""
+    """Standard uncertainty of the attitude at the start, which is level [rad]; None: from the force."""
     sigma_accelerometer_bias: float | tuple[float, float, float] = 0.3
     """Standard uncertainty of the accelerometer's zero [m/s²]."""
     sigma_force_drift: float | tuple[float, float, float] = 0.0
@@ -31,7 +31,7 @@ class Alignment:
     """The same of the moment's [N·m]."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Refuse figures that are not finite, negative uncertainties, and wrong shapes."""
         for name, value in vars(self).items():
             numbers = np.atleast_1d(np.asarray(0.0 if value is None else value, float))
             if not np.isfinite(numbers).all() or (name.startswith("sigma") and (numbers < 0).any()):

@@ -1,8 +1,8 @@
-"""The hybrid Cramér–Rao bound: what no estimator can beat, given the noise and what is known beforehand.
+"""The hybrid Cramér–Rao bound: what no estimator can beat, given the noise and the priors.
 
 The inverse of the samples' Fisher information plus the precision of the priors, over every unknown that is left free
 (van Trees, Detection, Estimation, and Modulation Theory I, 2.4.3). For priors drawn in each experiment it bounds
-the mean square of the errors. The true angular velocity counts as known once smoothed.
+the mean square of the errors. The true angular velocity counts as exact once smoothed.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ import numpy as np
 from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import information
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
-from identify.joint.priors import STATIC, Known, Prior
+from identify.joint.priors import STATIC, Prior, PriorBlock
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS, Body
@@ -34,11 +34,11 @@ class Bound(Result):
     """
 
     free: tuple[str, ...]
-    """The unknowns that count as free; all others count as known."""
+    """The unknowns that are estimated; all others count as exact."""
     covariance: np.ndarray
-    """Of all unknowns, in the order of :data:`identify.joint.joint_model.SLICES`; zero for what is known."""
+    """Of all unknowns, in the order of :data:`identify.joint.joint_model.SLICES`; zero for what is exact."""
     prior_share: Mapping[str, np.ndarray]
-    """By unknown: how much of each variance comes from what is known beforehand, 1 where the samples say nothing."""
+    """By unknown: how much of each variance comes from the prior, 1 where the samples add nothing."""
 
     def standard_uncertainty(self, name: str) -> np.ndarray:
         """Return the least standard uncertainty of an unknown, such as ``inertia``, ``r_cg``, ``delay``, in SI."""
@@ -60,7 +60,7 @@ class Bound(Result):
         }
 
     def title(self) -> str:
-        """Return what the table is of."""
+        """Return the heading: which unknowns are free."""
         return f"Hybrid Cramér–Rao bound; free: {', '.join(self.free)}"
 
     def tables(self) -> list[Table]:
@@ -94,8 +94,8 @@ def bound(
         band: highest frequency of the motion [Hz].
         noise: standard deviation of one sample's white noise: force [N], moment [N·m], shape (6,).
         gyro_noise: that of the gyro [rad/s], shape (3,).
-        static_covariance: of mass, r_CG and the offsets of force and moment beforehand, (10, 10) [kg, m, N, N·m].
-        alignment: standard uncertainties of delay, rotation, gyro's zero and tilt beforehand; 0: known.
+        static_covariance: prior covariance of mass, r_CG and the offsets of force and moment, (10, 10) [kg, m, N, N·m].
+        alignment: prior standard uncertainties of delay, rotation, gyro's zero and tilt; 0: exact.
         specific_force: where it comes from; an accelerometer counts as free of noise, but for its zero.
         gravity: local gravity [m/s²].
 
@@ -104,20 +104,20 @@ def bound(
     """
     static = np.concatenate([[float(body.mass)], np.asarray(body.r_cg_from_q), np.zeros(6)])
     scale = float(np.abs(np.asarray(body.inertia)).max())
-    setting = Setting({STATIC: Known(static, static_covariance)}, alignment, band, specific_force, gravity, scale)
+    setting = Setting({STATIC: PriorBlock(static, static_covariance)}, alignment, band, specific_force, gravity, scale)
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), position, setting)
     theta = np.array(beforehand.mean)
     theta[SLICES["inertia"]] = body.inertia
-    return _of_information(
+    return _bound_from_information(
         beforehand, _information(model, beforehand, _whitener(body, noise, rows.factor, specific_force), theta)
     )
 
 
 def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: SpecificForce) -> np.ndarray:
-    """For the rows' noise; without a specific force, that of the measured force comes with the lever r."""
+    """Whitener of the rows' noise; without a specific force, the measured force's noise enters with the lever r."""
     covariance = np.diag(np.square(noise)) / factor
     if specific_force != "none":
         return whitener(covariance)
@@ -130,11 +130,11 @@ def _information(model: Any, beforehand: Prior, white: np.ndarray, theta: np.nda
     return np.asarray(eqx.filter_jit(information)(model, beforehand, jnp.asarray(white), jnp.asarray(z)))
 
 
-def _of_information(beforehand: Prior, samples: np.ndarray) -> Bound:
+def _bound_from_information(beforehand: Prior, samples: np.ndarray) -> Bound:
     root, precision = np.asarray(beforehand.root), np.diag(np.asarray(beforehand.counted))
     inverse = np.linalg.inv(samples + precision)
-    covariance, of_prior = root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T
+    covariance, prior_covariance = root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T
     total = np.diag(covariance)
     free = tuple(name for name in SIZES if (total[SLICES[name]] > 0).any())
-    shares = {name: (np.diag(of_prior) / np.where(total > 0, total, 1.0))[SLICES[name]] for name in free}
+    shares = {name: (np.diag(prior_covariance) / np.where(total > 0, total, 1.0))[SLICES[name]] for name in free}
     return Bound(free, covariance, shares)

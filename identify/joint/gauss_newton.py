@@ -1,4 +1,4 @@
-"""The joint estimate of one run: the most probable unknowns, given its samples and what was known before.
+"""The joint estimate of one run: the most probable unknowns, given its samples and the prior.
 
 Gauss–Newton on whitened residuals and priors (maximum a posteriori); the covariance is the inverse of the information
 at the solution. Every function takes one run; ``vmap`` it over runs of one length.
@@ -18,7 +18,7 @@ from identify.joint.joint_model import Model, kinematics, residuals, unknowns
 from identify.joint.priors import Prior
 
 TOLERANCE = 1e-3
-"""Of the solution, in standard uncertainties known beforehand."""
+"""Of the solution, in standard uncertainties of the prior."""
 ROUGH = 1e-1
 """Tolerance of a solution that only shows the noise."""
 MOST_STEPS = 30
@@ -29,7 +29,7 @@ class Fit(NamedTuple):
 
     z: Float[Array, " free"]
     """The solution; ``prior.theta(z)`` are the unknowns."""
-    of_data: Float[Array, "free free"]
+    information: Float[Array, "free free"]
     """Information of the samples on z."""
     residuals: Float[Array, "rows n"]
     """Measured less predicted [N], [N·m]."""
@@ -49,10 +49,10 @@ def solve(
 
     Args:
         model: the run.
-        prior: what is known beforehand.
+        prior: of its unknowns.
         whitener: W with ``W C Wᵀ = 1``, C the covariance of one instant's rows.
         start: z to start from.
-        tolerance: of the solution, in standard uncertainties known beforehand.
+        tolerance: of the solution, in standard uncertainties of the prior.
     """
 
     def weighed(z: Array, _: None) -> Any:
@@ -98,8 +98,8 @@ def information(
 
 
 def posterior(fit: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance of the unknowns, (count, count), and the part of it that the priors' errors cause."""
-    of_data, counted, root = (np.asarray(x) for x in (fit.of_data, prior.counted, prior.root))
-    inverse = np.linalg.inv(of_data + np.diag(counted))
-    of_prior = inverse @ np.diag(counted) @ inverse
-    return root @ inverse @ root.T, root @ of_prior @ root.T
+    """Return the covariance of the unknowns, (count, count), and the part of it that the prior's errors cause."""
+    information, counted, root = (np.asarray(x) for x in (fit.information, prior.counted, prior.root))
+    inverse = np.linalg.inv(information + np.diag(counted))
+    prior_covariance = inverse @ np.diag(counted) @ inverse
+    return root @ inverse @ root.T, root @ prior_covariance @ root.T

@@ -1,11 +1,11 @@
-"""What load cell and IMU would say of a body, as a function of everything that is not known: the joint model.
+"""The joint model: the signals of load cell and IMU as a function of all unknowns.
 
 Rows are (4) and (5) at the load cell's instants, with the motion of the IMU taken ``delay`` later and turned into the
 load cell's frame. The specific force f at the centre of gravity comes from one of three:
 
 - ``still``: the centre of gravity is at rest, f is opposite to gravity, whose direction follows from the gyro;
 - ``accelerometer``: f is what the accelerometer reads, carried to the centre of gravity;
-- ``none``: f is not known; (5) alone counts, with the measured force in it.
+- ``none``: f is not measured; (5) alone counts, with the measured force in it.
 """
 
 from typing import Literal, NamedTuple
@@ -94,11 +94,11 @@ class Kinematics(NamedTuple):
     alpha: Float[Array, "3 n"]
     """Angular acceleration [rad/s²]."""
     specific_force: Float[Array, "3 n"] | None
-    """At the centre of gravity [m/s²]; None: not known."""
+    """At the centre of gravity [m/s²]; None: not measured."""
 
 
 def kinematics(model: Model, x: Unknowns) -> Kinematics:
-    """Return the motion that the IMU tells, ``delay`` later and turned into B."""
+    """Return the motion that the IMU measures, ``delay`` later and turned into B."""
     rows, turn = model.rows, exponential(x.rotation)
     t = rows.t + x.delay[0]
     value, slope, _ = evaluate(rows.motion, rows.step, t)

@@ -1,6 +1,7 @@
-"""Several runs of one body and one rig: what they share is estimated from all of them, the prior counting once.
+"""Several runs of one body and one rig: what they share is estimated from all of them, with the prior taken once.
 
-Each run's solution is expanded to second order, what is its own is eliminated (Schur complement), and the rest adds up.
+Each run's solution is expanded to second order, the unknowns of that run alone are eliminated (Schur complement), and
+the rest adds up.
 """
 
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from identify.joint.single_run import JointRun
 ALIGNED = ("inertia", "mass", "r_cg", "delay", "rotation")
 """What runs of one body and one rig share."""
 CALIBRATED = ("force_offset", "moment_offset")
-"""What they share, too, where a static calibration stands before all of them."""
+"""What they share, too, where one static calibration precedes all of them."""
 
 
 class Pooled(NamedTuple):
@@ -24,10 +25,10 @@ class Pooled(NamedTuple):
     """Each run's unknowns, those that are shared being equal."""
     covariance: np.ndarray
     """Of the unknowns of the first run, (count, count)."""
-    of_prior: np.ndarray
-    """The part of it that the errors of what was known before cause."""
+    prior_covariance: np.ndarray
+    """The part of it that the errors of the prior cause."""
     scatter: float
-    """How much more the runs scatter than their own noise says; 1 for one run."""
+    """How much more the runs scatter than their noise predicts; 1 for one run."""
     degrees_of_freedom: float
     """Of the scatter; infinite for one run."""
 
@@ -40,8 +41,8 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
         shared: names of the unknowns that are the same in all.
     """
     if len(runs) == 1:
-        covariance, of_prior = runs[0].posterior()
-        return Pooled([runs[0].theta], covariance, of_prior, 1.0, np.inf)
+        covariance, prior_covariance = runs[0].posterior()
+        return Pooled([runs[0].theta], covariance, prior_covariance, 1.0, np.inf)
     root, counted = np.asarray(runs[0].prior.root), np.asarray(runs[0].prior.counted)
     common = np.abs(root[indices(shared)]).max(axis=0) > 0
     reduced = [_eliminated(run, common) for run in runs]
@@ -51,34 +52,34 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
     z = inverse @ right
     scatter, freedom = _scatter(reduced, z)
     spread = scatter**2 * inverse @ total @ inverse + inverse @ precision @ inverse
-    theta, covariance, of_prior = [], np.zeros_like(root @ root.T), np.zeros_like(root @ root.T)
+    theta, covariance, prior_covariance = [], np.zeros_like(root @ root.T), np.zeros_like(root @ root.T)
     for run, equations in zip(runs, reduced, strict=True):
         whole = np.empty(len(common))
-        whole[common], whole[~common] = z, equations.own @ np.concatenate([[1.0], z])
+        whole[common], whole[~common] = z, equations.local_map @ np.concatenate([[1.0], z])
         theta.append(np.asarray(run.prior.mean) + np.asarray(run.prior.root) @ whole)
     first = reduced[0]
     carried = np.zeros((len(common), int(common.sum())))
-    carried[common], carried[~common] = np.eye(int(common.sum())), first.own[:, 1:]
+    carried[common], carried[~common] = np.eye(int(common.sum())), first.local_map[:, 1:]
     covariance = root @ carried @ spread @ carried.T @ root.T
-    covariance += root[:, ~common] @ first.own_covariance @ root[:, ~common].T
-    of_prior = root @ carried @ inverse @ precision @ inverse @ carried.T @ root.T
-    return Pooled(theta, covariance, of_prior, scatter, freedom)
+    covariance += root[:, ~common] @ first.local_covariance @ root[:, ~common].T
+    prior_covariance = root @ carried @ inverse @ precision @ inverse @ carried.T @ root.T
+    return Pooled(theta, covariance, prior_covariance, scatter, freedom)
 
 
 class _Eliminated(NamedTuple):
-    """A run's normal equations of what is shared, and how its own follows."""
+    """A run's normal equations of the shared unknowns, and how the others follow from these."""
 
     matrix: np.ndarray
     right: np.ndarray
-    own: np.ndarray
-    """Its own z as ``own @ (1, shared z)``."""
-    own_covariance: np.ndarray
-    """Of its own z, given the shared."""
+    local_map: np.ndarray
+    """The other z as ``local_map @ (1, shared z)``."""
+    local_covariance: np.ndarray
+    """Of the other z, given the shared."""
 
 
 def _eliminated(run: JointRun, common: np.ndarray) -> _Eliminated:
     counted, z = np.asarray(run.prior.counted), np.asarray(run.fit.z)
-    data = np.asarray(run.fit.of_data)
+    data = np.asarray(run.fit.information)
     right = (data + np.diag(counted)) @ z
     matrix = data + np.diag(np.where(common, 0.0, counted))
     cross = matrix[np.ix_(common, ~common)]

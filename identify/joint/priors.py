@@ -1,7 +1,7 @@
-"""What is known of a run's unknowns beforehand: means and covariances, as the joint estimate takes them.
+"""The prior of a run's unknowns: means and covariances, as the joint estimate takes them.
 
 Unknowns are written ``theta = mean + root @ z``: with a prior, z is standard normal; without one (the tensor), z is
-free. What is known exactly has no column, so it is neither estimated nor costs anything.
+free. An unknown of zero uncertainty has no column, so it is neither estimated nor costs anything.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,10 +16,10 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
-"""What static poses tell, in the order of their covariance."""
+"""What static poses determine, in the order of their covariance."""
 
 
-class Known(NamedTuple):
+class PriorBlock(NamedTuple):
     """Mean and covariance of some unknowns."""
 
     mean: np.ndarray
@@ -27,12 +27,12 @@ class Known(NamedTuple):
 
 
 class Prior(eqx.Module):
-    """Everything known beforehand, for one run."""
+    """The prior of all unknowns of one run."""
 
     mean: Float[Array, " count"]
     root: Float[Array, "count free"]
     counted: Float[Array, " free"]
-    """1 where z is standard normal, 0 where nothing is known."""
+    """Prior precision of each z: 1 where it is standard normal, 0 where there is no prior."""
 
     def theta(self, z: Float[Array, " free"]) -> Float[Array, " count"]:
         """Return the unknowns of z."""
@@ -46,7 +46,7 @@ class Prior(eqx.Module):
 
 
 def prior(
-    blocks: Mapping[tuple[str, ...], Known],
+    blocks: Mapping[tuple[str, ...], PriorBlock],
     alignment: Alignment,
     *,
     gyro_density: np.ndarray,
@@ -56,8 +56,8 @@ def prior(
     """Return the prior of one run.
 
     Args:
-        blocks: mean and covariance of mass, r_CG, offsets of force and moment; what is known together, in one block.
-        alignment: what is known of the IMU.
+        blocks: mean and covariance of mass, r_CG, offsets of force and moment; what is correlated, in one block.
+        alignment: prior of delay, rotation and slow errors.
         gyro_density: density of the gyro's white noise on each axis [rad/s^0.5].
         scale: order of magnitude of the tensor [kg·m²].
         wander: whether the attitude is integrated, so that the gyro's noise makes it wander.
@@ -87,7 +87,7 @@ def prior(
 
 
 def indices(names: Iterable[str]) -> np.ndarray:
-    """Return where some unknowns stand among all."""
+    """Return the places of some unknowns among all."""
     return np.concatenate([np.arange(COUNT)[SLICES[name]] for name in names])
 
 

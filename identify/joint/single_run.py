@@ -10,31 +10,28 @@ from jaxtyping import Array, Float
 
 from identify.estimators.least_squares import excitation
 from identify.joint.alignment_prior import Alignment
+from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
 from identify.joint.gauss_newton import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
-from identify.joint.priors import Known, Prior, prior
-from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, PI_OF_FORCE, cross_matrix, features
+from identify.joint.priors import Prior, PriorBlock, prior
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
 from identify.rigid_body.rotation import exponential
-from identify.signals.band_limited_run import PASSED, InBand, evaluate, in_band, low_pass
+from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
 from identify.signals.filters import noise_level
 from identify.signals.run import Run, RunError
 
-DELAYS_PER_PERIOD = 16
-"""Starts of the delay that are tried, a period of the motion."""
-SAFE_PHASE = 1.0
-"""Phase of the motion [rad], three standard uncertainties of the delay, below which none needs to be tried."""
 LEAST_NOISE = 1e-5
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
 REACH = 4.0
-"""Standard uncertainties of the delay that a run's ends leave room for."""
+"""Standard uncertainties of the delay that the margins at a run's ends allow for."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What a joint estimate needs to know beside the runs."""
+    """Everything that a joint estimate is given beside the runs."""
 
-    blocks: Mapping[tuple[str, ...], Known]
-    """Mass, r_CG, offsets of force and moment; what is known together, in one block."""
+    blocks: Mapping[tuple[str, ...], PriorBlock]
+    """Mean and covariance of mass, r_CG, offsets of force and moment; what is correlated, in one block."""
     alignment: Alignment
     band: float
     """Highest frequency of the motion [Hz]."""
@@ -91,27 +88,25 @@ def fitted(model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting,
 
     Args:
         model: the run.
-        beforehand: what is known beforehand.
+        beforehand: the prior of its unknowns.
         noise: covariance of one row's noise, (rows, rows): declared, or a first guess.
-        setting: all else that is declared; with ``setting.noise`` the covariance is kept.
+        setting: all else that is declared; with ``setting.noise`` the covariance stays as it is.
         name: what messages call the run.
     """
-    start, tolerance = (
-        jnp.asarray(_start(model, beforehand, setting)),
-        TOLERANCE if setting.noise is not None else ROUGH,
-    )
+    start = jnp.asarray(_start(model, beforehand, setting))
+    tolerance = TOLERANCE if setting.noise is not None else ROUGH
     first = solve(model, beforehand, jnp.asarray(whitener(noise)), start, jnp.asarray(tolerance))
     _check(name, model, beforehand, first)
     if setting.noise is not None:
         return first, noise
-    left = noise_of(first, beforehand, model)
+    left = residual_noise(first, beforehand, model)
     fit = solve(model, beforehand, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
     _check(name, model, beforehand, fit)
     return fit, left
 
 
 def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
-    """Return the run's model, what is known of it beforehand, and its gyro's noise [rad/s]."""
+    """Return the run's model, the prior of its unknowns, and its gyro's noise [rad/s]."""
     alignment, kind = setting.alignment, setting.specific_force
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, setting.band, reach=reach, accelerometer=kind == "accelerometer")
@@ -121,7 +116,7 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
 
 
 def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
-    """Return the model of decimated rows, and what is known beforehand."""
+    """Return the model of decimated rows, and the prior of its unknowns."""
     alignment, kind = setting.alignment, setting.specific_force
     beforehand = prior(
         setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still"
@@ -136,8 +131,8 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
 
 
 def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.ndarray) -> None:
-    """Refuse a run that by itself does not tell the tensor."""
-    phi = _features(model.rows, np.eye(3), setting.alignment.delay)
+    """Refuse a run whose motion alone does not determine the tensor."""
+    phi = features_at_delay(model.rows, np.eye(3), setting.alignment.delay)
     tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi).reshape(-1, 6)
     noise = float(model.rows.used.sum()) * noise_in_alpha(run.rate, model.rows, gyro_noise, np.eye(3))
     verdict = excitation(tensor.T @ tensor, noise)
@@ -161,7 +156,7 @@ def whitener(covariance: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
-def noise_of(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
+def residual_noise(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
     """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
 
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
@@ -171,7 +166,9 @@ def noise_of(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
     bins = max(int(share * (spectrum.shape[1] - 1)), 1)
     inside = spectrum[:, 1 : bins + 1]
-    taken = np.trace(np.linalg.solve(np.asarray(fit.of_data) + np.diag(beforehand.counted), np.asarray(fit.of_data)))
+    taken = np.trace(
+        np.linalg.solve(np.asarray(fit.information) + np.diag(beforehand.counted), np.asarray(fit.information))
+    )
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
@@ -218,55 +215,15 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
 
 
 def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
-    """Where to start from: the delay by trial, the gyro's bias from the slow turn of the force."""
+    """Start of the search: delay and tensor by cross-correlation, the gyro's bias from the slow turn of the force."""
     theta, alignment = np.array(beforehand.mean), setting.alignment
-    delays = np.array([alignment.delay])
-    if 2 * np.pi * model.rows.band * 3 * alignment.sigma_delay > SAFE_PHASE:
-        delays = tried_delays(model.rows.band, alignment)
     turn = np.asarray(exponential(jnp.asarray(alignment.rotation, float)))
-    tried = [_plain(model.rows, turn, delay) for delay in delays]
-    best = int(np.argmin([misfit for _, misfit in tried]))
-    theta[SLICES["delay"]], theta[SLICES["inertia"]] = delays[best], tried[best][0]
+    best = search_delay(model.rows, alignment, turn)
+    theta[SLICES["delay"]], theta[SLICES["inertia"]] = best.delay, best.inertia
     if model.specific_force == "still":
         theta[SLICES["gyro_bias"]] = _start_bias(model, turn.T, alignment)
     z, *_ = np.linalg.lstsq(np.asarray(beforehand.root), theta - np.asarray(beforehand.mean), rcond=None)
     return z
-
-
-@eqx.filter_jit
-def _spline(rows: InBand, delay: Array) -> tuple[Array, Array, Array]:
-    return evaluate(rows.motion, rows.step, rows.t + delay)
-
-
-def _evaluate(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    values = _spline(rows, jnp.asarray(delay, float))
-    return tuple(np.asarray(value) for value in values)  # type: ignore[return-value]
-
-
-def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
-    """Return the delays to start from [s], within three standard uncertainties of what is declared."""
-    half = 3 * alignment.sigma_delay
-    count = max(int(np.ceil(2 * half * DELAYS_PER_PERIOD * band)), 2)
-    return alignment.delay + np.linspace(-half, half, count + 1 - count % 2)
-
-
-def _features(rows: InBand, turn: np.ndarray, delay: float) -> np.ndarray:
-    """The regressor's features of the motion, (13, n); zero where a row must not be used."""
-    value, slope, _ = _evaluate(rows, delay)
-    phi = features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))
-    return np.asarray(phi) * np.asarray(rows.used)
-
-
-def _plain(rows: InBand, turn: np.ndarray, delay: float) -> tuple[np.ndarray, float]:
-    """Tensor and misfit of (7) by ordinary least squares with r and a constant free: a correlation of M and motion."""
-    used, phi = np.asarray(rows.used), _features(rows, turn, delay)
-    force, moment = np.asarray(rows.force) * used, np.asarray(rows.moment) * used
-    tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi)
-    lever, constant = np.einsum("kjl,kn->jnl", PI_OF_FORCE, force), np.einsum("jk,n->jnk", np.eye(3), used)
-    matrix = np.concatenate([tensor, lever, constant], axis=2).reshape(-1, 12)
-    normal, right = matrix.T @ matrix, matrix.T @ moment.ravel()
-    solution = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
-    return solution[:6], float((moment**2).sum() - right @ solution)
 
 
 def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
@@ -274,7 +231,7 @@ def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nd
     rows = model.rows
     up = to_imu @ np.asarray(rows.force)
     up = (up / np.linalg.norm(up, axis=0)).T
-    omega = _evaluate(rows, alignment.delay)[0][:3].T
+    omega = motion_at_delay(rows, alignment.delay)[0][:3].T
     integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
     hat = np.moveaxis(cross_matrix(up.T), -1, 0)
     turned = -rows.interval * np.cumsum(hat, axis=0)

@@ -1,4 +1,4 @@
-"""What an estimator is given and what it is."""
+"""The estimators' interface: the problem that they are given, and their abstract class."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from identify.signals.run import Run
 from identify.static.centre_result import Centre
 
 SHORTEST = 64
-"""Samples from which the motion's band can be found."""
+"""Least number of samples for the motion's band."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Runs of one body and what is known beforehand; arguments of :func:`identify.identify`, checked."""
+    """Runs of one body and the priors; arguments of :func:`identify.identify`, checked."""
 
     runs: tuple[Run, ...]
     r_cg: np.ndarray
@@ -48,7 +48,7 @@ class Problem:
         """Return the band of the fastest motion [Hz].
 
         Raises:
-            RunError: a run is too short for it to be found.
+            RunError: a run is too short for it.
         """
         for run in self.runs:
             samples = len(longest(run))
@@ -64,9 +64,9 @@ class Estimator(ABC):
     """A way from runs to the tensor."""
 
     type_a: ClassVar[str] = ""
-    """How its uncertainty comes about from the runs, in a sentence for a certificate."""
+    """How it evaluates type A from the runs, in a sentence for a certificate."""
     estimates: ClassVar[frozenset[str]] = frozenset()
-    """What it estimates along with the tensor, so that its covariance holds what is known of it: ``mass``, and constant
+    """What it estimates along with the tensor, so that its covariance holds their uncertainty: ``mass``, and constant
     errors by their names (``cell_bias``, ``cell_misalignment``, ``gyro_bias``, ``gyro_misalignment``, ``gyro_delay``).
     """
 
@@ -82,6 +82,6 @@ class Estimator(ABC):
 def estimator_of(name: str) -> Estimator:
     """Return the estimator of the file of this name."""
     module = import_module(f"identify.methods.{name}")
-    of_file = [of for of in vars(module).values() if isinstance(of, type) and of.__module__ == module.__name__]
-    (estimator,) = (of for of in of_file if issubclass(of, Estimator))
+    classes = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, Estimator)]
+    (estimator,) = (value for value in classes if value.__module__ == module.__name__)
     return estimator()

@@ -1,4 +1,4 @@
-"""Generalised least squares: r_CG as it is given, rows weighed by their residuals' covariance."""
+"""Generalised least squares: r_CG as stated, rows weighed by their residuals' covariance."""
 
 from identify.estimators.generalised_least_squares import whitened
 from identify.methods.base import Estimator, Problem

@@ -1,29 +1,36 @@
-"""The joint estimate: tensor, mass, r_CG, offsets, delay and rotation together, most probable given what is known."""
+"""The joint estimate: tensor, mass, r_CG, offsets, delay and rotation together, most probable given data and priors."""
+
+from collections.abc import Sequence
+
+import numpy as np
 
 from identify.exceptions import RunError
 from identify.floating_point import check_precision
 from identify.joint.alignment_prior import Alignment
-from identify.joint.joint_estimator import joint, specific_force_of, static_knowledge
+from identify.joint.joint_model import SpecificForce
+from identify.joint.joint_result import joint_result
+from identify.joint.priors import STATIC, PriorBlock
+from identify.joint.single_run import Setting, joint_run
 from identify.methods.base import Estimator, Problem
 from identify.results.identification_result import Identification
+from identify.signals.run import Run
 
 
 class JointEstimator(Estimator):
-    """All unknowns of all channels together; see :mod:`identify.joint.joint_estimator`."""
+    """All unknowns of all channels together; see :mod:`identify.joint`."""
 
     type_a = (
         "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
         "noise and from what was declared of them beforehand; where the runs scatter more, that counts."
     )
-    estimates = frozenset(
-        {"mass", "cell_bias", "cell_misalignment", "gyro_bias", "gyro_misalignment", "gyro_delay"},
-    )
+    estimates = frozenset({"mass", "cell_bias", "cell_misalignment", "gyro_bias", "gyro_misalignment", "gyro_delay"})
 
     def fit(self, problem: Problem) -> Identification:
         """Return the tensor with its uncertainty.
 
         Raises:
-            RunError: no float64, or offsets that are taken from rest.
+            RunError: no float64, offsets that are taken from rest, a run that is too short or has no solution, a motion
+                that does not identify the tensor.
         """
         if check_precision("float64"):
             raise RunError("the joint estimate needs float64: run jax.config.update('jax_enable_x64', True) first")
@@ -31,14 +38,46 @@ class JointEstimator(Estimator):
             raise RunError(
                 'the joint estimate finds offsets itself: write offsets = "estimate", or use the method source'
             )
-        runs, band = list(problem.runs), None if problem.estimator is None else problem.estimator.band
-        blocks = static_knowledge(
-            runs, r_cg=problem.r_cg, sigma_r_cg=problem.sigma_r_cg, mass=problem.mass,
-            mass_uncertainty=problem.mass_uncertainty, gravity=problem.gravity, offsets=problem.offsets,
-            centre=problem.centre,
+        declared_band = None if problem.estimator is None else problem.estimator.band
+        band = problem.band() if declared_band is None else declared_band
+        setting = Setting(
+            static_prior(problem), problem.alignment or Alignment(), band, specific_force_source(problem),
+            problem.gravity, tensor_scale(problem.runs, band),
         )  # fmt: skip
-        return joint(
-            runs, band=problem.band() if band is None else band, blocks=blocks,
-            alignment=problem.alignment or Alignment(), specific_force=specific_force_of(runs, problem.cg_motion),
-            gravity=problem.gravity, offsets=problem.offsets,
-        )  # fmt: skip
+        return joint_result([joint_run(run, setting) for run in problem.runs], setting, problem.offsets)
+
+
+def static_prior(problem: Problem) -> dict[tuple[str, ...], PriorBlock]:
+    """Return the prior of mass, r_CG and offsets: a static calibration, or the figures that are stated.
+
+    What is not stated gets a standard uncertainty as large as the signals, so that the runs determine it.
+    """
+    if problem.centre is not None:
+        return {STATIC: PriorBlock(problem.centre.values, problem.centre.covariance)}
+    force, moment = (
+        np.sqrt(np.mean([(getattr(run, name) ** 2).mean() for run in problem.runs])) for name in ("force", "moment")
+    )
+    if problem.mass is None:
+        mass = sigma = np.sqrt(3) * force / problem.gravity
+    else:
+        mass, sigma = problem.mass, problem.mass_uncertainty or 0.0
+    free = 0.0 if problem.offsets == "none" else 1.0
+    return {
+        ("mass",): PriorBlock(np.array([mass]), np.array([[sigma**2]])),
+        ("r_cg",): PriorBlock(problem.r_cg, np.diag(problem.sigma_r_cg**2)),
+        ("force_offset",): PriorBlock(np.zeros(3), free * force**2 * np.eye(3)),
+        ("moment_offset",): PriorBlock(np.zeros(3), free * moment**2 * np.eye(3)),
+    }
+
+
+def specific_force_source(problem: Problem) -> SpecificForce:
+    """Return where the specific force at the centre of gravity comes from."""
+    if problem.cg_motion == "still":
+        return "still"
+    return "accelerometer" if all(run.specific_force is not None for run in problem.runs) else "none"
+
+
+def tensor_scale(runs: Sequence[Run], band: float) -> float:
+    """Return the tensor's order of magnitude [kg·m²]: moment over angular acceleration at the highest frequency."""
+    moment, omega = (max(float(np.square(getattr(run, name)).mean()) for run in runs) for name in ("moment", "omega"))
+    return float(np.sqrt(moment) / max(np.sqrt(omega) * 2 * np.pi * band, 1e-12)) or 1.0

@@ -1,4 +1,4 @@
-"""The source's estimator: r_CG as it is given, ordinary least squares; and the result of any estimator by rows."""
+"""The source's estimator: r_CG as stated, ordinary least squares; and the result of any estimator by rows."""
 
 from collections.abc import Callable, Sequence
 
@@ -27,34 +27,34 @@ class SourceEstimator(Estimator):
         return pooled_result(problem, information, "source")
 
 
-def pooled_result(problem: Problem, rows_of_run: Callable[..., Information], method: str) -> Identification:
-    """Return the tensor from what each run's rows say of it.
+def pooled_result(problem: Problem, run_information: Callable[..., Information], method: str) -> Identification:
+    """Return the tensor from each run's normal equations.
 
     Args:
-        problem: runs, and what is known beforehand.
-        rows_of_run: a run's normal equations, as :func:`identify.estimators.run_information.information` returns them.
+        problem: runs, and priors.
+        run_information: a run's normal equations; see :func:`identify.estimators.run_information.information`.
         method: name of the estimator.
 
     Raises:
         RunError: a run too short for the estimator, or a motion that identifies nothing.
     """
     warned = check_precision("float64")
-    spec = problem.estimator or _matched(problem)
-    of_runs = [rows_of_run(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
-    pooled = pool(of_runs, problem.sigma_r_cg)
+    spec = problem.estimator or _estimator_for_band(problem)
+    informations = [run_information(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
+    pooled = pool(informations, problem.sigma_r_cg)
     sigma, inertia, half, seen = problem.sigma_r_cg, pooled.inertia, pooled.half_width, pooled.excitation.identifiable
     result = Identification(
         inertia, pooled.bias, pooled.covariance, np.stack([inertia - half, inertia + half], axis=1), problem.r_cg,
         sigma, problem.mass, spec,
-        tuple(run_estimate(of_run, problem.r_cg, problem.mass) for of_run in of_runs),
-        (*warned, *_warnings(of_runs, pooled)), _assumptions(problem.offsets), _diagnostics(problem, spec, pooled),
+        tuple(run_estimate(run, problem.r_cg, problem.mass) for run in informations),
+        (*warned, *_warnings(informations, pooled)), _assumptions(problem.offsets), _diagnostics(problem, spec, pooled),
         offsets=problem.offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
         pooling=pooled.together, seen=None if seen.all() else pooled.seen,
     )  # fmt: skip
     return within_bodies(with_centre(result, problem.centre) if problem.centre else result, problem.runs)
 
 
-def _matched(problem: Problem) -> EstimatorSpec:
+def _estimator_for_band(problem: Problem) -> EstimatorSpec:
     """A differentiator for the band of the fastest motion."""
     band = problem.band()
     return EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
@@ -75,8 +75,8 @@ def _diagnostics(problem: Problem, spec: EstimatorSpec, pooled: Pooled) -> dict[
     }  # fmt: skip
 
 
-def _warnings(of_runs: Sequence[Information], pooled: Pooled) -> list[str]:
-    warnings = [f"{of_run.run.name}: {text}" for of_run in of_runs for text in of_run.run.warnings]
+def _warnings(informations: Sequence[Information], pooled: Pooled) -> list[str]:
+    warnings = [f"{used.run.name}: {text}" for used in informations for text in used.run.warnings]
     sigma = np.sqrt(np.diag(pooled.covariance))
     for name, bias, three in zip(COMPONENTS, pooled.bias, 3 * sigma, strict=True):
         if abs(bias) > 0.1 * three:

@@ -1,4 +1,4 @@
-"""Delay and rotation between load cell and IMU as results: value, uncertainty, and how much of it the data tell."""
+"""Delay and rotation between load cell and IMU as results: value, uncertainty, share of the prior in it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-TOLD_BY_PRIOR = 0.5
-"""The prior's share of a variance from which on the motion does not tell the quantity."""
+LARGEST_PRIOR_SHARE = 0.5
+"""Share of the prior in a variance above which the motion does not determine the quantity."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Aligned:
     interval95: np.ndarray
     """Coverage interval of 95 %, (1 or 3, 2)."""
     prior_share: np.ndarray
-    """How much of each variance comes from what was declared beforehand: 1 where the data say nothing."""
+    """How much of each variance comes from what was declared beforehand: 1 where the data add nothing."""
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -34,7 +34,7 @@ class Aligned:
         return bool((np.diag(self.covariance) > 0).any())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what result.json says of it: plain numbers for a delay, three for a rotation."""
+        """Return its content in result.json: plain numbers for a delay, three for a rotation."""
         names = ("value", "standard_uncertainty", "interval95", "prior_share")
         arrays = {name: getattr(self, name) for name in names}
         scalar = len(self.value) == 1
@@ -43,14 +43,14 @@ class Aligned:
 
 
 def alignment_warnings(delay: Aligned, rotation: Aligned) -> list[str]:
-    """Return a line for what the motion does not tell: there the declared uncertainty is all that stands behind it."""
+    """Return a warning for each quantity whose uncertainty is mostly the declared one."""
     warnings = []
-    if delay.estimated and delay.prior_share[0] > TOLD_BY_PRIOR:
+    if delay.estimated and delay.prior_share[0] > LARGEST_PRIOR_SHARE:
         warnings.append(
             f"the motion does not tell the delay: {100 * delay.prior_share[0]:.0f} % of its variance is what was "
             "declared; accelerate more, or declare it better"
         )
-    axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > TOLD_BY_PRIOR]
+    axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > LARGEST_PRIOR_SHARE]
     if rotation.estimated and axes:
         warnings.append(
             f"the motion does not tell the rotation between load cell and IMU about axis {_and(axes)}: the interval is "

@@ -1,4 +1,4 @@
-"""What an identified tensor's uncertainty is made of."""
+"""Contributions to an identified tensor's uncertainty."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ RESIDUALS, SCATTER, CG = "residuals", "scatter between runs", "r_cg"
 def contributions(
     budget: Mapping[str, np.ndarray] | None, diagnostics: Mapping[str, Any], fixture: np.ndarray | None
 ) -> Mapping[str, np.ndarray]:
-    """Return each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known.
+    """Return each part's contribution to the standard uncertainty of the components [kg·m²]; empty if unknown.
 
     The budget of the declared sources where there is one; else residuals, scatter and centre of gravity.
 
@@ -32,6 +32,6 @@ def contributions(
     return {name: values for name, values in parts.items() if values.any()}
 
 
-def evaluated(name: str) -> str:
+def evaluation_type(name: str) -> str:
     """Return the type of evaluation of a part (GUM 4.2, 4.3): A from the data, B declared."""
     return "A" if name == RESIDUALS or name.startswith("scatter between") else "B"

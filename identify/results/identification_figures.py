@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from identify.reporting import Drawing
-from identify.results import measured_directions as sphere
+from identify.results import measured_directions
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import GRAM_METRE
 from identify.text_tables import fixed
@@ -39,7 +39,7 @@ def residual_drawings(runs: Sequence[RunEstimate]) -> Iterator[Drawing]:
 
 def coverage_drawings(runs: Sequence[RunEstimate], covariance: np.ndarray) -> Iterator[Drawing]:
     """Yield the figure of the axes that the motion visited, where runs kept it."""
-    paths = sphere.motion(runs)
+    paths = measured_directions.motion(runs)
     if paths is None:
         return
     omega, alpha = paths
@@ -81,8 +81,8 @@ def largest_residuals(runs: Sequence[RunEstimate]) -> list[RunEstimate]:
 
 
 def _coverage_caption(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> str:
-    of_omega, of_alpha = (f"{100 * sphere.visited(path):.0f} %" for path in (omega, alpha))
-    rms, uncertainty = sphere.rms_about(alpha), sphere.uncertainty_about(covariance)
+    omega_share, alpha_share = (f"{100 * measured_directions.visited(path):.0f} %" for path in (omega, alpha))
+    rms, uncertainty = measured_directions.rms_about(alpha), measured_directions.uncertainty_about(covariance)
     (weak, low), (strong, high) = rms.least, rms.largest
     doubtful, u = uncertainty.largest
     certain = (
@@ -92,8 +92,8 @@ def _coverage_caption(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarr
     )
     return (
         "Excitation over the sphere of directions, in the body frame: discs of equal area about b3, the half of −b3 "
-        f"seen through from +b3. Within 15° of {of_omega} of all axes the angular velocity came with half its "
-        f"largest magnitude or more, the angular acceleration within 15° of {of_alpha}. Root mean square of the "
+        f"seen through from +b3. Within 15° of {omega_share} of all axes the angular velocity came with half its "
+        f"largest magnitude or more, the angular acceleration within 15° of {alpha_share}. Root mean square of the "
         f"angular acceleration: {low:.3g} rad/s² about {_axis(weak)}, the weakest axis, {high:.3g} about "
         f"{_axis(strong)}. {certain}"
     )

@@ -12,7 +12,7 @@ from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
 from identify.reporting import Drawing, Result, Section
-from identify.results import identification_figures as drawn
+from identify.results import identification_figures
 from identify.results.alignment import Aligned, alignment_notes
 from identify.results.contributions import contributions
 from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
@@ -22,7 +22,7 @@ from identify.rigid_body.inertial_parameters import Datum, InertialParameters, b
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.text_tables import Table, decimals, fixed
+from identify.text_tables import Table, decimals, fixed, sentence
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,7 +55,7 @@ class Identification(Result):
     offsets: OffsetChoice = "estimate"
     """Where the load cell's constant offsets come from."""
     pooling: Pooling | None = None
-    """Type A: what residuals and the scatter between runs and mountings say."""
+    """Type A: residuals, and the scatter between runs and mountings."""
     budget: Mapping[str, np.ndarray] | None = None
     """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
     consistency: tuple[Verdict, ...] = ()
@@ -74,7 +74,6 @@ class Identification(Result):
     """What was taken off; None: nothing."""
     method: str = "source"
     """Name of the estimator, in :mod:`identify.methods`."""
-    """How it was estimated; see :func:`identify`."""
     delay: Aligned | None = None
     """How much the IMU is late, where that was estimated [s]."""
     rotation: Aligned | None = None
@@ -83,7 +82,7 @@ class Identification(Result):
     seen: np.ndarray | None = None
     """Directions in the space of packed tensors that the motion determines, one a row; None: all."""
     admissible: Admissible | None = None
-    """What bodies allow, where the data are weak, with the plain estimate beside it; None: they are strong enough."""
+    """The estimate within physical bodies beside the plain one, where the data are weak; None: they are not."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -101,7 +100,7 @@ class Identification(Result):
 
     @property
     def _measured(self) -> InertialParameters:
-        """What stood on the load cell: with the fixture, where one was taken off."""
+        """Parameters of all that stood on the load cell: with the fixture, where one was taken off."""
         return self.parameters if self.tare is None else self.tare.whole
 
     @property
@@ -135,7 +134,8 @@ class Identification(Result):
             },
             "covariance": self.covariance.tolist(),
             "principal": principal_axes(self.inertia, self.covariance).to_dict(),
-            **self._elsewhere(),
+            "about_q": None if self.mass is None else self.parameters.about().to_dict(),
+            "about_datum": None if self.datum is None else self.parameters.in_datum(self.datum).to_dict(),
             "tare": None if self.tare is None else self.tare.to_dict(),
             "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
             "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
@@ -175,24 +175,12 @@ class Identification(Result):
         }
         return {key: finite(value) for key, value in content.items()}
 
-    def _elsewhere(self) -> dict[str, Any]:
-        """What result.json says of other points and frames; null where the mass is not known."""
-        has_mass, datum = self.mass is not None, self.datum
-        return {
-            "about_q": self.parameters.about().to_dict() if has_mass else None,
-            "about_datum": None if datum is None else self.parameters.in_datum(datum).to_dict(),
-        }
-
     def tables(self) -> list[Table]:
-        """Return the components in g·m², and what each run says alone."""
-        return [Table("", *self.rows()), self.run_table()]
+        """Return the components in g·m², and each run's estimate."""
+        return [*self.overview(), self.run_table()]
 
     def overview(self) -> list[Table]:
-        """Return the components alone."""
-        return self.tables()[:1]
-
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the summary, in g·m²."""
+        """Return the components in g·m²."""
         head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
@@ -200,10 +188,10 @@ class Identification(Result):
             digits = max(decimals(GRAM_METRE * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
             figures = [fixed(GRAM_METRE * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
-        return head, rows
+        return [Table("", head, rows)]
 
     def title(self) -> str:
-        """Return what the table is of."""
+        """Return quantity, runs and estimator in one line."""
         runs = f"{len(self.runs)} run{'s' if len(self.runs) > 1 else ''}"
         return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
 
@@ -242,15 +230,15 @@ class Identification(Result):
     def drawings(self) -> list[Drawing]:
         """Return budget, residuals, coverage of the sphere, runs, and the parts of them that counted."""
         return [
-            *drawn.budget_drawings(self.contributions, self.standard_uncertainty),
-            *drawn.residual_drawings(self.runs),
-            *drawn.coverage_drawings(self.runs, self.covariance),
-            *drawn.run_drawings(self.runs, self.inertia, self.interval95, self.taken_off),
+            *identification_figures.budget_drawings(self.contributions, self.standard_uncertainty),
+            *identification_figures.residual_drawings(self.runs),
+            *identification_figures.coverage_drawings(self.runs, self.covariance),
+            *identification_figures.run_drawings(self.runs, self.inertia, self.interval95, self.taken_off),
         ]
 
     def section(self) -> Section:
         """Return its part of a report; :class:`uq.identification.certificate.Certificate` makes it a certificate."""
-        assumptions = [f"{text[0].upper()}{text[1:]}." for text in self.assumptions]
+        assumptions = list(map(sentence, self.assumptions))
         return Section(
             self.title(), (), self.warnings, self.tables(), self.drawings(), (), assumptions, self.provenance
         )

@@ -1,4 +1,4 @@
-"""Which directions a motion visited, and how well the moment of inertia about each axis is known."""
+"""Which directions a motion visited, and the uncertainty of the moment of inertia about each axis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ GRID = 2000
 
 
 @dataclass(frozen=True)
-class Axes:
+class AxisValues:
     """A figure of every axis through the body, and where it is least and largest."""
 
     directions: Float[np.ndarray, "n 3"]
@@ -60,13 +60,13 @@ def visited(path: Float[np.ndarray, "p 3"]) -> float:
     return float(np.mean(closeness >= np.cos(NEAR)))
 
 
-def rms_about(path: Float[np.ndarray, "p 3"]) -> Axes:
+def rms_about(path: Float[np.ndarray, "p 3"]) -> AxisValues:
     """Return the root mean square of the path's component along every axis."""
     axes = directions()
-    return Axes(axes, np.sqrt(np.einsum("ni,ij,nj->n", axes, path.T @ path / len(path), axes)))
+    return AxisValues(axes, np.sqrt(np.einsum("ni,ij,nj->n", axes, path.T @ path / len(path), axes)))
 
 
-def uncertainty_about(covariance: Float[np.ndarray, "6 6"]) -> Axes:
+def uncertainty_about(covariance: Float[np.ndarray, "6 6"]) -> AxisValues:
     """Return the standard uncertainty of the moment of inertia ``n·I·n`` about every axis n [kg·m²].
 
     Args:
@@ -75,11 +75,11 @@ def uncertainty_about(covariance: Float[np.ndarray, "6 6"]) -> Axes:
     axes = directions()
     x, y, z = axes.T
     gradient = np.stack([x * x, 2 * x * y, 2 * x * z, y * y, 2 * y * z, z * z], axis=1)
-    return Axes(axes, np.sqrt(np.einsum("ni,ij,nj->n", gradient, covariance, gradient)))
+    return AxisValues(axes, np.sqrt(np.einsum("ni,ij,nj->n", gradient, covariance, gradient)))
 
 
 def motion(runs: Sequence[RunEstimate]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return angular velocity and acceleration of all runs [rad/s, rad/s²], thinned; None where they were not kept."""
+    """Return angular velocity and acceleration of all runs [rad/s, rad/s²], thinned; None where no run has them."""
     traces = [run.trace for run in runs if run.trace is not None]
     if not traces:
         return None

@@ -11,7 +11,7 @@ from identify.estimators.residual_trace import Trace
 from identify.estimators.run_information import Information
 
 MOST_NOTES = 3
-"""Runs of whose offsets a result speaks; result.json holds all."""
+"""Most runs whose offsets are listed in the notes; result.json holds all."""
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,19 @@ class RunEstimate:
     segments: tuple[tuple[float, float], ...] = ()
     """From when to when it was used [s]; none: it is whole."""
     detected: bool = False
-    """Whether these were found where it moves, not named."""
+    """Whether these were detected by the motion, not named."""
     left_out: Mapping[str, int] = field(default_factory=dict)
     """How many samples were left out, by reason."""
     overview: np.ndarray | None = None
     """Time and largest angular velocity of the whole run that the segments were cut from [s, rad/s]."""
     force_offset: np.ndarray | None = None
-    """The force's offset [N]; None where neither mass nor accelerometer tell it."""
+    """The force's offset [N]; None where neither mass nor accelerometer determines it."""
     mounting: str | None = None
     """Name of the mounting of the body; None: not declared."""
     weight: float = 1.0
     """Inverse of the rows' effective noise variance, which weighs it among the runs [(N·m)⁻²]."""
     trace: Trace | None = field(default=None, repr=False)
-    """Residuals and motion, for figures; None: not kept."""
+    """Residuals and motion, for figures; None: absent."""
 
     @property
     def used(self) -> str | None:
@@ -63,7 +63,7 @@ class RunEstimate:
 
 
 def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None) -> RunEstimate:
-    """Return what a run says by itself; ``mass`` [kg], where stated, tells the force's offset."""
+    """Return a run's own estimate; ``mass`` [kg], where stated, determines the force's offset."""
     run = information.run
     return RunEstimate(
         run.name, run.sha256, information.inertia, np.sqrt(np.diag(information.covariance)), information.rows, run.rate,
@@ -75,7 +75,7 @@ def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None)
 
 
 def offsets_content(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray, r_cg: np.ndarray) -> dict[str, Any]:
-    """Return what result.json says of the runs' offsets, one entry a run [N, N·m]."""
+    """Return the runs' offsets for result.json, one entry a run [N, N·m]."""
 
     def listed(values: np.ndarray | None) -> list[float] | None:
         return None if values is None else values.tolist()

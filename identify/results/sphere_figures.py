@@ -1,15 +1,15 @@
-"""The figure of a motion's coverage of the sphere of directions, and of what it tells of every axis."""
+"""The figure of a motion's coverage of the sphere, and of acceleration and uncertainty about every axis."""
 
 from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes as Panel
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from identify.figure_style import PAGE, PALETTE, STYLE
-from identify.results.measured_directions import Axes, rms_about, uncertainty_about
+from identify.results.measured_directions import AxisValues, rms_about, uncertainty_about
 from identify.rigid_body.inertia import GRAM_METRE
 
 RIM = np.sqrt(2)
@@ -35,12 +35,12 @@ def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Fi
             row[1].set_title(f"{name[0]}, half of −b3")
         _about(figure, panels[0, 2], rms_about(alpha), "α about each axis", "rms [rad/s²]", weak="least")
         uncertainty = uncertainty_about(covariance)
-        uncertainty = Axes(uncertainty.directions, GRAM_METRE * uncertainty.values)
+        uncertainty = AxisValues(uncertainty.directions, GRAM_METRE * uncertainty.values)
         _about(figure, panels[1, 2], uncertainty, "moment of inertia about each axis", "u [g·m²]", weak="largest")
     return figure
 
 
-def _disc(panel: Panel) -> None:
+def _disc(panel: Axes) -> None:
     """The rim, the axes b1 and b2 on it, and circles 30° and 60° from b3."""
     turn = np.linspace(0, 2 * np.pi, 181)
     for angle, width in ((90, 0.8), (60, 0.3), (30, 0.3)):
@@ -58,7 +58,7 @@ def _projected(directions: np.ndarray) -> np.ndarray:
     return directions[:, :2] * np.sqrt(2 / (1 + np.abs(directions[:, 2:])))
 
 
-def _directions(panel: Panel, path: np.ndarray, side: int) -> Any:
+def _directions(panel: Axes, path: np.ndarray, side: int) -> Any:
     """Directions of one half, coloured by magnitude, large ones on top."""
     _disc(panel)
     size = np.linalg.norm(path, axis=1)
@@ -70,17 +70,17 @@ def _directions(panel: Panel, path: np.ndarray, side: int) -> Any:
                          rasterized=True)  # fmt: skip
 
 
-def _about(figure: Figure, panel: Panel, of: Axes, title: str, label: str, *, weak: str) -> None:
-    """A map of a figure of every axis, the weakest marked; empty where it is not known of all."""
+def _about(figure: Figure, panel: Axes, values: AxisValues, title: str, label: str, *, weak: str) -> None:
+    """A map of a figure of every axis, the weakest marked; empty where one is not determined."""
     _disc(panel)
     panel.set_title(title)
-    if not np.isfinite(of.values).all():
+    if not np.isfinite(values.values).all():
         panel.text(0, 0, "not determined", ha="center", va="center")
         return
-    at = _projected(of.directions)
-    drawn = panel.tripcolor(Triangulation(*at.T), of.values, shading="gouraud", cmap="viridis_r",
-                            vmin=0, vmax=max(of.values.max(), 1e-300), rasterized=True)  # fmt: skip
+    at = _projected(values.directions)
+    drawn = panel.tripcolor(Triangulation(*at.T), values.values, shading="gouraud", cmap="viridis_r",
+                            vmin=0, vmax=max(values.values.max(), 1e-300), rasterized=True)  # fmt: skip
     figure.colorbar(drawn, ax=panel, shrink=0.75, aspect=14, label=label)
-    (place,) = _projected(getattr(of, weak)[0][None])
+    (place,) = _projected(getattr(values, weak)[0][None])
     panel.plot(*place, "x", color=PALETTE[6], markersize=6, markeredgewidth=1.4, zorder=4, label="weakest axis")
     panel.legend(loc="lower center", bbox_to_anchor=(0.5, -0.14))

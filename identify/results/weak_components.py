@@ -1,4 +1,4 @@
-"""What a weak run leaves open, in words: which components, and why."""
+"""Components that a weak run does not determine, and why, in words."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,13 +15,13 @@ from identify.signals.run import Run, RunError
 ONE_AXIS = 1e-3
 """Part of the angular velocity's power below which an axis counts as not turned about."""
 WIDE = 0.5
-"""Half an interval over the geometric mean of its two moments from which a component counts as hardly known."""
+"""Half an interval over the geometric mean of its two moments from which a component counts as uncertain."""
 
 
-def covariance_of(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
+def covariance_within_bodies(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
     """Return the covariance of a result: of what is not determined, that of a rectangle; NaN where nothing bounds it.
 
-    A quantity of which nothing is known but that it lies in an interval (GUM 4.3.7).
+    A rectangle: only the interval is known (GUM 4.3.7).
     """
     open_ended = ~bounded.determined
     widened = covariance.copy()
@@ -48,17 +48,17 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
     if bounded is None:
         if result.seen is not None:
             raise RunError(f"what {runs[0].name} determines is no body's: check signs, frames and r_CG")
-        return replace(result, warnings=(*result.warnings, *_impossible(result), *_hardly_known(result)))
+        return replace(result, warnings=(*result.warnings, *_impossible(result), *_wide_intervals(result)))
     weak = replace(
         result,
         inertia=bounded.inertia,
         bias=np.where(bounded.determined, result.bias, np.nan),
-        covariance=covariance_of(bounded, result.covariance),
+        covariance=covariance_within_bodies(bounded, result.covariance),
         interval95=bounded.interval95,
         admissible=bounded,
     )
     text = _undetermined(bounded, result.covariance, runs) if not bounded.determined.all() else _changed(bounded)
-    return replace(weak, warnings=(*result.warnings, text, *_hardly_known(weak)))
+    return replace(weak, warnings=(*result.warnings, text, *_wide_intervals(weak)))
 
 
 def _impossible(result: Identification) -> list[str]:
@@ -73,7 +73,7 @@ def _changed(bounded: Admissible) -> str:
     return f"{bounded.reason}: {what}, intervals hold bodies only"
 
 
-def _hardly_known(result: Identification) -> list[str]:
+def _wide_intervals(result: Identification) -> list[str]:
     determined = np.ones(6, bool) if result.admissible is None else result.admissible.determined
     moments = np.abs(result.inertia[[0, 3, 5]])
     scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
@@ -105,7 +105,7 @@ def _range(name: str, low: float, high: float) -> str:
 
 
 def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
-    """How the body turns, and what is known about the one axis."""
+    """How the body turns, and the moment about a single axis."""
     omega = np.concatenate([run.omega[segment] for run in runs for segment in run.used()])
     power, axes = np.linalg.eigh(omega.T @ omega)
     if power[1] < ONE_AXIS * power[2]:

@@ -1,4 +1,4 @@
-"""An accelerometer at rest: its offset and gain from the length of gravity, and the attitude that it then tells."""
+"""An accelerometer at rest: its offset and gain from the length of gravity, and the direction of gravity from it."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,23 +10,23 @@ from jaxtyping import Float
 from identify.signals.run import RunError
 
 FEWEST = 6
-"""Poses from which offset and gain are found: four unknowns, one equation a pose."""
+"""Least number of poses for offset and gain: four unknowns, one equation a pose."""
 LEAST_SPREAD = 0.1
 """Spread of the readings in their third direction, as a part of gravity, below which the offset is not determined."""
 
 
 @dataclass(frozen=True)
 class Accelerometer:
-    """What was found of an accelerometer; ``reading = gain · specific force + offset``."""
+    """Calibration of an accelerometer; ``reading = gain · specific force + offset``."""
 
     offset: np.ndarray
     """Offset on each axis [m/s²]."""
     gain: float
     """Gain, one for all axes."""
     fitted: bool
-    """Whether the offset was found; otherwise the readings were only scaled."""
+    """Whether the offset was estimated; otherwise the readings were only scaled."""
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-    """Of the offset, from what the lengths leave [(m/s²)²]; zero where it was not found."""
+    """Of the offset, from the residuals of the lengths [(m/s²)²]; zero where it was not estimated."""
 
     def specific_force(self, readings: Float[np.ndarray, "n 3"], gravity: float) -> Float[np.ndarray, "n 3"]:
         """Return the specific force at rest [m/s²]: the readings' direction behind the offset, as long as gravity."""
@@ -37,17 +37,17 @@ class Accelerometer:
 def calibrate(
     readings: Float[np.ndarray, "n 3"], gravity: float, *, method: Literal["offset", "scale"] | None = None
 ) -> Accelerometer:
-    """Find offset and gain of an accelerometer from static readings: ``|reading - offset| = gain · gravity``.
+    """Estimate offset and gain of an accelerometer from static readings: ``|reading - offset| = gain · gravity``.
 
     Least squares in the readings' lengths, from the linear solution of their squares.
 
     Args:
         readings: in m/s², shape (n, 3), one a pose.
         gravity: local gravity [m/s²].
-        method: ``offset`` finds offset and gain, ``scale`` the gain alone; None: the offset where the poses allow it.
+        method: ``offset`` estimates offset and gain, ``scale`` the gain alone; None: the offset, if the poses allow.
 
     Raises:
-        RunError: a reading of zero; the offset is asked for, and the poses are too few or too much alike.
+        RunError: a reading of zero; the offset is asked for, and the poses are too few or too similar.
     """
     lengths = np.linalg.norm(readings, axis=1)
     if not (lengths > 0).all():

@@ -11,11 +11,9 @@ import scipy
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
-from identify.static.centre_result import PARAMETERS, UNITS, Centre
+from identify.static.centre_result import Centre
 from identify.static.gain_check import GainCheck, gain_check
-from identify.static.pose_fit import EXACT, LINEAR, Attitudes, Fit, fit, foreseen
-
-__all__ = ["PARAMETERS", "UNITS", "Attitudes", "Centre", "centre", "foreseen_covariance"]
+from identify.static.pose_fit import EXACT, LINEAR, Attitudes, Fit, fit, predicted_fit
 
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
@@ -44,7 +42,7 @@ def centre(
     follows by the law of propagation (GUM 5.1.2; JCGM 102 6.2), with Welch and Satterthwaite's degrees of freedom.
 
     A mass from a scale is one more observation, unless the load cell's own contradicts it: then the mass is the
-    scale's, and centre and offsets are those of the load cell alone, whose gain leaves ``(m r) / m`` as it is.
+    scale's, and centre and offsets are those of the load cell alone, whose gain cancels in ``(m r) / m``.
 
     Args:
         force: mean force on the body, in B [N], shape (n, 3).
@@ -55,7 +53,7 @@ def centre(
         name: what messages call the data.
 
     Raises:
-        RunError: wrong shapes, fewer than three poses, poses too much alike, a mass that is not positive.
+        RunError: wrong shapes, fewer than three poses, poses too similar, a mass that is not positive.
     """
     F, M, f = (np.asarray(x, float) for x in (force, moment, specific_force))
     _check(F, M, f, name)
@@ -69,8 +67,8 @@ def centre(
     check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:
         solution = fit(F, M, f, attitudes, mass=mass)
-    values, by = _parameters(solution)
-    covariance, lasting = by @ solution.covariance @ by.T, by @ solution.lasting
+    values, jacobian = _parameters(solution)
+    covariance, lasting = jacobian @ solution.covariance @ jacobian.T, jacobian @ solution.lasting
     degrees = solution.degrees_of_freedom[list(ORDER)]
     if mass is not None and check is not None and check.contradicts:
         values[0], degrees[0] = mass[0], np.inf
@@ -84,27 +82,27 @@ def centre(
     return _warned(result)
 
 
-def foreseen_covariance(
+def predicted_covariance(
     specific_force: ArrayLike, mass: float, r_cg: ArrayLike, scatter: ArrayLike, attitudes: Attitudes = EXACT
 ) -> np.ndarray:
-    """Return the covariance of the ten parameters that static poses promise before they are measured.
+    """Return the covariance of the ten parameters that is predicted for static poses before they are measured.
 
     Args:
         specific_force: of the poses, opposite to gravity, in B [m/s²], shape (n, 3), n at least 3.
-        mass: as far as it is known [kg].
-        r_cg: centre of gravity from Q, as far as it is known, in B [m], shape (3,).
+        mass: expected [kg].
+        r_cg: expected centre of gravity from Q, in B [m], shape (3,).
         scatter: covariance of each pose's mean force and moment [N², N²·m, N²·m²], shape (6, 6).
         attitudes: how far the direction of ``specific_force`` may be off.
 
     Returns:
-        Covariance in the order of ``PARAMETERS``, shape (10, 10); its figures mean nothing where the poses do not
+        Covariance in the order of ``PARAMETERS``, shape (10, 10); meaningless where the poses do not
         determine the centre of gravity.
     """
     values = np.zeros(LINEAR)
     values[0], values[4:7] = mass, mass * np.asarray(r_cg, float)
-    solution = foreseen(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
-    _, by = _parameters(solution)
-    return by @ solution.covariance @ by.T
+    solution = predicted_fit(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
+    _, jacobian = _parameters(solution)
+    return jacobian @ solution.covariance @ jacobian.T
 
 
 def _checked(solution: Fit, mass: tuple[float, float]) -> GainCheck:
@@ -113,7 +111,7 @@ def _checked(solution: Fit, mass: tuple[float, float]) -> GainCheck:
 
 
 def _warned(result: Centre) -> Centre:
-    """The centre with what is to be warned of."""
+    """The centre with its warnings."""
     warnings = []
     share = result.residual[0] / (result.mass * result.gravity)
     if share >= LARGE_RESIDUAL:
@@ -163,8 +161,8 @@ def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
 def _parameters(solution: Fit) -> tuple[np.ndarray, np.ndarray]:
     """The ten parameters, and their derivatives with respect to (m, F0, m r, M0)."""
     mass, r_cg = solution.values[0], solution.values[4:7] / solution.values[0]
-    by = np.eye(10)[list(ORDER)]
-    by[1:4] /= mass
-    by[1:4, 0] = -r_cg / mass
+    jacobian = np.eye(10)[list(ORDER)]
+    jacobian[1:4] /= mass
+    jacobian[1:4, 0] = -r_cg / mass
     values = np.concatenate([[mass], r_cg, solution.values[1:4], solution.values[7:]])
-    return values, by
+    return values, jacobian

@@ -19,10 +19,10 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
         centre: mass and centre of gravity with their covariance.
     """
     variance = np.square(result.sigma_r_cg)
-    by_cg = np.zeros((3, 6)) if result.cg_inertia_covariance is None else result.cg_inertia_covariance
-    by_centre = np.divide(by_cg, variance[:, None], out=np.zeros_like(by_cg), where=variance[:, None] > 0).T
+    cg_inertia = np.zeros((3, 6)) if result.cg_inertia_covariance is None else result.cg_inertia_covariance
+    jacobian = np.divide(cg_inertia, variance[:, None], out=np.zeros_like(cg_inertia), where=variance[:, None] > 0).T
     spread = centre.covariance[1:4, 1:4]
-    covariance = result.covariance + by_centre @ (spread - np.diag(variance)) @ by_centre.T
+    covariance = result.covariance + jacobian @ (spread - np.diag(variance)) @ jacobian.T
     wider = np.sqrt(np.diag(covariance) / np.maximum(np.diag(result.covariance), 1e-300))
     half = np.diff(result.interval95, axis=1)[:, 0] / 2 * np.where(np.diag(result.covariance) > 0, wider, 1.0)
     with_mass = centre.covariance[0, 1:4]
@@ -32,6 +32,6 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
         interval95=np.stack([result.inertia - half, result.inertia + half], axis=1),
         mass_uncertainty=float(centre.standard_uncertainty[0]),
         cg_covariance=spread,
-        cg_inertia_covariance=spread @ by_centre.T,
-        mass_covariance=np.concatenate([with_mass, by_centre @ with_mass]),
+        cg_inertia_covariance=spread @ jacobian.T,
+        mass_covariance=np.concatenate([with_mass, jacobian @ with_mass]),
     )

@@ -1,7 +1,7 @@
 """Mass, centre of gravity and offsets from static poses: the result, and how it is read back."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import scipy
 from identify.exceptions import RunError
 from identify.reporting import Drawing, Result, Section
 from identify.static.gain_check import GainCheck
-from identify.text_tables import Table, with_error
+from identify.text_tables import Table, fixed, sentence, with_error
 
 PARAMETERS = (
     "mass", "cg_x", "cg_y", "cg_z",
@@ -52,11 +52,11 @@ class Centre(Result):
     assumptions: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     gain: GainCheck | None = None
-    """The load cell's mass beside a scale's; None: no scale."""
+    """The load cell's mass against a scale's; None: no scale."""
     largest_tilt: float | None = None
     """From the poses' mean direction of gravity [rad]."""
     lasting: np.ndarray | None = None
-    """What errors do to the ten that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
+    """Change of the ten by errors that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
     file_name = "centre.json"
     """The file that holds it."""
 
@@ -147,7 +147,7 @@ class Centre(Result):
             name: what messages call it.
 
         Raises:
-            RunError: it is no centre of this version, or its figures cannot be used.
+            RunError: it is not a centre of this version, or its figures cannot be used.
         """
         if not isinstance(content, Mapping) or content.get("kind") != KIND:
             raise RunError(f"{name} is no result of `inertia centre`: give the centre.json that it wrote")
@@ -161,8 +161,8 @@ class Centre(Result):
             )
         return _read(cls, _Content(content, name))
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the summary: x, y, z with standard uncertainties, and the expanded ones of 95 %."""
+    def tables(self) -> list[Table]:
+        """Return centre of gravity and offsets: x, y, z with standard uncertainties, and the expanded ones of 95 %."""
         u, expanded = self.standard_uncertainty, self.coverage_factor * self.standard_uncertainty
         rows = [
             ["centre of gravity, mm", *_cells(1e3 * self.r_cg, 1e3 * u[1:4])],
@@ -174,23 +174,28 @@ class Centre(Result):
         ]
         if self.zero is not None:
             rows += [
-                ["zero of the cell, N", *(_fixed(value, 3) for value in self.zero[:3])],
-                ["zero of the cell, N·m", *(_fixed(value, 4) for value in self.zero[3:])],
+                ["zero of the cell, N", *(fixed(value, 3) for value in self.zero[:3])],
+                ["zero of the cell, N·m", *(fixed(value, 4) for value in self.zero[3:])],
             ]
-        return ["", "x", "y", "z"], rows
+        return [Table("Centre of gravity and offsets", ["", "x", "y", "z"], rows)]
 
-    def correlation_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the ten parameters' standard uncertainties, in SI, and of their correlations."""
+    def overview(self) -> list[Table]:
+        """Return the same, below the title."""
+        return [replace(table, caption="") for table in self.tables()]
+
+    def _correlations(self) -> Table:
+        """The ten parameters' standard uncertainties, in SI, and their correlations."""
         u = self.standard_uncertainty
         correlation = self.covariance / np.maximum(np.outer(u, u), 1e-300)
         rows = [
-            [f"{name}, {unit}", f"{sigma:.2g}", *(_fixed(x, 2) for x in row)]
+            [f"{name}, {unit}", f"{sigma:.2g}", *(fixed(x, 2) for x in row)]
             for name, unit, sigma, row in zip(PARAMETERS, UNITS, u, correlation, strict=True)
         ]
-        return ["", "u", *map(str, range(1, 11))], rows
+        head = ["", "u", *map(str, range(1, 11))]
+        return Table("Standard uncertainties in SI, and correlations", head, rows)
 
     def title(self) -> str:
-        """Return what the table is of, in one line."""
+        """Return mass, poses and residuals in one line."""
         force, moment = self.residual
         mass = with_error(self.mass, float(self.standard_uncertainty[0]))
         low, high = self.interval95[0]
@@ -208,21 +213,13 @@ class Centre(Result):
         ]
 
     def findings(self) -> list[str]:
-        """Return what the poses determine, and what a scale says of the load cell."""
+        """Return how well the poses determine the centre, and the check against a scale."""
         axes, along = self.directions
         worst, best = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−"), 1e3 * along[0]
         tilt = "" if self.largest_tilt is None else f"tilted by up to {np.degrees(self.largest_tilt):.3g}°: "
         along_axes = f"known worst along ({worst}), to {1e3 * along[2]:.2g} mm, and best to {best:.2g} mm"
         finding = f"{tilt}the centre of gravity is {along_axes}"
         return [finding, *([] if self.gain is None else [self.gain.verdict])]
-
-    def tables(self) -> list[Table]:
-        """Return centre of gravity and offsets with their uncertainties."""
-        return [Table("Centre of gravity and offsets", *self.rows())]
-
-    def overview(self) -> list[Table]:
-        """Return the same, below the title."""
-        return [Table("", *self.rows())]
 
     def records(self) -> list[dict[str, Any]]:
         """Return value, standard uncertainty and interval of each of the ten parameters, in SI."""
@@ -246,22 +243,18 @@ class Centre(Result):
             "Mass and centre of gravity of a body",
             [f"From static poses, by least squares: {self.title()}; local gravity {self.gravity:.6g} m/s². "
              "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty.",
-             *(f"{text[0].upper()}{text[1:]}." for text in self.findings())],
+             *map(sentence, self.findings())],
             self.warnings,
             self.tables(),
             self.drawings(),
-            [Table("Standard uncertainties in SI, and correlations", *self.correlation_rows())],
-            [f"{text[0].upper()}{text[1:]}." for text in self.assumptions],
+            [self._correlations()],
+            list(map(sentence, self.assumptions)),
             self.provenance,
         )  # fmt: skip
 
 
 def _cells(values: np.ndarray, errors: np.ndarray) -> list[str]:
     return [with_error(value, error) for value, error in zip(values, errors, strict=True)]
-
-
-def _fixed(value: float, decimals: int) -> str:
-    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−")
 
 
 def _expanded(values: np.ndarray) -> list[str]:

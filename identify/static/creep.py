@@ -1,4 +1,4 @@
-"""Static poses in which the load cell drifts or creeps: their mean is no weight."""
+"""Static poses in which the load cell drifts or creeps, whose mean is not the weight."""
 
 from collections.abc import Sequence
 
@@ -6,12 +6,12 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-BLOCKS_OF = 0.2
+BLOCK = 0.2
 """Seconds whose mean counts as one independent reading."""
 CHANCE = 1e-4
 """Of a false alarm, for each pose."""
 BEYOND = 3.0
-"""Times the typical change within a pose that one must change, to be left out."""
+"""Change within a pose over the typical one above which the pose is left out."""
 
 
 def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
@@ -24,7 +24,7 @@ def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.nda
         signal: samples of one pose.
         rate: sample rate [Hz].
     """
-    size = max(round(BLOCKS_OF * rate), 1)
+    size = max(round(BLOCK * rate), 1)
     count = len(signal) // size
     if count < 5:
         return np.zeros(signal.shape[1]), np.zeros(signal.shape[1], bool)
@@ -41,7 +41,7 @@ def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.nda
 def creeping(
     poses: Sequence[Float[np.ndarray, "_ 6"]], rate: float
 ) -> tuple[Bool[np.ndarray, " poses"], Float[np.ndarray, "poses 6"], bool]:
-    """Return which poses hold a drift or creep of their own, the change within each, and whether all of them drift.
+    """Return which poses drift or creep, the change within each, and whether most of them drift.
 
     A pose counts where a component changes beyond its noise and three times as much as it typically does in a pose.
 

@@ -1,10 +1,10 @@
-"""The mass that a load cell tells beside the mass from a scale: a check of the cell's gain."""
+"""The mass measured by a load cell against the mass from a scale: a check of the cell's gain."""
 
 from dataclasses import dataclass
 from typing import Any
 
 CONTRADICTION = 1.5
-"""E_n beyond which the scale's mass is no observation of the load cell's: three standard uncertainties."""
+"""|E_n| above which the scale's mass is not combined with the load cell's: three standard uncertainties."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class GainCheck:
 
     @property
     def contradicts(self) -> bool:
-        """Whether the two cannot be of one body: chance alone goes so far once in 300 times."""
+        """Whether the two differ by more than chance explains, which happens once in 300 times."""
         return self.normalised > CONTRADICTION
 
     @property
@@ -45,7 +45,7 @@ class GainCheck:
         return f"{text}: {'the gain agrees' if self.within else 'the load cell, or gravity, is off'}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what centre.json says of it."""
+        """Return its content in centre.json."""
         return {
             "mass": self.mass,
             "standard_uncertainty": self.standard_uncertainty,
@@ -57,9 +57,9 @@ class GainCheck:
         }
 
 
-def gain_check(mass: float, sigma: float, of_cell: float, sigma_of_cell: float, factor: float) -> GainCheck:
+def gain_check(mass: float, sigma: float, cell_mass: float, sigma_cell_mass: float, factor: float) -> GainCheck:
     """Return the check of a load cell's mass [kg] against a scale's, each with its standard uncertainty."""
-    mass, sigma = float(mass), float(sigma)  # figures of NumPy are none of JSON
-    ratio = of_cell / mass
-    spread = ratio * ((sigma / mass) ** 2 + (sigma_of_cell / of_cell) ** 2) ** 0.5
+    mass, sigma = float(mass), float(sigma)  # JSON does not take NumPy scalars
+    ratio = cell_mass / mass
+    spread = ratio * ((sigma / mass) ** 2 + (sigma_cell_mass / cell_mass) ** 2) ** 0.5
     return GainCheck(mass, sigma, ratio, spread, factor)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from identify.static.centre import foreseen_covariance
+from identify.static.centre import predicted_covariance
 from identify.static.pose_fit import EXACT, Attitudes
 
 Cost = Callable[[np.ndarray], float]
@@ -25,7 +25,7 @@ def best_poses(candidates: int, count: int, cost: Cost, *, starts: int = 4, seed
     Args:
         candidates: how many poses there are to choose from; one may be chosen several times.
         count: how many are wanted.
-        cost: of a set, infinite where it does not determine what is asked.
+        cost: of a set, infinite where it does not determine the parameters.
         starts: random sets to begin with.
         seed: of those.
 
@@ -41,7 +41,7 @@ def best_poses(candidates: int, count: int, cost: Cost, *, starts: int = 4, seed
 
 
 def _start(generator: np.random.Generator, candidates: int, count: int, cost: Cost) -> np.ndarray:
-    """A random set of finite cost, if a few draws find one."""
+    """A random set, of finite cost if one of a few draws has it."""
     chosen = generator.integers(candidates, size=count)
     for _ in range(20):
         if np.isfinite(cost(chosen)):
@@ -52,15 +52,15 @@ def _start(generator: np.random.Generator, candidates: int, count: int, cost: Co
 
 def _improved(chosen: np.ndarray, candidates: int, cost: Cost) -> np.ndarray:
     """The set after exchanges, each the best for its place, until none helps."""
-    now, better = cost(chosen), True
+    least, better = cost(chosen), True
     while better:
         better = False
         for place in range(len(chosen)):
             others = [np.r_[chosen[:place], other, chosen[place + 1 :]] for other in range(candidates)]
             costs = [cost(other) for other in others]
             k = int(np.argmin(costs))
-            if costs[k] < now - GAIN:
-                chosen, now, better = others[k], costs[k], True
+            if costs[k] < least - GAIN:
+                chosen, least, better = others[k], costs[k], True
     return chosen
 
 
@@ -77,14 +77,14 @@ def log_determinant(
 
     Args:
         specific_force: of the poses, opposite to gravity, in B [m/s²].
-        mass: as far as it is known [kg].
-        r_cg: the same, from Q, in B [m].
+        mass: expected [kg].
+        r_cg: expected centre of gravity from Q, in B [m].
         scatter: covariance of each pose's mean force and moment.
         attitudes: how far the poses' attitudes may be off.
         parameters: how many of the ten count, from the first: 4 for mass and centre, 10 for the offsets, too.
     """
     if np.linalg.matrix_rank(specific_force - specific_force.mean(axis=0), tol=1e-3) < 2:
         return np.inf
-    covariance = foreseen_covariance(specific_force, mass, r_cg, scatter, attitudes)[:parameters, :parameters]
+    covariance = predicted_covariance(specific_force, mass, r_cg, scatter, attitudes)[:parameters, :parameters]
     sign, value = np.linalg.slogdet(covariance)
     return float(value) if sign > 0 else np.inf

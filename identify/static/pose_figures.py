@@ -1,4 +1,4 @@
-"""The figure of a centre: what each static pose leaves unexplained."""
+"""The figure of a centre: the residual wrench of each static pose."""
 
 import matplotlib
 import numpy as np

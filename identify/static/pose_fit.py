@@ -22,7 +22,7 @@ class Attitudes:
     """How far the attitudes of static poses may be off."""
 
     each: Float[np.ndarray, " n"] | float = 0.0
-    """Standard uncertainty of each pose's own tilt about any axis, independent from pose to pose [rad]."""
+    """Standard uncertainty of each pose's tilt about any axis, independent from pose to pose [rad]."""
     common: Float[np.ndarray, "n 3 k"] | None = None
     """What k independent errors of one standard uncertainty each, common to all poses, do to f [m/s²]; None: none."""
     lasting: int = 0
@@ -34,7 +34,7 @@ EXACT = Attitudes()
 
 @dataclass(frozen=True)
 class Fit:
-    """What static poses tell."""
+    """Least squares over static poses."""
 
     values: Float[np.ndarray, "10"]
     """(m, F0, m r, M0)."""
@@ -43,7 +43,7 @@ class Fit:
     degrees_of_freedom: Float[np.ndarray, "10"] = field(default_factory=lambda: np.full(LINEAR, np.inf))
     """Effective, of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
     lasting: Float[np.ndarray, "10 k"] = field(default_factory=lambda: np.zeros((LINEAR, 0)))
-    """What lasting errors of one standard uncertainty do to the values."""
+    """Change of the values by lasting errors of one standard uncertainty each."""
 
 
 def fit(
@@ -61,28 +61,26 @@ def fit(
         moment: on the body about Q [N·m].
         specific_force: opposite to gravity [m/s²].
         attitudes: how far this may be off.
-        mass: what is known of it from elsewhere, with its standard uncertainty, as one more observation [kg].
+        mass: from a scale, with its standard uncertainty, as one more observation [kg].
     """
     rows, measured = _rows(specific_force), np.hstack([force, moment])
-    gain = np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
+    gain = _gain(rows)
     values = np.einsum("pnc,nc->p", gain, measured)
     residuals = measured - rows @ values
     free = np.maximum(len(rows) - np.einsum("ncp,pnc->c", rows, gain), 0.1)
-    tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
+    tilts, common_effect = _attitude_effects(values, gain, specific_force, attitudes)
     scatter = _scatter(residuals, free, tilts)
-    common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
-    common_effect = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
     if mass is not None:
-        left, by_mass = _observed(_covariance(gain, scatter, tilts, common_effect), mass[1])
-        values = left @ values + by_mass * mass[0]
-        gain = np.einsum("pq,qnc->pnc", left, gain)
-        common_effect = np.column_stack([left @ common_effect, by_mass * mass[1]])
+        factor, mass_gain = _observed(_covariance(gain, scatter, tilts, common_effect), mass[1])
+        values = factor @ values + mass_gain * mass[0]
+        gain = np.einsum("pq,qnc->pnc", factor, gain)
+        common_effect = np.column_stack([factor @ common_effect, mass_gain * mass[1]])
     covariance = _covariance(gain, scatter, tilts, common_effect)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
     return Fit(values, covariance, measured - rows @ values, degrees, common_effect[:, : attitudes.lasting])
 
 
-def foreseen(
+def predicted_fit(
     values: Float[np.ndarray, "10"],
     specific_force: Float[np.ndarray, "n 3"],
     scatter: Float[np.ndarray, "6 6"],
@@ -91,17 +89,14 @@ def foreseen(
     """Return the least squares of poses that are not measured yet, with the covariance that it will have.
 
     Args:
-        values: (m, F0, m r, M0), as far as they are known.
+        values: expected (m, F0, m r, M0).
         specific_force: of the poses, opposite to gravity [m/s²].
         scatter: covariance of each pose's mean force and moment.
         attitudes: how far the poses' attitudes may be off.
     """
-    rows = _rows(specific_force)
-    gain = np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
-    tilts = _of_tilt(values, specific_force, -cross_matrices(specific_force)) * _each(attitudes, len(rows))
-    common = np.zeros((len(rows), 3, 0)) if attitudes.common is None else attitudes.common
-    common_effect = np.einsum("pnc,nck->pk", gain, _of_tilt(values, specific_force, common))
-    return Fit(values, _covariance(gain, scatter, tilts, common_effect), np.zeros((len(rows), CHANNELS)))
+    gain = _gain(_rows(specific_force))
+    tilts, common_effect = _attitude_effects(values, gain, specific_force, attitudes)
+    return Fit(values, _covariance(gain, scatter, tilts, common_effect), np.zeros((len(specific_force), CHANNELS)))
 
 
 def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:
@@ -131,14 +126,25 @@ def _rows(f: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _of_tilt(values: np.ndarray, f: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """What changes (n, 3, k) of f do to the fitted wrench, (n, 6, k)."""
+def _gain(rows: np.ndarray) -> np.ndarray:
+    """The least squares' gain from the measured wrenches to the values, (10, n, 6)."""
+    return np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
+
+
+def _attitude_effects(
+    values: np.ndarray, gain: np.ndarray, f: np.ndarray, attitudes: Attitudes
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of one standard uncertainty: of each pose's tilt on its wrench (n, 6, 3), of common errors on the values."""
+    each = np.broadcast_to(np.asarray(attitudes.each, float), len(f))[:, None, None]
+    common = np.zeros((len(f), 3, 0)) if attitudes.common is None else attitudes.common
+    tilts = _wrench_change(values, -cross_matrices(f)) * each
+    return tilts, np.einsum("pnc,nck->pk", gain, _wrench_change(values, common))
+
+
+def _wrench_change(values: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Change of the fitted wrench (n, 6, k) by changes (n, 3, k) of the specific force."""
     moment = np.cross(values[4:7], change, axisb=1, axisc=1)
     return np.concatenate([values[0] * change, moment], axis=1)
-
-
-def _each(attitudes: Attitudes, n: int) -> np.ndarray:
-    return np.broadcast_to(np.asarray(attitudes.each, float), n)[:, None, None]
 
 
 def _positive(matrix: np.ndarray) -> np.ndarray:
@@ -148,22 +154,22 @@ def _positive(matrix: np.ndarray) -> np.ndarray:
 
 
 def _scatter(residuals: np.ndarray, free: np.ndarray, tilts: np.ndarray) -> np.ndarray:
-    """What the fit leaves beside the declared tilts, as a covariance across the six axes."""
+    """Covariance of the residuals across the six axes, less that of the declared tilts."""
     shrunk_covariance = shrunk(residuals.T @ residuals / np.sqrt(np.outer(free, free)), float(free.min()))
     return _positive(shrunk_covariance - np.einsum("nck,ndk->cd", tilts, tilts) / len(residuals))
 
 
 def _observed(covariance: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of one more observation, of the first value: what it leaves of the estimate, and what it adds by its own."""
-    by = covariance[:, 0] / (covariance[0, 0] + sigma**2)
-    return np.eye(LINEAR) - np.outer(by, np.eye(LINEAR)[0]), by
+    """One more observation, of the first value: factor of the estimate before it, and gain of the observation."""
+    gain = covariance[:, 0] / (covariance[0, 0] + sigma**2)
+    return np.eye(LINEAR) - np.outer(gain, np.eye(LINEAR)[0]), gain
 
 
 def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, common_effect: np.ndarray) -> np.ndarray:
-    """Of the estimate: from the residuals, from each pose's own tilt, from what is common to all."""
-    of_tilts = np.einsum("pnc,nck->pnk", gain, tilts).reshape(LINEAR, -1)
-    of_scatter = np.einsum("pnc,cd,qnd->pq", gain, scatter, gain)
-    return of_scatter + of_tilts @ of_tilts.T + common_effect @ common_effect.T
+    """Covariance of the estimate: from the residuals, each pose's tilt, and errors common to all."""
+    tilt_effect = np.einsum("pnc,nck->pnk", gain, tilts).reshape(LINEAR, -1)
+    from_scatter = np.einsum("pnc,cd,qnd->pq", gain, scatter, gain)
+    return from_scatter + tilt_effect @ tilt_effect.T + common_effect @ common_effect.T
 
 
 def _degrees(gain: np.ndarray, scatter: np.ndarray, free: float, variance: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.motion.leg_limits import effort, platform_motion
 from identify.reporting import Drawing
-from identify.results import measured_directions as sphere
+from identify.results import measured_directions
 from uq.campaign.statistics import Breakdown
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
@@ -43,7 +43,7 @@ def design_drawings(
     motion, used = _shown(design)
     t = np.asarray(motion.t)
     omega, alpha = np.asarray(motion.twist.omega), np.asarray(motion.twist.alpha)
-    visited = [f"{100 * sphere.visited(path):.0f} %" for path in (omega, alpha)]
+    visited = [f"{100 * measured_directions.visited(path):.0f} %" for path in (omega, alpha)]
     view = _scene(design.experiment, motion)
 
     def platform():

@@ -1,4 +1,4 @@
-"""What was checked of an identification: each figure, its limit, and whether it is within."""
+"""The checks of an identification: each figure, its limit, and whether it is within."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,23 +12,24 @@ HEAD = ("check", "found", "limit", "verdict")
 
 def rows(result: Identification) -> list[list[str]]:
     """Return the checks that this kind of result allows, a row each: check, figure, limit, verdict."""
-    said = result.diagnostics
-    found = []
-    if "excitation_over_noise" in said:
-        found.append(_row("motion over the gyro's noise, weakest direction", said["excitation_over_noise"], "≥", 10.0))
+    diagnostics = result.diagnostics
+    checks = []
+    if "excitation_over_noise" in diagnostics:
+        ratio = diagnostics["excitation_over_noise"]
+        checks.append(_row("motion over the gyro's noise, weakest direction", ratio, "≥", 10.0))
     with np.errstate(invalid="ignore", divide="ignore"):
         bias = np.abs(result.bias) / (3 * result.standard_uncertainty)
     if np.isfinite(bias).all():
-        found.append(_row("largest bias over 3 u", float(bias.max()), "≤", 0.1))
+        checks.append(_row("largest bias over 3 u", float(bias.max()), "≤", 0.1))
     if result.pooling is not None and result.pooling.from_scatter is not None:
         ratio = float(np.max(result.pooling.excess))
-        found.append(_row("scatter between runs over that within, largest", ratio, "≤", 2.0))
-    found.append(_admissible(result))
+        checks.append(_row("scatter between runs over that within, largest", ratio, "≤", 2.0))
+    checks.append(_admissible(result))
     causes = sorted({verdict.cause for verdict in result.consistency})
     what = f"residuals that follow something{': ' if causes else ''}{', '.join(causes)}"
-    found.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
-    found.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
-    return found
+    checks.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
+    checks.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
+    return checks
 
 
 def _row(what: str, value: float, sign: str, limit: float) -> list[str]:

@@ -1,4 +1,4 @@
-"""The result of static poses as what is known beforehand of a recorded run: ``inertia identify --centre``."""
+"""The result of static poses as the prior of a recorded run: ``inertia identify --centre``."""
 
 import json
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from uq.files.provenance import sha256
 from uq.sources.source import Source
 
 APART = 2.0
-"""Standard uncertainties that two values of the same may differ by."""
+"""Standard uncertainties that two values of one quantity may differ by."""
 
 
 def load_centre(path: str | Path) -> Centre:
@@ -33,8 +33,8 @@ def load_centre(path: str | Path) -> Centre:
     return Centre.from_dict(content, name)
 
 
-def known_by(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[str, ...]]:
-    """Return the experiment with a centre's mass and centre of gravity instead of its own, and where these differ."""
+def with_centre_prior(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[str, ...]]:
+    """Return the experiment with the mass and centre of gravity of static poses, and where these contradict it."""
     u = centre.standard_uncertainty
     warnings = []
     if experiment.r_cg_from_q is not None:
@@ -50,27 +50,29 @@ def known_by(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[
             f"body.mass is {experiment.mass:.6g} kg, the static poses say {centre.mass:.6g} kg, further apart than "
             f"their uncertainty of {u[0]:.2g} kg: the poses' is used"
         )
-    return instead(experiment, centre.mass, centre.r_cg, u[1:4], "static poses"), tuple(warnings)
+    return with_mass_and_centre(experiment, centre.mass, centre.r_cg, u[1:4], "static poses"), tuple(warnings)
 
 
-def instead(experiment: Experiment, mass: float, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str) -> Experiment:
+def with_mass_and_centre(
+    experiment: Experiment, mass: float, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str
+) -> Experiment:
     """Return the experiment with another mass [kg] and centre of gravity with its standard uncertainty [m]."""
     others = tuple(source for source in experiment.sources if source.perturbs != "r_cg")
-    kept = {one.name for one in others}
-    mixing = tuple(mixed for mixed in experiment.mixing if kept.issuperset(mixed.names))
-    of_centre = Source("r_cg", "r_cg", "bias", "cg", sigma_r_cg, source)
-    return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, of_centre), mixing=mixing)
+    names = {source.name for source in others}
+    mixing = tuple(mixed for mixed in experiment.mixing if names.issuperset(mixed.names))
+    centre_source = Source("r_cg", "r_cg", "bias", "cg", sigma_r_cg, source)
+    return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, centre_source), mixing=mixing)
 
 
-def told(path: str | Path, centre: Centre) -> dict[str, Any]:
-    """Return what a result's provenance says of the centre that it used."""
-    said: Mapping[str, Any] = centre.provenance
+def centre_provenance(path: str | Path, centre: Centre) -> dict[str, Any]:
+    """Return the provenance of the centre that a result used."""
+    provenance: Mapping[str, Any] = centre.provenance
     return {
         "file": str(path),
         "sha256": sha256(path),
-        "inputs": said.get("inputs"),
-        "package": said.get("package"),
-        "time": said.get("time"),
+        "inputs": provenance.get("inputs"),
+        "package": provenance.get("package"),
+        "time": provenance.get("time"),
     }
 
 

@@ -7,11 +7,11 @@ from typing import Any
 from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section
 from identify.results.identification_result import Identification
-from identify.text_tables import Table
+from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.experiment.conformity import RULES
 from uq.experiment.report_table import Report, read
-from uq.identification import certificate_tables as tables
+from uq.identification import certificate_tables
 from uq.report.certificate_front import front
 from uq.report.input_tables import source_tables
 
@@ -46,11 +46,11 @@ class Certificate(Result):
         """Return tensor, mass and centre, principal moments, conformity, instruments."""
         result, report = self.identification, self.report
         return [
-            tables.tensor(result, self.tensor),
-            tables.mass_and_centre(result, report),
-            *tables.principal(result, report),
-            *tables.conformity(report, self.tensor),
-            tables.instruments(report),
+            certificate_tables.tensor(result, self.tensor),
+            certificate_tables.mass_and_centre(result, report),
+            *certificate_tables.principal(result, report),
+            *certificate_tables.conformity(report, self.tensor),
+            certificate_tables.instruments(report),
         ]
 
     def overview(self) -> list[Table]:
@@ -77,13 +77,13 @@ class Certificate(Result):
         """Return budget, scatter, alignment, tare, checks, other points and frames, runs, sources."""
         result = self.identification
         return [
-            *tables.budget(result),
-            *tables.scatter(result),
-            *tables.bodies(result),
-            *tables.alignment(result),
-            *tables.tare(result),
-            tables.checked(result),
-            *tables.elsewhere(result),
+            *certificate_tables.budget(result),
+            *certificate_tables.scatter(result),
+            *certificate_tables.bodies(result),
+            *certificate_tables.alignment(result),
+            *certificate_tables.tare(result),
+            certificate_tables.checked(result),
+            *certificate_tables.elsewhere(result),
             result.run_table(),
             *source_tables(result.provenance),
         ]
@@ -98,7 +98,7 @@ class Certificate(Result):
             self.tables(),
             self.drawings(),
             self.details(),
-            [f"{text[0].upper()}{text[1:]}." for text in result.assumptions],
+            list(map(sentence, result.assumptions)),
             result.provenance,
             front(report, result.provenance),
         )

@@ -6,25 +6,25 @@ import numpy as np
 
 from identify.figure_style import display_name
 from identify.results.alignment import Aligned
-from identify.results.contributions import evaluated
+from identify.results.contributions import evaluation_type
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
-from identify.text_tables import Table, decimals, fixed, rounded
+from identify.text_tables import Table, decimals, fixed, rounded, sentence
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_normal
 from uq.experiment.conformity import decide
 from uq.experiment.report_table import Report
-from uq.identification import acceptance_checks as checks
+from uq.identification import acceptance_checks
 from uq.report.certificate_front import INSTRUMENT_HEAD, MISSING, instrument_rows
 
 DEGREE = float(np.degrees(1.0))
 AXES = ("b1", "b2", "b3")
 
 
-def tensor(result: Identification, of: Expanded) -> Table:
+def tensor(result: Identification, expanded: Expanded) -> Table:
     """Return the six components; the bias has the decimals of U."""
     rows = []
-    for row, bias, half in zip(of.rows(GRAM_METRE), result.bias, of.expanded, strict=True):
+    for row, bias, half in zip(expanded.rows(GRAM_METRE), result.bias, expanded.expanded, strict=True):
         rows.append([*row[:6], fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half)), row[6]])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
@@ -35,8 +35,8 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
     """Return mass and centre of gravity, as stated or measured."""
     asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
     names = tuple(f"centre of gravity from Q, {axis}, mm" for axis in AXES)
-    of_cg = of_normal(names, 1e3 * result.r_cg, 1e3 * result.sigma_r_cg, **asked)
-    return Table("Mass and centre of gravity", ["", *HEAD], [*_mass(result, asked), *of_cg.rows()])
+    cg = of_normal(names, 1e3 * result.r_cg, 1e3 * result.sigma_r_cg, **asked)
+    return Table("Mass and centre of gravity", ["", *HEAD], [*_mass(result, asked), *cg.rows()])
 
 
 def _mass(result: Identification, asked: dict[str, float | None]) -> list[list[str]]:
@@ -48,17 +48,19 @@ def _mass(result: Identification, asked: dict[str, float | None]) -> list[list[s
 
 
 def principal(result: Identification, report: Report) -> list[Table]:
-    """Return the principal moments with their axes, or how well an axis is known where it is not."""
+    """Return the principal moments with their axes; – for an axis that is not determined."""
     if not np.isfinite(result.covariance).all():
         return []
-    found = principal_axes(result.inertia, result.covariance)
+    axes = principal_axes(result.inertia, result.covariance)
     asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
-    of = of_normal(tuple("123"), found.moments, found.standard_uncertainty, **asked)
+    moments = of_normal(tuple("123"), axes.moments, axes.standard_uncertainty, **asked)
     rows = []
-    for row, axis, known, angle in zip(of.rows(GRAM_METRE), found.axes, found.determined, found.angles, strict=True):
-        components = [fixed(x, 3) if known else "–" for x in axis]
+    for row, axis, determined, angle in zip(
+        moments.rows(GRAM_METRE), axes.axes, axes.determined, axes.angles, strict=True
+    ):
+        components = [fixed(x, 3) if determined else "–" for x in axis]
         rows.append([*row[:3], *components, _degrees(angle) if angle <= LARGEST_ANGLE else "–"])
-    note = PRINCIPAL_NOTE + (f" {found.note[0].upper()}{found.note[1:]}." if found.note else "")
+    note = PRINCIPAL_NOTE + (f" {sentence(axes.note)}" if axes.note else "")
     return [Table("Principal moments, g·m², and their axes", ["", "value", "U", *AXES, "turn, deg"], rows, note)]
 
 
@@ -67,14 +69,14 @@ def _degrees(angle: float) -> str:
     return fixed(degrees, decimals(degrees))
 
 
-def conformity(report: Report, of: Expanded) -> list[Table]:
+def conformity(report: Report, expanded: Expanded) -> list[Table]:
     """Return what the decision rule says, where a statement of conformity is asked for."""
     if report.conformity is None:
         return []
     rows = []
-    for one in decide(report.conformity, of.value, of.standard, of.expanded):
-        low, high = (f"{GRAM_METRE * end:.6g}".replace("-", "−") for end in one.limits)
-        rows.append([one.component, f"{low} … {high}", one.outcome, rounded(100 * one.probability, 0.0)])
+    for decision in decide(report.conformity, expanded.value, expanded.standard, expanded.expanded):
+        low, high = (f"{GRAM_METRE * end:.6g}".replace("-", "−") for end in decision.limits)
+        rows.append([decision.component, f"{low} … {high}", decision.outcome, rounded(100 * decision.probability, 0.0)])
     head = ["", "limits, g·m²", "outcome", "probability within, %"]
     return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
 
@@ -90,22 +92,22 @@ def budget(result: Identification) -> list[Table]:
     parts = result.contributions
     if not parts:
         return []
-    rows = [[display_name(name), evaluated(name), *_two_digits(values)] for name, values in parts.items()]
+    rows = [[display_name(name), evaluation_type(name), *_two_digits(values)] for name, values in parts.items()]
     rows.append(["combined", "", *_two_digits(result.standard_uncertainty)])
     head = ["part", "type", *COMPONENTS]
     return [Table("Budget: contributions to the standard uncertainty, g·m²", head, rows, BUDGET_NOTE)]
 
 
 def scatter(result: Identification) -> list[Table]:
-    """Return what repeated runs show beside what their residuals foresee."""
-    found = result.pooling
-    if found is None or found.runs < 2:
+    """Return the scatter of repeated runs beside the scatter that their residuals predict."""
+    pooling = result.pooling
+    if pooling is None or pooling.runs < 2:
         return []
-    rows = [["foreseen by the residuals, one run", *_two_digits(found.predicted)]]
-    if found.between_runs is not None:
-        rows.append(["between runs", *_two_digits(found.between_runs)])
-    if found.between_mountings is not None:
-        rows.append([f"between {found.mountings} mountings", *_two_digits(found.between_mountings)])
+    rows = [["foreseen by the residuals, one run", *_two_digits(pooling.predicted)]]
+    if pooling.between_runs is not None:
+        rows.append(["between runs", *_two_digits(pooling.between_runs)])
+    if pooling.between_mountings is not None:
+        rows.append([f"between {pooling.mountings} mountings", *_two_digits(pooling.between_mountings)])
     return [Table("Repeatability: standard deviations, g·m²", ["", *COMPONENTS], rows)]
 
 
@@ -113,9 +115,9 @@ def alignment(result: Identification) -> list[Table]:
     """Return delay and rotation between load cell and IMU, where they were estimated."""
     named = [("delay of the IMU, ms", result.delay, 1e3), ("rotation vector of the IMU, deg", result.rotation, DEGREE)]
     rows = [
-        [f"{name}, {axis}" if len(of.value) > 1 else name, *of_row, f"{100 * share:.2g}"]
-        for name, of, unit in named if of is not None and of.estimated
-        for axis, of_row, share in zip(AXES, _aligned(of, unit), of.prior_share, strict=False)
+        [f"{name}, {axis}" if len(aligned.value) > 1 else name, *figures, f"{100 * share:.2g}"]
+        for name, aligned, unit in named if aligned is not None and aligned.estimated
+        for axis, figures, share in zip(AXES, _figures(aligned, unit), aligned.prior_share, strict=False)
     ]  # fmt: skip
     head = ["", "value", "u", "95 % interval", "prior's share, %"]
     return [Table("Alignment of load cell and IMU, estimated with the tensor", head, rows, PRIOR_NOTE)] if rows else []
@@ -123,24 +125,23 @@ def alignment(result: Identification) -> list[Table]:
 
 def bodies(result: Identification) -> list[Table]:
     """Return the plain estimate, where the result is what bodies allow beside weak data."""
-    found = result.admissible
-    if found is None:
+    admissible = result.admissible
+    if admissible is None:
         return []
     rows = []
-    for name, value, (low, high), known in zip(
-        COMPONENTS, GRAM_METRE * found.plain, GRAM_METRE * found.plain_interval95, found.determined, strict=True
-    ):
+    plain, intervals = GRAM_METRE * admissible.plain, GRAM_METRE * admissible.plain_interval95
+    for name, value, (low, high), determined in zip(COMPONENTS, plain, intervals, admissible.determined, strict=True):
         half = (high - low) / 2
-        interval = f"{rounded(low, half)} … {rounded(high, half)}" if known else "–"
-        rows.append([name, rounded(value, half), interval, "yes" if known else "no"])
+        interval = f"{rounded(low, half)} … {rounded(high, half)}" if determined else "–"
+        rows.append([name, rounded(value, half), interval, "yes" if determined else "no"])
     head = ["", "value", "95 % interval", "determined by the motion"]
-    note = f"The result is what bodies allow: {found.reason}."
+    note = f"The result is what bodies allow: {admissible.reason}."
     return [Table("Plain estimate, before bodies alone were allowed, g·m²", head, rows, note)]
 
 
-def _aligned(of: Aligned, unit: float) -> Iterator[list[str]]:
+def _figures(aligned: Aligned, unit: float) -> Iterator[list[str]]:
     """Value, standard uncertainty and interval of each number."""
-    for value, u, (low, high) in zip(of.value, of.standard_uncertainty, of.interval95, strict=True):
+    for value, u, (low, high) in zip(aligned.value, aligned.standard_uncertainty, aligned.interval95, strict=True):
         places = decimals(unit * u)
         low, high = (fixed(unit * end, places) for end in (low, high))
         yield [fixed(unit * value, places), fixed(unit * u, places), f"{low} … {high}"]
@@ -150,28 +151,28 @@ def tare(result: Identification) -> list[Table]:
     """Return what was taken off, and what it was taken off from."""
     if result.tare is None:
         return []
-    both = {"with the fixture": result.tare.whole, "the fixture": result.tare.fixture, "the body": result.parameters}
+    names, tare = ("with the fixture", "the fixture", "the body"), result.tare
     rows = [
-        [name, *_with_u(of.values[:1], of.standard_uncertainty[:1], 1.0),
-         *_with_u(of.values[1:4], of.standard_uncertainty[1:4], 1e3),
-         *_with_u(of.values[4:], of.standard_uncertainty[4:], GRAM_METRE)]
-        for name, of in both.items()
+        [name, *_with_u(parameters.values[:1], parameters.standard_uncertainty[:1], 1.0),
+         *_with_u(parameters.values[1:4], parameters.standard_uncertainty[1:4], 1e3),
+         *_with_u(parameters.values[4:], parameters.standard_uncertainty[4:], GRAM_METRE)]
+        for name, parameters in zip(names, (tare.whole, tare.fixture, result.parameters), strict=True)
     ]  # fmt: skip
     head = ["", "mass, kg", *(f"{axis}, mm" for axis in AXES), *COMPONENTS]
     return [Table("Tare: mass, centre of gravity from Q, tensor in g·m²", head, rows, TARE_NOTE)]
 
 
 def _with_u(values: np.ndarray, u: np.ndarray, unit: float) -> list[str]:
-    """Figures to two digits of their standard uncertainty, which is exact where it is nought."""
+    """Figures to two digits of their standard uncertainty; in full where that is zero."""
     return [rounded(unit * x, unit * s) for x, s in zip(values, u, strict=True)]
 
 
 def elsewhere(result: Identification) -> Iterator[Table]:
-    """Return the tensor about other points and in other frames, as far as it is known."""
+    """Return the tensor about other points and in other frames, where the mass is known."""
     if result.mass is None:
         return
-    of_q = result.parameters.about()
-    named = [("about the load cell's centre Q, in the body frame", of_q.inertia, of_q.standard_uncertainty)]
+    about_q = result.parameters.about()
+    named = [("about the load cell's centre Q, in the body frame", about_q.inertia, about_q.standard_uncertainty)]
     if result.datum is not None:
         moved = result.parameters.in_datum(result.datum)
         where = "about the centre of gravity, in the frame of the declared datum"
@@ -182,8 +183,8 @@ def elsewhere(result: Identification) -> Iterator[Table]:
 
 
 def checked(result: Identification) -> Table:
-    """Return what was checked."""
-    return Table("Checks", list(checks.HEAD), checks.rows(result), wrap=True)
+    """Return the checks: figure, limit, verdict."""
+    return Table("Checks", list(acceptance_checks.HEAD), acceptance_checks.rows(result), wrap=True)
 
 
 def _two_digits(values: np.ndarray) -> list[str]:

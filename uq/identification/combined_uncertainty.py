@@ -16,34 +16,34 @@ Name = str
 
 
 class Systematic(NamedTuple):
-    """What the systematic sources do to a pooled tensor."""
+    """Errors of a pooled tensor from the systematic sources."""
 
     sources: tuple[Source, ...]
     common: Float[np.ndarray, "trials 6"]
     """Errors of the tensor from the sources that all runs share [kg·m²]."""
-    anew: Float[np.ndarray, "trials 6"]
-    """From those that each mounting draws anew."""
+    by_mounting: Float[np.ndarray, "trials 6"]
+    """From those that each mounting draws independently."""
     alone: Mapping[Name, Float[np.ndarray, "trials 6"]]
     """From each source alone."""
     failed: int = 0
     """Draws with which the tensor could not be solved; they are left out."""
 
 
-def widened_by_sources(result: Identification, found: Systematic) -> Identification:
-    """A result of an estimator that evaluates its own noise and priors: its ends move out, in squares."""
-    own = np.sqrt(np.diag(result.covariance))
-    alone = {name: errors.std(axis=0) for name, errors in found.alone.items()}
-    if not found.sources:
-        return replace(result, budget={"estimate": own})
-    ends = np.quantile(found.common, [0.975, 0.025], axis=0).T
-    middle, mean = result.inertia[:, None], found.common.mean(axis=0)
+def widened_by_sources(result: Identification, systematic: Systematic) -> Identification:
+    """Return a result without type A's pooling with its ends moved out by the sources' errors, in squares."""
+    estimate = np.sqrt(np.diag(result.covariance))
+    alone = {name: errors.std(axis=0) for name, errors in systematic.alone.items()}
+    if not systematic.sources:
+        return replace(result, budget={"estimate": estimate})
+    ends = np.quantile(systematic.common, [0.975, 0.025], axis=0).T
+    middle, mean = result.inertia[:, None], systematic.common.mean(axis=0)
     out = np.hypot(result.interval95 - middle, ends - mean[:, None])
     return replace(
         result,
-        covariance=result.covariance + np.cov(found.common.T, ddof=1),
+        covariance=result.covariance + np.cov(systematic.common.T, ddof=1),
         interval95=middle - mean[:, None] + out * [-1, 1],
         bias=result.bias + mean,
-        budget={"estimate": own, **alone},
+        budget={"estimate": estimate, **alone},
     )
 
 
@@ -52,16 +52,17 @@ def combined_interval(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the 2.5 % and 97.5 % quantiles of type A's and the sources' errors together [kg·m²].
 
-    Type A's errors are quantiles of its t distribution at even probabilities, in random order: no chance of their own.
+    Type A's errors are quantiles of its t distribution at even probabilities, in random order, so that they
+    add no sampling noise.
     """
     trials = len(errors)
     rng = np.random.default_rng([seed, trials])
     even = (np.arange(trials) + 0.5) / trials
-    own = [
+    type_a = [
         scale * scipy.stats.t.ppf(rng.permutation(even), freedom)
         for scale, freedom in zip(together.scale, together.degrees_of_freedom, strict=True)
     ]
-    return tuple(np.quantile(errors + np.transpose(own), [0.025, 0.975], axis=0))
+    return tuple(np.quantile(errors + np.transpose(type_a), [0.025, 0.975], axis=0))
 
 
 def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -80,11 +81,11 @@ def combined_diagnostics(
     of_sources: np.ndarray,
     ends: tuple[np.ndarray, np.ndarray],
 ) -> dict[str, Any]:
-    """What the covariance is made of; effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
-    combined, own = np.diag(covariance), np.diag(together.covariance)
-    freedom = combined**2 * together.degrees_of_freedom / np.maximum(own, 1e-300) ** 2
+    """Return standard uncertainties of type A and B; degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
+    combined, type_a = np.diag(covariance), np.diag(together.covariance)
+    freedom = combined**2 * together.degrees_of_freedom / np.maximum(type_a, 1e-300) ** 2
     return {
-        "standard_uncertainty_type_a": np.sqrt(own).tolist(),
+        "standard_uncertainty_type_a": np.sqrt(type_a).tolist(),
         "standard_uncertainty_type_b": np.sqrt(np.diag(of_sources)).tolist(),
         "effective_degrees_of_freedom": np.minimum(freedom, 1e9).tolist(),
         "coverage_factor": ((ends[1] - ends[0]) / 2 / np.sqrt(np.maximum(combined, 1e-300))).tolist(),

@@ -20,8 +20,8 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
-from uq.identification.centre_prior import known_by, load_centre, told
-from uq.identification.run_scatter import ScatterVerdict, of_runs
+from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
+from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
 from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.gravity_compensation import undo
@@ -67,8 +67,8 @@ def identify_files(
     declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
     if centre is not None:
         prior = load_centre(centre)
-        experiment, differing = known_by(experiment, prior)
-        declared_inputs |= {"centre": told(centre, prior)}
+        experiment, differing = with_centre_prior(experiment, prior)
+        declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:
         experiment = replace(experiment, mass=experiment.scale[0])
     spec = experiment.estimator(estimator)
@@ -91,17 +91,17 @@ def identify_files(
     estimates = estimator_of(result.method).estimates
     if prior is None and experiment.scale is not None and "mass" not in estimates:
         result = replace(result, mass_uncertainty=experiment.scale[1])
-    result = with_declared_sources(result, runs, experiment, anew=experiment.recording.drawn_by_mounting)
-    followed = [one for run in runs for one in _followed(run, result)]
-    repeats = of_runs(result.pooling) if result.pooling else None
+    result = with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
+    followed = [verdict for run in runs for verdict in _followed(run, result)]
+    causes = [verdict.text for verdict in followed]
+    repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
-    said = cautions(experiment.report, inputs)
     return replace(
         result,
-        warnings=(*differing, *result.warnings, *suspicious, *noisy, *(verdict.text for verdict in followed), *said),
+        warnings=(*differing, *result.warnings, *suspicious, *noisy, *causes, *cautions(experiment.report, inputs)),
         consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**declared_inputs, inputs=inputs),
@@ -129,7 +129,7 @@ def _prepared(
     marked = any(isinstance(limit, str) for window in windows or () for limit in window)
     recorded = load(path, recording, band=spec.band, marks=marked)
     chosen = cut(recorded.run, windows, recorded.marks)
-    assumed = (*recorded.assumptions, *_of_weight(recording))
+    assumed = (*recorded.assumptions, *_weight_assumption(recording))
     if chosen.specific_force is not None and experiment.mass is not None and chosen.imu_position is None:
         assumed = (*assumed, "the accelerometer is at Q")
     weighed = recording.compensated in ("gravity", "gravity_from_force")
@@ -139,28 +139,24 @@ def _prepared(
     begin = min([float(chosen.t[0]), *(rest.start for rest in rests)])
     end = max([float(chosen.t[-1]), *(rest.stop for rest in rests)])
     run = recorded.run.between(begin, end)
-    rests = tuple(Segment(one.start - begin, one.stop - begin) for one in rests)
+    rests = tuple(Segment(rest.start - begin, rest.stop - begin) for rest in rests)
     run, more = undo(run, rests, experiment)
     if recording.offsets == "still":
         run = replace(run, rest=rest_of(run, rests))
     used = run.within(chosen.segments) if chosen.segments else run
-    return replace(
-        used, segments=chosen.segments, detected=chosen.detected, left_out=chosen.left_out, overview=chosen.overview
-    ), (
-        *assumed,
-        *more,
-    )
+    cut_out = {name: getattr(chosen, name) for name in ("segments", "detected", "left_out", "overview")}
+    return replace(used, **cut_out), (*assumed, *more)
 
 
-def _of_weight(recording: Recording) -> tuple[str, ...]:
+def _weight_assumption(recording: Recording) -> tuple[str, ...]:
     return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
 
 
 def _near(run: Run, chosen: Run) -> tuple[Segment, ...]:
     """The segments of rest within the span that counts, the last before and the first after it [s]."""
     shift = float(run.t[0])
-    found = still(run.rate, run.omega, run.force, run.moment)
-    rests = [Segment(one.start + shift, one.stop + shift) for one in found]
+    segments = still(run.rate, run.omega, run.force, run.moment)
+    rests = [Segment(rest.start + shift, rest.stop + shift) for rest in segments]
     start, stop = float(chosen.t[0]), float(chosen.t[-1])
     before = [rest for rest in rests if rest.stop < start][-1:]
     after = [rest for rest in rests if rest.start > stop][:1]

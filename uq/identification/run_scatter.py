@@ -12,8 +12,8 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import Table
 
-BETTER_KNOWN = 10.0
-"""Degrees of freedom of a prediction over those of the scatter, from which on it counts as known."""
+LEAST_RATIO_OF_FREEDOM = 10.0
+"""Degrees of freedom of a prediction over those of the scatter, from which on the prediction is used."""
 LEVEL = 0.01
 """Chance that a true prediction is called false, over all components together."""
 
@@ -60,19 +60,22 @@ class ScatterVerdict(Result):
         return f"the stated noise does not describe this rig's repeatability: {' and '.join(parts)} than it predicts"
 
     def _which(self, sign: int) -> str:
-        found = [
+        components = [
             f"{name} ({measured:.2g} against {predicted:.2g})"
-            for name, measured, predicted, one in zip(self.names, self.measured, self.predicted, self.sign, strict=True)
-            if one == sign
+            for name, measured, predicted, has_sign in zip(
+                self.names, self.measured, self.predicted, self.sign == sign, strict=True
+            )
+            if has_sign
         ]
-        return f"{', '.join(found)} scatter{'s' if len(found) == 1 else ''}"
+        return f"{', '.join(components)} scatter{'s' if len(components) == 1 else ''}"
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the table."""
+    def tables(self) -> list[Table]:
+        """Return scatter, prediction and verdict of each component."""
         head = ["", "standard deviation", "predicted", "ratio", "probability", "verdict"]
         words = {-1: "less", 0: "as predicted", 1: "more"}
         columns = zip(self.names, self.measured, self.predicted, self.ratio, self.probability, self.sign, strict=True)
-        return head, [[name, *(f"{x:.3g}" for x in figures), words[int(sign)]] for name, *figures, sign in columns]
+        rows = [[name, *(f"{x:.3g}" for x in figures), words[int(sign)]] for name, *figures, sign in columns]
+        return [Table("", head, rows)]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it."""
@@ -86,10 +89,6 @@ class ScatterVerdict(Result):
             },
         }
 
-    def tables(self) -> list[Table]:
-        """Return scatter, prediction and verdict of each component."""
-        return [Table("", *self.rows())]
-
     def records(self) -> list[dict[str, Any]]:
         """Return scatter, prediction, their ratio and its probability, by component."""
         keys = ("measured", "predicted", "ratio", "probability")
@@ -101,17 +100,17 @@ class ScatterVerdict(Result):
         return [self.text]
 
 
-def of_runs(pooling: Pooling) -> ScatterVerdict | None:
+def pooled_scatter_verdict(pooling: Pooling) -> ScatterVerdict | None:
     """Return the verdict on repeated runs of one mounting against what their residuals predict.
 
-    None where nothing repeats, or where the prediction is not much better known than the scatter.
+    None where nothing repeats, or where the prediction has too few degrees of freedom.
 
     Args:
         pooling: of the runs.
     """
     if pooling.between_runs is None or not (pooling.predicted > 0).all():
         return None
-    if np.min(pooling.residual_degrees_of_freedom) < BETTER_KNOWN * pooling.repeat_degrees_of_freedom:
+    if np.min(pooling.residual_degrees_of_freedom) < LEAST_RATIO_OF_FREEDOM * pooling.repeat_degrees_of_freedom:
         return None
     return scatter_verdict(pooling.between_runs, pooling.predicted, pooling.repeat_degrees_of_freedom + 1)
 

@@ -1,4 +1,4 @@
-"""A recorded run as sums of a fixed size, in which constant errors are linear maps: what other sensors would have said.
+"""A recorded run as sums of a fixed size, in which constant errors are linear maps.
 
 The recorded motion, differentiated and filtered as the estimator does it, is taken as the true one; the recorded force
 and the fitted tensor make the true moment, ``M = r × F + Ω i``. Errors then act as in a simulated trial
@@ -109,7 +109,7 @@ def added(runs: Sequence[RunSums]) -> RunSums:
 
 
 def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], at: Float[Array, " delays"]) -> Sums:
-    """Return the sums of what sensors with these errors say.
+    """Return the sums of the signals of sensors with these errors.
 
     Args:
         sums: of the run.
@@ -125,16 +125,16 @@ def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], 
 
 def element_map(errors: Errors) -> Float[Array, "13 18"]:
     """Return the matrix that gives the features of the measured angular velocity from the elements of the true one."""
-    of_one = lambda element: features_of_elements(errors, element)  # noqa: E731
-    return jax.vmap(of_one, out_axes=1)(jnp.eye(ELEMENTS, ELEMENTS + NOISY))
+    features = lambda element: features_of_elements(errors, element)  # noqa: E731
+    return jax.vmap(features, out_axes=1)(jnp.eye(ELEMENTS, ELEMENTS + NOISY))
 
 
 def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:
     """Return the weights of Lagrange's polynomial through the nodes, at a delay [s] within them."""
-    own = jnp.eye(len(nodes), dtype=bool)
+    same = jnp.eye(len(nodes), dtype=bool)
     inside = jnp.clip(delay, jnp.min(nodes), jnp.max(nodes))
-    apart = jnp.where(own, 1.0, nodes[:, None] - nodes[None])
-    return jnp.prod(jnp.where(own, 1.0, (inside - nodes)[None] / apart), axis=1)
+    apart = jnp.where(same, 1.0, nodes[:, None] - nodes[None])
+    return jnp.prod(jnp.where(same, 1.0, (inside - nodes)[None] / apart), axis=1)
 
 
 def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np.ndarray, "18 m"]:

@@ -9,8 +9,10 @@ import numpy as np
 from identify.signals.run import Run, RunError
 from identify.signals.segments import still
 from identify.static.accelerometer import Accelerometer
-from identify.static.centre import Attitudes, Centre, centre
+from identify.static.centre import centre
+from identify.static.centre_result import Centre
 from identify.static.creep import creeping
+from identify.static.pose_fit import Attitudes
 from uq.experiment.experiment import Experiment
 from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncertain, up
 from uq.files.csv_columns import read_columns
@@ -63,29 +65,33 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
     if Path(path).suffix.lower() in TABLES:
         if windows:
             raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
-        found = _of_table(path, experiment)
+        wrenches = _table_wrenches(path, experiment)
     else:
-        found = _of_run(path, experiment, windows)
-    signals = found.force, found.moment, found.specific_force
-    result = centre(*signals, attitudes=found.attitudes, mass=experiment.scale, name=name)
+        wrenches = _run_wrenches(path, experiment, windows)
+    signals = wrenches.force, wrenches.moment, wrenches.specific_force
+    result = centre(*signals, attitudes=wrenches.attitudes, mass=experiment.scale, name=name)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
     )  # fmt: skip
     return replace(
         result,
-        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), found.rig),
-        warnings=(*found.warnings, *result.warnings),
-        assumptions=(*found.rig.assumptions, *gravity, *_of_attitudes(experiment.poses or Poses()), *found.notes),
-        provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": found.sha256}]),
+        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig),
+        warnings=(*wrenches.warnings, *result.warnings),
+        assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),
+        provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),
     )
 
 
-def _of_attitudes(poses: Poses) -> tuple[str, ...]:
-    """What is assumed of the attitudes' errors."""
-    return () if poses.sigma_alignment > 0 else ("the axes that tell the attitude are aligned with the load cell's",)
+def _aligned(poses: Poses | None) -> tuple[str, ...]:
+    """That the attitudes' sensor is aligned is assumed where no uncertainty of it is declared."""
+    return (
+        ()
+        if poses is not None and poses.sigma_alignment > 0
+        else ("the axes that tell the attitude are aligned with the load cell's",)
+    )
 
 
-def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
+def _table_wrenches(path: str | Path, experiment: Experiment) -> _Wrenches:
     poses, name = need_table(experiment.poses, path), Path(path).name
     table = read_columns(path, poses.columns)
     attitude = table[str(poses.attitude)]
@@ -110,13 +116,14 @@ def _of_table(path: str | Path, experiment: Experiment) -> _Wrenches:
 def _leaning(
     readings: np.ndarray, poses: Poses, gravity: float
 ) -> tuple[np.ndarray, Accelerometer, tuple[str, ...], tuple[str, ...]]:
-    """Specific force from an accelerometer's readings; what was found of it; warnings; that in words."""
-    specific_force, found, warnings = of_accelerometer(readings, poses, gravity)
-    offset = f"offset is {_vector(found.offset)} m/s²" if found.fitted else "offset is zero"
-    return specific_force, found, warnings, (f"the accelerometer's {offset}, its gain {found.gain:.4f}",)
+    """Specific force, calibration, warnings and notes from an accelerometer's readings."""
+    specific_force, accelerometer, warnings = of_accelerometer(readings, poses, gravity)
+    offset = f"offset is {_vector(accelerometer.offset)} m/s²" if accelerometer.fitted else "offset is zero"
+    note = f"the accelerometer's {offset}, its gain {accelerometer.gain:.4f}"
+    return specific_force, accelerometer, warnings, (note,)
 
 
-def _of_run(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
+def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
     marked = any(isinstance(limit, str) for window in windows for limit in window)
     recorded = load(path, experiment.recording, band=SLOW, marks=marked)
     run = recorded.run
@@ -153,44 +160,46 @@ def _lean_of(
         means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
         sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
         return sensed @ turn.T, sensor, warnings, notes
-    assert recorded.attitude is not None  # noqa: S101 - _of_run has seen it
+    assert recorded.attitude is not None  # noqa: S101 - _run_wrenches has seen it
     t, directions = recorded.attitude
-    found = []
+    upward = []
     for rest in rests:
         inside = (t >= run.t[rest[0]]) & (t <= run.t[rest[-1]])
         if not inside.any():
             raise RunError(f"no attitude in {run.name} between {run.t[rest[0]]:.2f} and {run.t[rest[-1]]:.2f} s")
-        found.append(directions[inside].mean(axis=0))
-    upward = np.array(found)
-    specific_force = experiment.gravity * upward / np.linalg.norm(upward, axis=1, keepdims=True)
+        upward.append(directions[inside].mean(axis=0))
+    up = np.array(upward)
+    specific_force = experiment.gravity * up / np.linalg.norm(up, axis=1, keepdims=True)
     return specific_force @ turn.T, None, (), ("the z axis of the recorded poses' frame points up",)
 
 
 def _steady(run: Run, rests: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[str, ...]]:
-    """The poses without a drift or creep of their own, and what is said of the others."""
+    """The poses in which the load cell neither drifts nor creeps, and warnings of the others."""
     if len(rests) < 3:
         return rests, ()
     wrench = np.hstack([run.force, run.moment])
-    own, slopes, all_drift = creeping([wrench[rest] for rest in rests], run.rate)
-    said = [
+    drifting, slopes, all_drift = creeping([wrench[rest] for rest in rests], run.rate)
+    warnings = [
         f"pose {k + 1} ({run.t[rest[0]]:.1f} to {run.t[rest[-1]]:.1f} s) left out: within it the force changes by "
         f"{np.linalg.norm(slope[:3]):.2g} N and the moment by {np.linalg.norm(slope[3:]):.2g} N·m"
         for k, (rest, slope) in enumerate(zip(rests, slopes, strict=True))
-        if own[k]
+        if drifting[k]
     ]
     if all_drift:
-        said.append("force or moment drift in most poses: let the load cell warm up, or hold the poses for less long")
-    return [rest for rest, drifts in zip(rests, own, strict=True) if not drifts], tuple(said)
+        warnings.append(
+            "force or moment drift in most poses: let the load cell warm up, or hold the poses for less long"
+        )
+    return [rest for rest, drifts in zip(rests, drifting, strict=True) if not drifts], tuple(warnings)
 
 
 def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]:
     """Return the usable samples of each still segment of a second or more within the wanted parts [s]."""
     others = () if run.specific_force is None else (run.specific_force,)
-    found = still(run.rate, run.omega, run.force, run.moment, *others)
+    segments = still(run.rate, run.omega, run.force, run.moment, *others)
     usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
     rests = []
     for start, stop in wanted:
-        for rest in found:
+        for rest in segments:
             since = run.t - run.t[0]
             inside = (since >= max(rest.start, start - run.t[0])) & (since <= min(rest.stop, stop - run.t[0]))
             if (inside & usable).sum() >= run.rate:

@@ -2,7 +2,7 @@
 
 What the residuals show of noise is type A already (:mod:`identify.estimators.type_a`); precision sources are not
 added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sources leave no residual and are common to
-all runs, so they do not average out; those that each mounting draws anew do.
+all runs, so they do not average out; those that each mounting draws independently do.
 """
 
 from collections.abc import Collection, Sequence
@@ -48,7 +48,7 @@ HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 
 
 class Unknown(Trajectory):
-    """A recorded run's trajectory: its samples are all that is known of it, and it is never asked."""
+    """A recorded run's trajectory: its samples alone define it, and it is never evaluated."""
 
     duration: np.ndarray
 
@@ -69,15 +69,16 @@ class Problem(eqx.Module):
     nodes: Float[Array, " delays"]
     """Delays of the sums [s]."""
     columns: Columns
-    anew: frozenset[Name] = eqx.field(static=True)
-    """Sources that each mounting draws anew."""
+    redrawn: frozenset[Name] = eqx.field(static=True)
+    """Sources that each mounting draws independently."""
     offsets: OffsetChoice = eqx.field(static=True)
 
     @property
     def cases(self) -> tuple[frozenset[Name], ...]:
-        """No source, those that all mountings share, those that each draws anew, and each one alone."""
+        """No source, those that all mountings share, those that each draws independently, and each one alone."""
         names = frozenset(source.name for source in self.sources)
-        return (frozenset(), names - self.anew, self.anew, *(frozenset([source.name]) for source in self.sources))
+        alone = (frozenset([source.name]) for source in self.sources)
+        return (frozenset(), names - self.redrawn, self.redrawn, *alone)
 
 
 UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
@@ -88,7 +89,7 @@ def with_declared_sources(
     runs: Sequence[Run],
     experiment: Experiment,
     *,
-    anew: Collection[str] = (),
+    redrawn: Collection[str] = (),
     trials: int = TRIALS,
     seed: int = 0,
 ) -> Identification:
@@ -102,35 +103,35 @@ def with_declared_sources(
         result: of these runs.
         runs: the runs, in the result's order.
         experiment: its sources.
-        anew: names of sources that each mounting draws anew, where the runs name their mountings.
+        redrawn: names of sources that each mounting draws independently, where the runs name their mountings.
         trials: draws of the errors.
         seed: of the draws.
 
     Raises:
-        ExperimentError: ``anew`` names no constant source, or one that is correlated with another that is not named.
+        ExperimentError: ``redrawn`` names no constant source, or not all that are correlated.
         RunError: a declared delay takes more than half of a run.
     """
     if result.seen is not None:
         return replace(result, warnings=(*result.warnings, UNDETERMINED))
-    found = propagate_constants(result, runs, experiment, anew=anew, trials=trials, seed=seed)
-    if found.failed:
-        left_out = f"{found.failed} of {trials:,} draws of the declared sources leave no solution: they are left out"
-        result = replace(result, warnings=(*result.warnings, left_out))
+    systematic = propagate_constants(result, runs, experiment, redrawn=redrawn, trials=trials, seed=seed)
+    if systematic.failed:
+        left_out = f"{systematic.failed} of {trials:,} draws of the declared sources leave no solution"
+        result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
     if result.pooling is None or result.admissible is not None:
-        return widened_by_sources(result, found)
-    together = replace(result.pooling, drawn_anew=found.anew.std(axis=0))
-    if not found.sources:
+        return widened_by_sources(result, systematic)
+    together = replace(result.pooling, drawn_anew=systematic.by_mounting.std(axis=0))
+    if not systematic.sources:
         return replace(result, budget=budget_of(together, {}))
-    low, high = combined_interval(together, found.common, seed)
-    of_sources = np.cov(found.common.T, ddof=1)
+    low, high = combined_interval(together, systematic.common, seed)
+    of_sources = np.cov(systematic.common.T, ddof=1)
     covariance = together.covariance + of_sources
     return replace(
         result,
         covariance=covariance,
         interval95=result.inertia[:, None] - np.stack([high, low], axis=1),
-        bias=result.bias + found.common.mean(axis=0),
+        bias=result.bias + systematic.common.mean(axis=0),
         pooling=together,
-        budget=budget_of(together, {name: errors.std(axis=0) for name, errors in found.alone.items()}),
+        budget=budget_of(together, {name: errors.std(axis=0) for name, errors in systematic.alone.items()}),
         diagnostics={
             **result.diagnostics,
             **combined_diagnostics(together, covariance, of_sources, (low, high)),
@@ -144,15 +145,15 @@ def propagate_constants(
     runs: Sequence[Run],
     experiment: Experiment,
     *,
-    anew: Collection[str] = (),
+    redrawn: Collection[str] = (),
     trials: int = TRIALS,
     seed: int = 0,
 ) -> Systematic:
     """Return the errors that draws of constant sources make of a pooled tensor; see :func:`with_declared_sources`."""
-    problem = problem_of(result, runs, experiment, anew=anew)
+    problem = problem_of(result, runs, experiment, redrawn=redrawn)
     if not problem.sources:
-        nothing = np.zeros((trials, 6))
-        return Systematic((), nothing, nothing, {})
+        zero = np.zeros((trials, 6))
+        return Systematic((), zero, zero, {})
     tensors = all_trials(_trials, problem, trials, seed, batch=BATCH, segment=trials)
     errors, failed = finite_trials(tensors[:, 1:] - tensors[:, :1])
     alone = {source.name: errors[:, 2 + k] for k, source in enumerate(problem.sources)}
@@ -160,7 +161,7 @@ def propagate_constants(
 
 
 def problem_of(
-    result: Identification, runs: Sequence[Run], experiment: Experiment, *, anew: Collection[str] = ()
+    result: Identification, runs: Sequence[Run], experiment: Experiment, *, redrawn: Collection[str] = ()
 ) -> Problem:
     """Return what the draws need of a result and its runs.
 
@@ -170,31 +171,31 @@ def problem_of(
     sources, mixing = acting(result, experiment)
     labels = [run.mounting for run in runs]
     mountings = list(dict.fromkeys(labels))
-    _check_anew(anew, experiment.sources, mixing)
+    _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = _nodes(sources)
     columns = Columns.of(sources)
     sums = [
         run_sums(
-            run, result.estimator, result.r_cg, result.inertia, columns, offsets=result.offsets, weight=one.weight,
+            run, result.estimator, result.r_cg, result.inertia, columns, offsets=result.offsets, weight=fitted.weight,
             delays=nodes,
         )
-        for run, one in zip(runs, result.runs, strict=True)
+        for run, fitted in zip(runs, result.runs, strict=True)
     ]  # fmt: skip
     by_mounting = tuple(
-        added([one for one, label in zip(sums, labels, strict=True) if label == mounting]) for mounting in mountings
+        added([run for run, label in zip(sums, labels, strict=True) if label == mounting]) for mounting in mountings
     )
     body = Body(jnp.asarray(result.mass or 0.0), jnp.asarray(result.r_cg), jnp.asarray(result.inertia))
     platform = Platform(Unknown(np.array(0.0)), np.array(experiment.gravity), np.zeros(3))
-    drawn_anew = frozenset(anew) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
+    acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return Problem(
-        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns, drawn_anew, result.offsets
+        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns, acting_redrawn, result.offsets
     )
 
 
 def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
     """Return the constant sources that a result does not hold yet, and which of them are correlated.
 
-    The centre of gravity's uncertainty is the result's own, however it is known: ``[[source]]`` or static poses.
+    The centre of gravity's uncertainty is the result's, wherever it comes from: ``[[source]]`` or static poses.
     """
     elsewhere = HELD | estimator_of(result.method).estimates
     sources = [source for source in experiment.sources if source.constant and source.perturbs not in elsewhere]
@@ -208,13 +209,13 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
     if covariance is not None or not same:
         sources = [s for s in sources if s.perturbs != "r_cg"]
         if np.any(result.sigma_r_cg > 0):
-            source, mix = _of_centre(result.sigma_r_cg, covariance)
+            source, mix = _centre_source(result.sigma_r_cg, covariance)
             sources, mixing = [*sources, source], [*mixing, *mix]
     names = {source.name for source in sources}
     return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
 
 
-def _of_centre(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:
+def _centre_source(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:
     """The centre of gravity's uncertainty as a source."""
     source = Source("r_cg", "r_cg", "bias", "cg", np.asarray(sigma), "the stated centre of gravity")
     if covariance is None:
@@ -224,17 +225,17 @@ def _of_centre(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source
     return source, (Mixing(("r_cg",), (3,), correlation),)
 
 
-def _check_anew(anew: Collection[str], sources: Sequence[Source], mixing: Sequence[Mixing]) -> None:
+def _check_redrawn(redrawn: Collection[str], sources: Sequence[Source], mixing: Sequence[Mixing]) -> None:
     constant = [source.name for source in sources if source.constant]
-    for name in anew:
+    for name in redrawn:
         if name not in constant:
             raise ExperimentError(
                 f"recording.drawn_by_mounting names '{name}': name sources that are drawn once "
                 f"({', '.join(constant) or 'there are none'})"
             )
     for mix in mixing:
-        inside = set(mix.names) & set(anew)
-        if inside and not set(mix.names) <= set(anew):
+        inside = set(mix.names) & set(redrawn)
+        if inside and not set(mix.names) <= set(redrawn):
             raise ExperimentError(
                 f"recording.drawn_by_mounting names '{min(inside)}' without what it is correlated with: name all of "
                 f"{', '.join(mix.names)}"
@@ -250,22 +251,23 @@ def _nodes(sources: Sequence[Source]) -> np.ndarray:
 
 def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:
     """Return the errors that one trial draws, for each mounting; the first one's are what all others share."""
-    of = lambda own: draw_constants(problem.sources, problem.mixing, own, index, float)  # noqa: E731
-    first = of(key)
-    others = [of(jax.random.fold_in(key, number)) for number in range(1, len(problem.sums))] if problem.anew else []
-    more = [first | {name: one[name] for name in problem.anew} for one in others]
-    return [first, *more] if problem.anew else [first] * len(problem.sums)
+    draw = lambda key: draw_constants(problem.sources, problem.mixing, key, index, float)  # noqa: E731
+    first = draw(key)
+    if not problem.redrawn:
+        return [first] * len(problem.sums)
+    others = [draw(jax.random.fold_in(key, number)) for number in range(1, len(problem.sums))]
+    return [first, *(first | {name: drawn[name] for name in problem.redrawn} for drawn in others)]
 
 
 def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
     """Return the pooled tensor that the estimator gives with these errors, one set a mounting: smooth in them."""
     normal, right = jnp.zeros((6, 6)), jnp.zeros(6)
-    for sums, one in zip(problem.sums, errors, strict=True):
+    for sums, error in zip(problem.sums, errors, strict=True):
         if problem.offsets == "still":
-            one = one._replace(cell_bias=jnp.zeros(6))
-        columns = problem.columns.map(problem.body, problem.platform, one)
-        said = measured(sums, one, columns, delay_weights(problem.nodes, one.gyro_delay))
-        matrix, side = normal_equations(said, problem.body.r_cg_from_q + one.r_cg)
+            error = error._replace(cell_bias=jnp.zeros(6))
+        columns = problem.columns.map(problem.body, problem.platform, error)
+        disturbed = measured(sums, error, columns, delay_weights(problem.nodes, error.gyro_delay))
+        matrix, side = normal_equations(disturbed, problem.body.r_cg_from_q + error.r_cg)
         normal, right = normal + matrix, right + side
     return solve_normal(normal, right).inertia
 

@@ -17,7 +17,7 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
-from uq.identification.centre_prior import instead, load_centre
+from uq.identification.centre_prior import load_centre, with_mass_and_centre
 from uq.identification.identify_files import identify_files
 
 NORMAL = 1.959963984540054
@@ -102,7 +102,7 @@ def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Exp
         raise ExperimentError(
             "--tare needs the fixture's mass and centre of gravity: give --tare-centre, or state them in [fixture]"
         )
-    return instead(empty, fixture.mass, fixture.r_cg, fixture.standard_uncertainty[1:4], "[fixture]")
+    return with_mass_and_centre(empty, fixture.mass, fixture.r_cg, fixture.standard_uncertainty[1:4], "[fixture]")
 
 
 def tared(
@@ -124,14 +124,15 @@ def tared(
     Raises:
         RunError: a mass is not known, or the fixture is not lighter than the whole.
     """
-    part = empty.parameters if isinstance(empty, Identification) else empty
+    identified = empty if isinstance(empty, Identification) else None
+    fixture = empty if isinstance(empty, InertialParameters) else empty.parameters
     whole = result.parameters
-    body = subtract(whole, part, cross)
-    half = _half_width(result, empty, body)
-    middle = body.inertia + _shift(result) - (_shift(empty) if isinstance(empty, Identification) else 0.0)
-    own = empty.warnings if isinstance(empty, Identification) else ()
-    runs = tuple((run.file, run.sha256) for run in empty.runs) if isinstance(empty, Identification) else ()
-    before = "fixture" if runs else "stated fixture"
+    body = subtract(whole, fixture, cross)
+    half = _half_width(result, fixture, body, NORMAL if identified is None else _factor(identified))
+    middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
+    tare_warnings = () if identified is None else identified.warnings
+    runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
+    fixture_text = f"the {'stated ' * (identified is None)}fixture ({fixture.mass:.4g} kg) is taken off"
     return replace(
         result,
         mass=body.mass,
@@ -140,52 +141,51 @@ def tared(
         inertia=body.inertia,
         covariance=body.covariance[4:, 4:],
         interval95=np.stack([middle - half, middle + half], axis=1),
-        bias=result.bias - (empty.bias if isinstance(empty, Identification) else 0.0),
+        bias=result.bias - (0.0 if identified is None else identified.bias),
         mass_uncertainty=float(body.standard_uncertainty[0]),
         mass_covariance=body.covariance[0, 1:],
         cg_covariance=body.covariance[1:4, 1:4],
         cg_inertia_covariance=body.covariance[1:4, 4:],
-        warnings=(*result.warnings, *(f"tare: {text}" for text in own)),
-        assumptions=(*result.assumptions, f"the {before} ({part.mass:.4g} kg) is taken off", *(SEPARATE,) * bool(runs)),
-        tare=Tare(part, whole, runs, dict(empty.provenance) if isinstance(empty, Identification) else None),
+        warnings=(*result.warnings, *(f"tare: {text}" for text in tare_warnings)),
+        assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
+        tare=Tare(fixture, whole, runs, None if identified is None else dict(identified.provenance)),
     )
 
 
 def lasting_errors(
-    result: Identification, empty: Identification, of_whole: Centre, of_part: Centre
+    result: Identification, empty: Identification, loaded_centre: Centre, empty_centre: Centre
 ) -> Float[np.ndarray, "10 10"] | None:
     """Return the covariance of the ten parameters of two results through errors that both series of poses have.
 
     The declared alignment of the attitudes' sensor with the load cell is one and the same in both; it moves mass and
     centre of gravity, and by way of these the tensors.
     """
-    if of_whole.lasting is None or of_part.lasting is None or of_whole.lasting.shape != of_part.lasting.shape:
+    lasting = loaded_centre.lasting, empty_centre.lasting
+    if lasting[0] is None or lasting[1] is None or lasting[0].shape != lasting[1].shape:
         return None
-    return _through(result, of_whole) @ _through(empty, of_part).T
+    return _through(result, lasting[0]) @ _through(empty, lasting[1]).T
 
 
-def _through(result: Identification, centre: Centre) -> np.ndarray:
-    """What lasting errors of a centre do to a result's ten parameters, (10, k)."""
-    lasting = np.asarray(centre.lasting)[:4]
-    known = result.parameters.covariance
-    by_centre = known[4:, 1:4] @ np.linalg.pinv(known[1:4, 1:4], hermitian=True)
+def _through(result: Identification, lasting: np.ndarray) -> np.ndarray:
+    """Errors of a result's ten parameters from lasting errors (10, k) of its centre, (10, k)."""
+    lasting = lasting[:4]
+    covariance = result.parameters.covariance
+    by_centre = covariance[4:, 1:4] @ np.linalg.pinv(covariance[1:4, 1:4], hermitian=True)
     return np.concatenate([lasting, by_centre @ lasting[1:]])
 
 
 def _half_width(
-    result: Identification, empty: Identification | InertialParameters, body: InertialParameters
+    result: Identification, fixture: InertialParameters, body: InertialParameters, fixture_factor: np.ndarray | float
 ) -> np.ndarray:
     """Half of the interval of 95 % of each component [kg·m²]."""
-    part = empty.parameters if isinstance(empty, Identification) else empty
-    both = jnp.asarray(np.concatenate([result.parameters.values, part.values]))
+    both = jnp.asarray(np.concatenate([result.parameters.values, fixture.values]))
     jacobian = np.asarray(jax.jacobian(left_over)(both))[4:]
     alone = [
-        np.einsum("ij,jk,ik->i", jacobian[:, own], one.covariance, jacobian[:, own])
-        for own, one in ((slice(0, 10), result.parameters), (slice(10, 20), part))
+        np.einsum("ij,jk,ik->i", by, parameters.covariance, by)
+        for by, parameters in ((jacobian[:, :10], result.parameters), (jacobian[:, 10:], fixture))
     ]
     common = np.diag(body.covariance)[4:] - alone[0] - alone[1]
-    factors = [_factor(result), _factor(empty) if isinstance(empty, Identification) else np.full(6, NORMAL)]
-    square = factors[0] ** 2 * alone[0] + factors[1] ** 2 * alone[1] + NORMAL**2 * common
+    square = _factor(result) ** 2 * alone[0] + fixture_factor**2 * alone[1] + NORMAL**2 * common
     return np.sqrt(np.maximum(square, 0.0))
 
 

@@ -48,7 +48,7 @@ Matrix = Float[np.ndarray, "3 3"]
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """What the experiment says of the body and the rig; None: nothing. SI units, body frame, from Q.
+    """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
 
     ``weighed``: whether the body's weight should be in the force, which it is not where the zero was taken with it.
     """
@@ -64,7 +64,7 @@ class Declared:
 
 
 def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Finding]:
-    """What an IMU says by itself of its units and axes."""
+    """Findings on an IMU's units and axes from its signals alone."""
     wrong = wrong_units(imu)
     if "g" in wrong:
         yield Finding(
@@ -101,7 +101,7 @@ def wrench_findings(
         return []
     if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
         return []
-    return list(_Judgement(sums, declared, wrench_topic, imu_topic).findings())
+    return list(_Examination(sums, declared, wrench_topic, imu_topic).findings())
 
 
 def _in_si(imu: ImuSignal) -> ImuSignal:
@@ -112,8 +112,8 @@ def _in_si(imu: ImuSignal) -> ImuSignal:
     )
 
 
-class _Judgement:
-    """One run under judgement: each step puts right what it found before the next looks."""
+class _Examination:
+    """A run's findings in order: each step corrects the sums for its finding before the next looks at them."""
 
     def __init__(self, sums: ConventionSums, declared: Declared, wrench: str, imu: str) -> None:
         self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
@@ -181,19 +181,19 @@ class _Judgement:
         matrix = fits[0].matrix
         cell = f"wrench_rotation_to_body = {_axes_text(_compound(matrix, self.declared.wrench_rotation))}"
         imu = f"imu_rotation_to_body = {_axes_text(_compound(matrix.T, self.declared.imu_rotation))}"
-        guilty = self._guilty(before, matrix)
-        cure = {"wrench": cell, "imu": imu}.get(guilty, f"{imu} where the IMU is the one turned, or else {cell},")
+        sensor = self._turned_sensor(before, matrix)
+        cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} where the IMU is the one turned, or else {cell},")
         others = [_axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
         doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
         return Finding(
             "axes",
-            self.wrench if guilty == "wrench" else self.imu,
+            self.wrench if sensor == "wrench" else self.imu,
             "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
             f"are the IMU's ({_axes_text(matrix.T)[1:-1]}){doubt}: set {cure} in [recording]",
         )
 
-    def _guilty(self, before: ConventionSums, matrix: Matrix) -> str:
-        """Which of the two is turned against the body, by the declared centre of gravity; '' where it does not tell."""
+    def _turned_sensor(self, before: ConventionSums, matrix: Matrix) -> str:
+        """Which sensor is turned against the body, by the declared centre of gravity; '' where that does not decide."""
         if self.declared.r_cg is None:
             return ""
         as_wrench, as_imu = self._misplaced(before.turned(wrench=matrix)), self._misplaced(before.turned(imu=matrix.T))
@@ -204,7 +204,7 @@ class _Judgement:
     # Weight
 
     def _weight_cure(self, given: Scales) -> str:
-        """What was done to the force, as far as the run tells, and the line that undoes it.
+        """How the weight was removed, as far as the run shows, and the line that undoes it.
 
         An IMU whose place is not declared is taken to be at Q.
         """

@@ -21,17 +21,17 @@ def experiment_findings(run: Run, experiment: Experiment, *, undone: bool = Fals
     """
     if run.specific_force is None:
         return []
-    usable = _longest(run)
+    usable = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
     time = run.t[usable]
     if len(time) < 10:
         return []
     imu = ImuSignal(time, run.omega[usable], run.specific_force[usable])
-    alone = list(imu_findings(imu, run.name))
-    if any(finding.kind == "axes" for finding in alone):
-        return alone
+    from_imu = list(imu_findings(imu, run.name))
+    if any(finding.kind == "axes" for finding in from_imu):
+        return from_imu
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     declared = _declared(run, experiment, undone=undone)
-    return [*alone, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
+    return [*from_imu, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
 
 
 def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
@@ -54,15 +54,3 @@ def convention_warnings(run: Run, experiment: Experiment) -> tuple[str, ...]:
     """The findings as warnings of a result."""
     findings = experiment_findings(run, experiment, undone=True)
     return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in findings)
-
-
-def _longest(run: Run) -> slice:
-    """The longest segment of samples that may all be used."""
-    if run.missing is None:
-        return slice(None)
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], run.missing, [True]]).astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
-    if not len(starts):
-        return slice(0, 0)
-    longest = int(np.argmax(stops - starts))
-    return slice(int(starts[longest]), int(stops[longest]))

@@ -25,7 +25,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
 
     Args:
         path: the run.
-        experiment: what the channels mean, mass and centre of gravity; None: what the run tells by itself.
+        experiment: what the channels mean, mass and centre of gravity; None: the signals alone.
 
     Returns:
         A report of rates, jitter and clocks, and the findings with their cures; see docs/rig.md.
@@ -36,7 +36,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         OSError: it cannot be opened.
     """
     if experiment is None:
-        return inspect(path, judge=_alone)
+        return inspect(path, judge=_without_experiment)
     from uq.inspection.experiment_findings import experiment_findings
     from uq.recorded.load_run import load
     from uq.recorded.time_window import cut
@@ -48,8 +48,8 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
     return inspect(path, judge=judge)
 
 
-def _alone(channels: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:
-    """What the run tells by itself: each IMU, and wrench and motion where neither is faulty otherwise."""
+def _without_experiment(channels: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:
+    """Findings on the signals alone: each IMU, and wrench and motion where neither is faulty otherwise."""
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
     origin = min((int(channel.stamp[0]) for channel in channels if len(channel.stamp)), default=0)

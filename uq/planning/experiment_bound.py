@@ -5,9 +5,8 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
+from identify.joint import cramer_rao_bound
 from identify.joint.alignment_prior import Alignment
-from identify.joint.cramer_rao_bound import Bound
-from identify.joint.cramer_rao_bound import bound as bound_of_run
 from identify.joint.joint_model import SpecificForce
 from identify.signals.filters import motion_band
 from uq.campaign.simulation import simulate
@@ -25,7 +24,7 @@ def bound(
     sigma_mass: float | None = None,
     band: float | None = None,
     specific_force: SpecificForce | None = None,
-) -> Bound:
+) -> cramer_rao_bound.Bound:
     """Return the least uncertainty that any estimate from this experiment's runs can have.
 
     Free are the tensor, the mass, the initial tilt, and what has a source of bias: r_CG, the zeros of force, moment and
@@ -55,7 +54,7 @@ def bound(
         sigma_rotation=_each(_sigma(experiment, "gyro_misalignment")),
         sigma_gyro_bias=_each(_sigma(experiment, "gyro_bias")),
     )
-    return bound_of_run(
+    return cramer_rao_bound.bound(
         run, experiment.body, band=motion_band(run.omega, run.rate) if band is None else band,
         noise=np.concatenate([_noise(experiment, 0), _noise(experiment, 1)]),
         gyro_noise=_noise(experiment, 2), static_covariance=np.diag(static**2), alignment=alignment,
@@ -67,7 +66,7 @@ def _sigma(experiment: Experiment, field: str) -> np.ndarray:
     """Standard deviation of one field of the errors, of all sources that set it together."""
     sources = [source for source in experiment.sources if source.perturbs == field]
     effects = [getattr(effect(s, jnp.asarray(s.standard_deviation)), field) for s in sources]
-    return np.sqrt(sum((np.square(one) for one in effects), np.zeros(getattr(no_errors(), field).shape)))
+    return np.sqrt(sum((np.square(values) for values in effects), np.zeros(getattr(no_errors(), field).shape)))
 
 
 def _noise(experiment: Experiment, signal: int) -> np.ndarray:

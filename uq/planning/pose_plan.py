@@ -15,8 +15,10 @@ from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, p
 from identify.motion.stewart_platform import Platform, Pose, Twist, lengths
 from identify.reporting import Result, Section
 from identify.rigid_body.rotation import exponential
-from identify.static.centre import PARAMETERS, UNITS, Attitudes, foreseen_covariance
+from identify.static.centre import predicted_covariance
+from identify.static.centre_result import PARAMETERS, UNITS
 from identify.static.pose_design import best_poses, log_determinant
+from identify.static.pose_fit import Attitudes
 from identify.text_tables import Table, fixed
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
@@ -194,7 +196,7 @@ def plan_poses(
         return log_determinant(force[chosen], mass, centre, scatter, uncertainty, parameters=parameters)
 
     def promised(chosen: np.ndarray) -> np.ndarray:
-        return foreseen_covariance(force[chosen], mass, centre, scatter, attitudes(chosen))
+        return predicted_covariance(force[chosen], mass, centre, scatter, attitudes(chosen))
 
     try:
         chosen = best_poses(len(force), count, cost, starts=starts, seed=seed)
@@ -207,7 +209,7 @@ def plan_poses(
         np.asarray(place.rotation)[chosen],
         np.asarray(_lengths(experiment.platform, place))[chosen],
         promised(chosen),
-        foreseen_covariance(naive, mass, centre, scatter, uncertainty),
+        predicted_covariance(naive, mass, centre, scatter, uncertainty),
         reach,
         hold,
         provenance=experiment.inputs(),

@@ -13,9 +13,10 @@ from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.held_samples import repeats
 from identify.signals.resample import in_gap, interpolate, interval, is_uniform
 from identify.signals.run import RunError
-from rig.channels import ImuChannel, MotionChannel, Recording
+from rig import channels
+from rig.channels import ImuChannel, MotionChannel
 from rig.mcap.message_fields import JOINTS, POSE, TWIST
-from uq.experiment.recording_table import Recording as Declared
+from uq.experiment.recording_table import Recording
 from uq.recorded.joint_states import Chain
 
 AT_REST = ("map", "odom", "world", "earth")
@@ -36,7 +37,7 @@ class Motion:
     warnings: tuple[str, ...] = ()
 
 
-def motion(bag: Recording, declared: Declared, instants: np.ndarray, *, band: float | None = None) -> Motion:
+def motion(bag: channels.Recording, declared: Recording, instants: np.ndarray, *, band: float | None = None) -> Motion:
     """Return the angular velocity that a run's motion topic tells.
 
     Args:
@@ -85,7 +86,7 @@ def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
     return up / np.linalg.norm(up, axis=1, keepdims=True)
 
 
-def _of_pose(source: MotionChannel, declared: Declared, instants: np.ndarray, name: str, band: float | None) -> Motion:
+def _of_pose(source: MotionChannel, declared: Recording, instants: np.ndarray, name: str, band: float | None) -> Motion:
     if declared.angular_velocity_unit is not None:
         raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")
     quaternion = continuous(np.asarray(source.orientation), name)
@@ -100,7 +101,7 @@ def _of_pose(source: MotionChannel, declared: Declared, instants: np.ndarray, na
 
 
 def _of_joints(
-    source: MotionChannel, declared: Declared, instants: np.ndarray, name: str, band: float | None
+    source: MotionChannel, declared: Recording, instants: np.ndarray, name: str, band: float | None
 ) -> Motion:
     chain = Chain.load(declared, source.names, name)
     if declared.angular_velocity_unit is not None:

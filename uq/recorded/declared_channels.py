@@ -12,8 +12,8 @@ import numpy as np
 
 from identify.rigid_body.dynamics import moment_about
 from identify.signals.run import RunError
+from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
-from rig.channels import Recording as BagRecording
 from uq.experiment.recording_table import UNITS, Recording
 from uq.files.units import UnitError, scale
 
@@ -49,7 +49,7 @@ class Rig:
         return omega, self.scales["acceleration"] * channel.linear_acceleration @ self.imu_rotation.T
 
 
-def declared(bag: BagRecording, recording: Recording) -> Rig:
+def declared(bag: channels.Recording, recording: Recording) -> Rig:
     """Bring a run's metadata and the experiment's declaration together.
 
     Raises:
@@ -85,7 +85,7 @@ def declared(bag: BagRecording, recording: Recording) -> Rig:
 class _Metadata:
     """What a run's metadata ``rig.run`` says of its channels."""
 
-    def __init__(self, bag: BagRecording) -> None:
+    def __init__(self, bag: channels.Recording) -> None:
         self.name = bag.path.name
         about = bag.metadata.get("rig.run", {})
         meaning = about.get("wrench")

@@ -9,8 +9,8 @@ from identify.signals.filters import occupied_band
 from identify.signals.held_samples import repeats, saturated
 from identify.signals.resample import UNEQUAL, interval
 from identify.signals.run import Run, RunError
+from rig import channels
 from rig.bags.marks import Notes, read_marks
-from rig.channels import Recording as BagRecording
 from rig.runs import read_any
 from uq.experiment.recording_table import Recording
 from uq.recorded.angular_velocity import motion, upward
@@ -93,7 +93,7 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
 class _Channels:
     """Load cell and motion sensor in the body frame, without the samples that they did not really take."""
 
-    def __init__(self, bag: BagRecording, rig: Rig, seconds: list[np.ndarray], extra: Notes) -> None:
+    def __init__(self, bag: channels.Recording, rig: Rig, seconds: list[np.ndarray], extra: Notes) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
         self.wrench = np.hstack(rig.wrench(wrench))

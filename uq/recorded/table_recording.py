@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
-from rig.channels import Recording as BagRecording
 from uq.experiment.recording_table import UNITS, Recording
 from uq.files.provenance import sha256
 
@@ -20,9 +20,9 @@ def silenced(recording: Recording, quantities: set[str]) -> Recording:
 
 def as_recording(
     path: str | Path, force: np.ndarray, moment: np.ndarray, omega: np.ndarray, acceleration: np.ndarray
-) -> BagRecording:
+) -> channels.Recording:
     """Return a table's columns as a recording that says nothing of itself."""
     times = np.arange(len(force))
     wrench = WrenchChannel("force and moment", "", times, times, force, moment)
     imu = ImuChannel("angular velocity and acceleration", "", times, times, omega, acceleration)
-    return BagRecording(Path(path), sha256(path), {}, wrench, imu)
+    return channels.Recording(Path(path), sha256(path), {}, wrench, imu)

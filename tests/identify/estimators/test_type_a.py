@@ -13,7 +13,7 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
-from uq.identification.run_scatter import of_runs
+from uq.identification.run_scatter import pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
 from uq.recorded.mounting import labelled, names
 from uq.sources.source import Source
@@ -107,7 +107,7 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
     centre = Source("r_cg", "r_cg", "bias", "cg", np.full(3, 4e-3))
     declared = dataclasses.replace(short, sources=(centre,))
     common = with_declared_sources(result, runs, declared)
-    varying = with_declared_sources(result, runs, declared, anew=["r_cg"])
+    varying = with_declared_sources(result, runs, declared, redrawn=["r_cg"])
     # drawn anew by three mountings its variance is a third, and the scatter holds it already
     np.testing.assert_allclose(varying.pooling.drawn_anew[0], common.budget["r_cg"][0] / np.sqrt(3), rtol=0.05)
     assert varying.standard_uncertainty[0] < common.standard_uncertainty[0]
@@ -119,10 +119,10 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
 def test_scatter_beyond_the_residuals_is_said(generator):
     _, as_predicted = pooled(OWN * generator.normal(0, 1, (8, 6)), [None] * 8)
     _, wider = pooled(OWN * generator.normal(0, 6, (8, 6)), [None] * 8)
-    assert of_runs(as_predicted).describes
-    assert "more than it predicts" in of_runs(wider).text
-    assert of_runs(dataclasses.replace(wider, residual_degrees_of_freedom=np.full(6, 20.0))) is None
-    assert of_runs(pooled(np.ones((1, 6)), [None])[1]) is None
+    assert pooled_scatter_verdict(as_predicted).describes
+    assert "more than it predicts" in pooled_scatter_verdict(wider).text
+    assert pooled_scatter_verdict(dataclasses.replace(wider, residual_degrees_of_freedom=np.full(6, 20.0))) is None
+    assert pooled_scatter_verdict(pooled(np.ones((1, 6)), [None])[1]) is None
 
 
 @pytest.mark.parametrize("wrong", ["r_cg", [1], [""], 3])

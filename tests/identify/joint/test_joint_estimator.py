@@ -177,7 +177,7 @@ def test_pooled_runs_are_one_large_problem(brief):
     for k, run in enumerate(runs):
         where = np.concatenate([np.arange(shared), shared + k * separate + np.arange(separate)])
         order = np.concatenate([np.flatnonzero(common), np.flatnonzero(~common)])
-        data = np.asarray(run.fit.of_data)
+        data = np.asarray(run.fit.information)
         priors = np.diag(np.where(common, 0.0, counted))
         whole[np.ix_(where, where)] += (data + priors)[np.ix_(order, order)]
         right[where] += ((data + np.diag(counted)) @ np.asarray(run.fit.z))[order]
@@ -254,7 +254,7 @@ def test_a_run_that_is_too_short_is_refused(brief, silent_run):
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("method", "best", "choose one of source"),
+        ("method", "best", "choose one of gls, joint, source"),
         ("cg_motion", "moving", "choose one of still"),
         ("sigma_delay", 0.02, "recording.sigma_delay"),
         ("sigma_delay", "-20 ms", "write zero or more"),

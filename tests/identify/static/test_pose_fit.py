@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
-from identify.static.centre import Attitudes, Centre, centre
+from identify.static.centre import centre
+from identify.static.centre_result import Centre
 from identify.static.creep import changes, creeping
-from identify.static.pose_fit import fit
+from identify.static.pose_fit import Attitudes, fit
 from tests.bags import STORE, header, wrench, write_rosbag2
 from tests.pose_lab import CASES, MASS, R_CG, TRUTH, coverage, directions, series, wrench_of
 from tests.uq.identification.test_static_centre import refused

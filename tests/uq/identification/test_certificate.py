@@ -12,7 +12,7 @@ import pytest
 
 from identify.estimators.admissible_tensor import Admissible
 from identify.estimators.residual_trace import trace
-from identify.results import measured_directions as sphere
+from identify.results import measured_directions
 from identify.results.alignment import Aligned
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.text_tables import decimals, fixed
@@ -131,7 +131,7 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
 
 
 def test_uncertainty_about_an_axis_is_that_of_the_turned_tensor(plain):
-    about = sphere.uncertainty_about(plain.covariance)
+    about = measured_directions.uncertainty_about(plain.covariance)
     draws = np.random.default_rng(0).multivariate_normal(np.zeros(6), plain.covariance, 4000, method="cholesky")
     matrices = draws[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
     for k in (0, 300, 999):
@@ -145,14 +145,14 @@ def test_shares_of_visited_axes_are_those_of_caps_and_belts():
     """Within 15° of an axis lie 1 - cos 15° of all axes, within 15° of a plane sin 15°; 2,000 directions tell 0.5 %."""
     turn = np.linspace(0, 2 * np.pi, 400)
     belt = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
-    assert sphere.visited(np.array([[0.0, 0.0, 2.0]])) == pytest.approx(1 - np.cos(np.pi / 12), abs=5e-3)
-    assert sphere.visited(belt) == pytest.approx(np.sin(np.pi / 12), abs=1e-2)
-    assert sphere.visited(np.vstack([belt, [[0.0, 0.0, 0.4]]])) == sphere.visited(belt)
-    assert sphere.visited(np.zeros((3, 3))) == 0
-    weak, rms = sphere.rms_about(belt).least
+    assert measured_directions.visited(np.array([[0.0, 0.0, 2.0]])) == pytest.approx(1 - np.cos(np.pi / 12), abs=5e-3)
+    assert measured_directions.visited(belt) == pytest.approx(np.sin(np.pi / 12), abs=1e-2)
+    assert measured_directions.visited(np.vstack([belt, [[0.0, 0.0, 0.4]]])) == measured_directions.visited(belt)
+    assert measured_directions.visited(np.zeros((3, 3))) == 0
+    weak, rms = measured_directions.rms_about(belt).least
     np.testing.assert_allclose(abs(weak), [0, 0, 1], atol=0.05)
     assert rms < 0.05
-    assert sphere.rms_about(belt).largest[1] == pytest.approx(np.sqrt(0.5), rel=1e-2)
+    assert measured_directions.rms_about(belt).largest[1] == pytest.approx(np.sqrt(0.5), rel=1e-2)
 
 
 def test_a_trace_keeps_every_extreme_the_noise_level_and_a_line():

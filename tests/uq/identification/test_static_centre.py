@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from identify.signals.run import RunError
 from identify.static.accelerometer import calibrate
-from identify.static.centre import PARAMETERS, centre
+from identify.static.centre import centre
+from identify.static.centre_result import PARAMETERS
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from uq.cli.main import main

@@ -182,12 +182,12 @@ def test_a_delay_that_takes_the_run_is_refused(short):
 def test_what_no_mounting_can_draw_anew_is_refused(constant, silent):
     result = identified(constant, silent, "none")
     with pytest.raises(ExperimentError, match="drawn_by_mounting names 'glue': name sources that are drawn once"):
-        with_declared_sources(result, [silent], constant, anew=["glue"])
+        with_declared_sources(result, [silent], constant, redrawn=["glue"])
     whole = Experiment.load(DOCS / "many-errors.toml")
     linked = whole.mixing[0].names
     if len(linked) > 1:
         with pytest.raises(ExperimentError, match=f"'{linked[0]}' without what it is correlated with: name all of"):
-            with_declared_sources(result, [silent], whole, anew=[linked[0]])
+            with_declared_sources(result, [silent], whole, redrawn=[linked[0]])
 
 
 @pytest.mark.parametrize(("runs", "trials"), [(8, 10_000), pytest.param(300, 2000, marks=pytest.mark.study)])

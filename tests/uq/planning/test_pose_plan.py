@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identify.static.centre import centre, foreseen_covariance
+from identify.static.centre import centre, predicted_covariance
 from identify.static.pose_design import best_poses, log_determinant
 from identify.static.pose_fit import Attitudes
 from uq.cli.main import main
@@ -57,7 +57,7 @@ def test_the_promise_is_the_scatter_of_many_series():
     """600 series of eight poses: a standard deviation has 2.9 % standard error, ten of them within four: 6e-4."""
     generator = np.random.default_rng(3)
     force = np.concatenate([leaning(0.2, np.arange(6)), leaning(0.1, [1.0, 3.0])])
-    promised = np.sqrt(np.diag(foreseen_covariance(force, MASS, R_CG, np.diag(NOISE**2))))
+    promised = np.sqrt(np.diag(predicted_covariance(force, MASS, R_CG, np.diag(NOISE**2))))
     values = []
     for _ in range(600):
         result = centre(*simulated(force, generator), force)
@@ -68,7 +68,7 @@ def test_the_promise_is_the_scatter_of_many_series():
 def test_declared_attitudes_are_in_the_promise():
     force = leaning(0.2, np.arange(6))
     quiet, each, common = (
-        foreseen_covariance(force, MASS, R_CG, np.diag(NOISE**2), attitudes)
+        predicted_covariance(force, MASS, R_CG, np.diag(NOISE**2), attitudes)
         for attitudes in (
             Attitudes(),
             Attitudes(0.01),
