@@ -17,7 +17,7 @@ from identify.motion.multisine import Multisine
 from identify.motion.stewart_platform import Pose, Twist, lengths, singularity
 from identify.motion.trajectory import Harmonic, Sphere, sample
 from identify.motion.window import window
-from identify.rigid_body import dynamics, fixture, inertia, pseudo_inertia, regressor, rotation, solids
+from identify.rigid_body import dynamics, fixture, inertia, principal_axes, pseudo_inertia, regressor, rotation, solids
 from identify.rigid_body.inertia import Body
 from identify.signals import differentiate, filters
 from tests.platforms import small
@@ -61,7 +61,7 @@ KERNELS = {
     "unpack": (inertia.unpack, TENSOR),
     "parallel_axis": (inertia.parallel_axis, TENSOR, np.array(3.0), VECTOR),
     "rotate": (inertia.rotate, TENSOR, np.outer(VECTOR, OTHER)),
-    "principal moments": (lambda tensor: inertia.principal(tensor)[0], TENSOR),
+    "principal moments": (lambda tensor: principal_axes.principal(tensor)[0], TENSOR),
     "exponential": (rotation.exponential, VECTOR),
     "exponential near zero": (rotation.exponential, 1e-5 * VECTOR),
     "rate_of_turn": (rotation.rate_of_turn, VECTOR, OTHER),
