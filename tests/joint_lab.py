@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from identify.estimators.gram import accumulate, solve
+from identify.estimators.gram import solve
 from identify.joint.gauss_newton import posterior
 from identify.joint.priors import STATIC, PriorBlock
 from identify.joint.single_run import REACH, JointRun, Setting, fitted, joint_run, prepared
@@ -18,6 +18,7 @@ from identify.rigid_body.inertia import Body, pack
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import in_band, low_pass, spline_of
 from identify.signals.run import Run
+from tests.gram_lab import accumulate
 
 BAND = 1.553
 """Of T1 [Hz]: Ω + ε of the sphere."""

@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
+from uq.sources.draws import draw_blocks, noise_streams
+from uq.trials.engines import any_trials
 
 BODY = {
     "mass": "19.7 kg",
@@ -22,6 +24,16 @@ ESTIMATORS = [
     {"name": "central", "differentiator": "central"},
     {"name": "smoothed", "differentiator": "savitzky-golay", "window": 7},
 ]
+
+
+def any_trial(setup, key, index):
+    """One trial by whichever engine its setup is of."""
+    return jax.tree.map(lambda leaf: leaf[0], any_trials(setup, key, index[None]))
+
+
+def draw_block(source, key, trial, block, dtype):
+    """One block of a precision source that is correlated with no other, (3, 1200)."""
+    return draw_blocks([source], (), noise_streams([source], key, trial), block, dtype)[0]
 
 
 def source(name, target, kind, **keys):

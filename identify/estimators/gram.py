@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 
 N_FEATURES = len(OMEGA_R_OF_FEATURES)
 
@@ -44,13 +44,6 @@ class Estimate(NamedTuple):
     """Whether the estimate is finite and the condition number below ``CONDITION_LIMIT``."""
 
 
-def accumulate(
-    omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]
-) -> Sums:
-    """Return the sums of one block of samples, component first."""
-    return sums_of(features(omega, alpha), force, moment)
-
-
 def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]) -> Sums:
     """Return the sums of features (the thirteen, or those of several estimators) with themselves and the wrench."""
     return Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
@@ -74,16 +67,6 @@ def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Fl
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
     """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
     return offset_features(jnp.eye(N_FEATURES, dtype=offset.dtype), offset)
-
-
-def with_offsets(sums: Sums, omega: Float[Array, "3"], force: Float[Array, "3"], moment: Float[Array, "3"]) -> Sums:
-    """Return the sums that would have come of samples with these constants added to omega, force and moment."""
-    totals = sums.gram[:, 0]
-    return Sums(
-        offset_features(offset_features(sums.gram, omega).T, omega),
-        offset_features(sums.force + jnp.outer(totals, force), omega),
-        offset_features(sums.moment + jnp.outer(totals, moment), omega),
-    )
 
 
 def normal_equations(sums: Sums, r_cg: Float[Array, "3"]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:

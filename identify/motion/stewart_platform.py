@@ -127,15 +127,15 @@ def legs(platform: Platform, pose: Pose, twist: Twist) -> Legs:
     return Legs(*second_order(lambda at: lengths(platform, at), pose, twist))
 
 
-class Found(NamedTuple):
-    """A pose found from the legs' lengths."""
+class PoseSolution(NamedTuple):
+    """A pose computed from the legs' lengths."""
 
     pose: Pose
     residual: Float[Array, ""]
-    """Largest difference of a length that is left [m]."""
+    """Largest difference between a length wanted and that of the pose [m]."""
 
 
-def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = None) -> Found:
+def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = None) -> PoseSolution:
     """Return the pose with these leg lengths: the forward kinematics, by Newton's method from a pose nearby (home).
 
     Up to forty poses share six lengths; the one that Newton's method reaches is the start's assembly. Never raises:
@@ -152,7 +152,7 @@ def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = 
     for _ in range(2):  # to the last digit
         step = step - jnp.linalg.solve(jax.jacobian(miss)(step, None), miss(step, None))
     pose = Pose(first.position + step[:3], first.rotation @ exponential(step[3:]))
-    return Found(pose, jnp.abs(lengths(platform, pose) - wanted).max())
+    return PoseSolution(pose, jnp.abs(lengths(platform, pose) - wanted).max())
 
 
 def singularity(platform: Platform, pose: Pose) -> Float[Array, ""]:

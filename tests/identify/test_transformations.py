@@ -20,6 +20,7 @@ from identify.motion.window import window
 from identify.rigid_body import dynamics, fixture, inertia, principal_axes, pseudo_inertia, regressor, rotation, solids
 from identify.rigid_body.inertia import Body
 from identify.signals import differentiate, filters
+from tests.gram_lab import accumulate
 from tests.platforms import small
 
 TENSOR = np.array([0.38, 0.01, -0.02, 0.35, 0.015, 0.3])
@@ -86,9 +87,9 @@ KERNELS = {
     "leg forces": (carried, VECTOR, OTHER, 0.1 * THIRD, OTHER),
     "derivative": (differentiate.derivative, SIGNAL, np.array([50.0, 10.0])),
     "filter": (filters.apply, SIGNAL, np.array([0.25, 0.5, 0.25])),
-    "gram sums": (gram.accumulate, *MOTION, SIGNAL, SIGNAL**2),
+    "gram sums": (accumulate, *MOTION, SIGNAL, SIGNAL**2),
     "least squares from sums": (
-        lambda *signals: gram.solve(gram.accumulate(*signals), jnp.array(VECTOR)).inertia, *MOTION, SIGNAL, SIGNAL**2,
+        lambda *signals: gram.solve(accumulate(*signals), jnp.array(VECTOR)).inertia, *MOTION, SIGNAL, SIGNAL**2,
     ),
     "ordinary least squares": (
         lambda rows, values: least_squares.ordinary(rows, values).value,

@@ -15,9 +15,6 @@ import numpy as np
 from identify.signals.run import RunError
 from rig.toml_tables import TomlTable, WrongKeyError
 
-LONGEST = 2**20
-"""Characters that a cell may have."""
-
 
 @dataclass(frozen=True)
 class Columns:

@@ -68,20 +68,31 @@ class Normal(Distribution):
         )
 
 
-class Rectangular(Distribution):
-    """All values between two limits are equally probable (JCGM 101, 6.4.2)."""
+class Bounded(Distribution):
+    """A symmetric distribution between two limits."""
 
     low: Value
     high: Value
-    degrees_of_freedom: Value = np.inf
 
     def __check_init__(self) -> None:
-        _require_ordered(self)
+        if not isinstance(self.low, jax.core.Tracer):
+            _require("high", "low or more", self.high, lambda high: high >= np.asarray(self.low))
 
     @property
     def mean(self) -> Value:
         """The middle."""
         return (self.low + self.high) / 2
+
+    def _at(self, fraction: Array) -> Array:
+        """The value that lies this fraction of the way from low to high."""
+        low, width = self.low, self.high - self.low
+        return _over(low, fraction.shape, fraction.dtype) + _over(width, fraction.shape, fraction.dtype) * fraction
+
+
+class Rectangular(Bounded):
+    """All values between two limits are equally probable (JCGM 101, 6.4.2)."""
+
+    degrees_of_freedom: Value = np.inf
 
     @property
     def standard_deviation(self) -> Value:
@@ -90,23 +101,13 @@ class Rectangular(Distribution):
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``."""
-        return _between(self, jax.random.uniform(key, shape, _float(dtype)))
+        return self._at(jax.random.uniform(key, shape, _float(dtype)))
 
 
-class Triangular(Distribution):
+class Triangular(Bounded):
     """Symmetric triangle between two limits (JCGM 101, 6.4.5)."""
 
-    low: Value
-    high: Value
     degrees_of_freedom: Value = np.inf
-
-    def __check_init__(self) -> None:
-        _require_ordered(self)
-
-    @property
-    def mean(self) -> Value:
-        """The middle."""
-        return (self.low + self.high) / 2
 
     @property
     def standard_deviation(self) -> Value:
@@ -116,23 +117,13 @@ class Triangular(Distribution):
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``: the average of two rectangular ones."""
         first, second = jax.random.uniform(key, (2, *shape), _float(dtype))
-        return _between(self, (first + second) / 2)
+        return self._at((first + second) / 2)
 
 
-class UShaped(Distribution):
+class UShaped(Bounded):
     """Arc sine between two limits: a quantity that cycles sinusoidally, seen at a random instant (JCGM 101, 6.4.6)."""
 
-    low: Value
-    high: Value
     degrees_of_freedom: Value = np.inf
-
-    def __check_init__(self) -> None:
-        _require_ordered(self)
-
-    @property
-    def mean(self) -> Value:
-        """The middle."""
-        return (self.low + self.high) / 2
 
     @property
     def standard_deviation(self) -> Value:
@@ -142,7 +133,7 @@ class UShaped(Distribution):
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``."""
         phase = 2 * np.pi * jax.random.uniform(key, shape, _float(dtype))
-        return _between(self, (1 + jnp.sin(phase)) / 2)
+        return self._at((1 + jnp.sin(phase)) / 2)
 
 
 class StudentT(Distribution):
@@ -175,23 +166,16 @@ class StudentT(Distribution):
         return _over(self.mean, shape, dtype) + _over(self.scale, shape, dtype) * t
 
 
-class CurvilinearTrapezoid(Distribution):
+class CurvilinearTrapezoid(Bounded):
     """Rectangular between limits that are themselves known within ± ``limit_half_width`` (JCGM 101, 6.4.3)."""
 
-    low: Value
-    high: Value
     limit_half_width: Value
     degrees_of_freedom: Value = np.inf
 
     def __check_init__(self) -> None:
-        _require_ordered(self)
+        super().__check_init__()  # first: the half-width is compared with limits in order
         room = lambda d: (d >= 0) & (2 * d <= np.subtract(self.high, self.low))  # noqa: E731
         _require("limit_half_width", "between zero and half of high - low", self.limit_half_width, room)
-
-    @property
-    def mean(self) -> Value:
-        """The middle."""
-        return (self.low + self.high) / 2
 
     @property
     def standard_deviation(self) -> Value:
@@ -277,18 +261,7 @@ def _over(value: Value, shape: tuple[int, ...], dtype: Any) -> Array:
     return jnp.broadcast_to(jnp.asarray(value, dtype), shape)
 
 
-def _between(limits: Any, fraction: Array) -> Array:
-    """The value that lies this fraction of the way from low to high."""
-    low, width = limits.low, limits.high - limits.low
-    return _over(low, fraction.shape, fraction.dtype) + _over(width, fraction.shape, fraction.dtype) * fraction
-
-
 def _require(name: str, what: str, value: Value, holds: Any) -> None:
     """Refuse a parameter that cannot be; one that JAX traces is taken as it is."""
     if not isinstance(value, jax.core.Tracer) and not np.all(holds(np.asarray(value))):
         raise ValueError(f"Argument `{name}` must be {what}, but is {value}.")
-
-
-def _require_ordered(limits: Any) -> None:
-    if not isinstance(limits.low, jax.core.Tracer):
-        _require("high", "low or more", limits.high, lambda high: high >= np.asarray(limits.low))

@@ -96,11 +96,6 @@ def _grouped(sources: Sequence[Source]) -> list[list[Source]]:
     return list(groups.values())
 
 
-def draw_bias(source: Source, key: Key[Array, ""], trial: Index, dtype: Any) -> Float[Array, "..."]:
-    """Return the one draw of a constant source that is correlated with no other."""
-    return draw_constants([source], (), key, trial, dtype)[source.name]
-
-
 def noise_streams(sources: Sequence[Source], key: Key[Array, ""], trial: Index) -> list[Key[Array, ""]]:
     """Return the key of each source's noise in a trial: to be derived once, not for every block."""
     return [jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial) for source in sources]
@@ -123,11 +118,6 @@ def draw_blocks(
 ) -> list[Float[Array, "3 1200"]]:
     """Return the draws of precision sources for one block of samples of a trial, component first."""
     return [in_order(pairs) for pairs in draw_pairs(sources, mixing, streams, block, dtype)]
-
-
-def draw_block(source: Source, key: Key[Array, ""], trial: Index, block: Index, dtype: Any) -> Float[Array, "3 1200"]:
-    """Return one block of a precision source that is correlated with no other."""
-    return draw_blocks([source], (), noise_streams([source], key, trial), block, dtype)[0]
 
 
 def _standard_pairs(source: Source, stream: Key[Array, ""], block: Index, dtype: Any) -> Complex[Array, "3 600"]:

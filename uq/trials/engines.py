@@ -52,11 +52,6 @@ def prepare_any(
     return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
 
 
-def any_trial(setup: AnySetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
-    """Run one trial; see :func:`uq.trials.trial.trial`."""
-    return jax.tree.map(lambda leaf: leaf[0], any_trials(setup, key, index[None]))
-
-
 def any_trials(
     setup: AnySetup, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
 ) -> TrialEstimates:

@@ -89,7 +89,7 @@ def prepare_samples(
 
 
 def sampled_trial(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
-    """Run one trial; see :func:`uq.trials.trial.trial`."""
+    """Run one trial: its estimates of every case and estimator, from the same draws."""
     draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
     errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
     drawn = draws | draw_noise(setup, key, index)

@@ -103,20 +103,6 @@ def _blocks(signal: Array, halo: int) -> Array:
     return padded.reshape(signal.shape[0], count, BLOCK).swapaxes(0, 1)
 
 
-def trial(setup: Setup, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
-    """Run one trial.
-
-    Args:
-        setup: the experiment on one trajectory.
-        key: the campaign's key, from its seed.
-        index: number of the trial.
-
-    Returns:
-        The estimates of every estimator and case, from the same draws.
-    """
-    return jax.tree.map(lambda leaf: leaf[0], trials(setup, key, jnp.asarray(index)[None]))
-
-
 def trials(
     setup: Setup, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
 ) -> TrialEstimates:

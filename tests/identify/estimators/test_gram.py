@@ -5,9 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.gram import Sums, accumulate, normal_equations, shift_omega, solve, with_offsets
+from identify.estimators.gram import Sums, normal_equations, shift_omega, solve
 from identify.estimators.least_squares import ordinary
 from identify.rigid_body.regressor import features, omega_r
+from tests.gram_lab import accumulate, with_offsets
 
 
 @pytest.fixture
@@ -32,8 +33,8 @@ def test_sums_solve_as_qr_does(samples):
 def test_sums_add_over_blocks(samples):
     whole = accumulate(*samples)
     parts = [accumulate(*(s[:, part] for s in samples)) for part in (slice(0, 123), slice(123, None))]
-    for one, two in zip(whole, jax.tree.map(jnp.add, *parts), strict=True):
-        np.testing.assert_allclose(one, two, atol=1e-11)
+    for sums, added in zip(whole, jax.tree.map(jnp.add, *parts), strict=True):
+        np.testing.assert_allclose(sums, added, atol=1e-11)
 
 
 def test_the_features_of_a_shifted_omega(samples, generator):
@@ -47,8 +48,10 @@ def test_offsets_act_on_sums_as_on_samples(samples, generator):
     omega, alpha, force, moment = samples
     b_omega, b_force, b_moment = (jnp.asarray(generator.normal(size=3)) for _ in range(3))
     on_samples = accumulate(omega + b_omega[:, None], alpha, force + b_force[:, None], moment + b_moment[:, None])
-    for one, two in zip(with_offsets(accumulate(*samples), b_omega, b_force, b_moment), on_samples, strict=True):
-        np.testing.assert_allclose(one, two, atol=1e-9)
+    for by_sums, by_samples in zip(
+        with_offsets(accumulate(*samples), b_omega, b_force, b_moment), on_samples, strict=True
+    ):
+        np.testing.assert_allclose(by_sums, by_samples, atol=1e-9)
 
 
 def test_normal_equations_are_those_of_the_rows(samples):

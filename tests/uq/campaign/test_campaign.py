@@ -8,19 +8,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.gram import accumulate, solve
+from identify.estimators.gram import solve
 from identify.floating_point import PrecisionWarning
 from identify.identification import identify
 from identify.rigid_body.regressor import omega_r
 from identify.signals.differentiate import gain
+from tests.gram_lab import accumulate
+from tests.source_lab import any_trial, draw_block
 from uq.campaign.campaign import Statistics, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_setup, true_motion, true_motions
 from uq.experiment.experiment import ExperimentError
-from uq.sources.draws import draw_bias, draw_block
+from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
 from uq.trials.engines import run_trials
-from uq.trials.trial import trial
 
 
 def only(experiment, *names):
@@ -154,11 +155,10 @@ def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
     """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
     one = dataclasses.replace(short, estimators=(short.estimator(estimator),))
     _, result = estimates(one, 4, estimators=(estimator,), sampling="samples")
-    r_cg_draw = draw_bias(short.sources[4], jax.random.key(0), jnp.asarray(3), jnp.dtype(float))
-    assert short.sources[4].name == "r_cg"
+    constants = draw_constants(short.sources, (), jax.random.key(0), jnp.asarray(3), jnp.dtype(float))
     found = identify(
         simulate(one, "T1", seed=0, trial=3).run,
-        r_cg=np.asarray(short.r_cg_from_q + r_cg_draw),
+        r_cg=np.asarray(short.r_cg_from_q + constants["r_cg"]),
         estimator=one.estimators[0],
         offsets="none",
     )
@@ -349,8 +349,8 @@ def test_no_trials_are_refused(short, trials):
 
 def test_a_trial_is_a_pure_function_of_its_key(short):
     setup = prepare_setup(short, short.trajectories["T1"], short.estimators)
-    one = eqx.filter_jit(trial)(setup, jax.random.key(1), jnp.asarray(2))
-    two = eqx.filter_jit(trial)(setup, jax.random.key(1), jnp.asarray(2))
-    other = eqx.filter_jit(trial)(setup, jax.random.key(1), jnp.asarray(3))
-    assert (one.inertia == two.inertia).all()
-    assert not (one.inertia == other.inertia).all()
+    first = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
+    again = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
+    other = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(3))
+    assert (first.inertia == again.inertia).all()
+    assert not (first.inertia == other.inertia).all()

@@ -4,8 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.gram import accumulate, normal_equations, solve, with_offsets
+from identify.estimators.gram import normal_equations, solve
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from tests.gram_lab import accumulate, with_offsets
 from uq.gram_sums import plain_solve, sum_equations
 
 TRIALS, SAMPLES = 3, 40
@@ -41,7 +42,7 @@ def shifted(sums, offsets):
 
 
 def of_trial(signals, offsets, trial):
-    """The same trial's sums with all offsets, by the matrices of identify.estimators.gram."""
+    """The same trial's sums with all offsets, its features shifted one trial at a time."""
     sums = accumulate(*(jnp.asarray(signals[k, trial]) for k in range(4)))
     gyro, cell = (jnp.asarray(offsets[name][:, trial]) for name in ("gyro", "cell"))
     return with_offsets(sums, gyro, cell[:3], cell[3:])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.source_lab import experiment, least_squares, simulated, source
+from tests.source_lab import any_trial, experiment, least_squares, simulated, source
 from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
@@ -17,7 +17,6 @@ from uq.gram_sums.setup import Setup
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
-from uq.trials.engines import any_trial
 from uq.trials.samplewise import SampledSetup, prepare_samples, smooth_signals
 
 THREE = {

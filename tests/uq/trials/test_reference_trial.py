@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.source_lab import any_trial
 from uq.campaign.campaign import montecarlo
 from uq.campaign.statistics import Statistics
 from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
 from uq.propagation.experiment_law import law
 from uq.sources.draws import draw_constants
-from uq.trials.engines import any_trial
 from uq.trials.samplewise import draw_noise, prepare_samples
 
 SCRIPT = Path(__file__).parents[3] / "docs" / "reference_trial.py"

@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.source_lab import experiment, simulated, source
+from tests.source_lab import draw_block, experiment, simulated, source
 from uq.campaign.simulation import simulate
-from uq.sources.draws import draw_block
 from uq.sources.kinds.coloured import pink
 
 RATE, SAMPLES = 100.0, 200_000
