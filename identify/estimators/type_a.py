@@ -44,26 +44,29 @@ class Pooling:
     """Of ``between_runs``."""
     scatter_degrees_of_freedom: int
     """Of ``from_scatter``: one less than the mountings, or runs, that were repeated."""
-    drawn_anew: Float[np.ndarray, "6"]
+    from_redrawn_sources: Float[np.ndarray, "6"]
     """Standard uncertainty of the pooled tensor from declared sources that change from mounting to mounting [kg·m²]."""
 
     @property
-    def foreseen(self) -> np.ndarray:
+    def predicted_standard_uncertainty(self) -> np.ndarray:
         """Standard uncertainty from residuals, and from sources that change from mounting to mounting [kg·m²]."""
-        return np.sqrt(np.diag(self.from_residuals) + self.drawn_anew**2)
+        return np.sqrt(np.diag(self.from_residuals) + self.from_redrawn_sources**2)
 
     @property
     def scatters(self) -> np.ndarray:
         """By component: whether the interval is that of the scatter, the wider of two that are both valid."""
         if self.from_scatter is None:
             return np.zeros(6, bool)
-        predicted = scipy.stats.t.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.foreseen
+        predicted = (
+            scipy.stats.t.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.predicted_standard_uncertainty
+        )
         return scipy.stats.t.ppf(PROBABILITY, self.scatter_degrees_of_freedom) * self.from_scatter > predicted
 
     @property
     def scale(self) -> np.ndarray:
         """Scale of the t distribution of each component's type A error [kg·m²]."""
-        return self.foreseen if self.from_scatter is None else np.where(self.scatters, self.from_scatter, self.foreseen)
+        predicted = self.predicted_standard_uncertainty
+        return predicted if self.from_scatter is None else np.where(self.scatters, self.from_scatter, predicted)
 
     @property
     def degrees_of_freedom(self) -> np.ndarray:
@@ -77,16 +80,16 @@ class Pooling:
 
     @property
     def excess(self) -> np.ndarray:
-        """How much more the scatter shows than residuals foresee, by component; at least 1."""
+        """Scatter over the predicted standard uncertainty, by component; at least 1."""
         if self.from_scatter is None:
             return np.ones(6)
-        return np.maximum(self.from_scatter / np.maximum(self.foreseen, 1e-300), 1.0)
+        return np.maximum(self.from_scatter / np.maximum(self.predicted_standard_uncertainty, 1e-300), 1.0)
 
     @property
     def covariance(self) -> np.ndarray:
         """Type A covariance: of the residuals, widened on each component to what the scatter shows [(kg·m²)²]."""
-        foreseen = self.from_residuals + np.diag(self.drawn_anew**2)
-        return foreseen * np.outer(self.excess, self.excess)
+        predicted = self.from_residuals + np.diag(self.from_redrawn_sources**2)
+        return predicted * np.outer(self.excess, self.excess)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m²."""
@@ -131,7 +134,7 @@ def pooling(
     """Return the type A evaluation of a pooled tensor.
 
     The interval is the wider of two: Student's by the scatter with K - 1 degrees of freedom, which covers whatever
-    lies between the runs, and that which the residuals foresee, which a small chance scatter must not undercut.
+    lies between the runs, and the one predicted from the residuals, which a scatter small by chance must not undercut.
 
     Args:
         repeats: the runs.

@@ -184,13 +184,13 @@ class Peak(NamedTuple):
     """Name in :func:`shares`."""
     share: float
     """Of the limit; above 1 it is exceeded."""
-    part: int
+    channel: int
     """Leg or axis, from 0."""
     t: float
     """When [s]."""
 
     def __str__(self) -> str:
-        where = f"leg {self.part + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.part + 1}"
+        where = f"leg {self.channel + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.channel + 1}"
         return f"{self.quantity.replace('_', ' ')} of {where} at {self.t:.3f} s: {100 * self.share:.1f} % of its limit"
 
 

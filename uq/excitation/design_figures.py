@@ -116,7 +116,9 @@ def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
         growth: of the sources' variances.
         asked: targets of ``moments`` and ``products`` [kg·m²].
     """
-    t = np.geomspace(max(growth.own / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.own, 300)
+    t = np.geomspace(
+        max(growth.duration / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.duration, 300
+    )
     variances = growth.at(t)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
@@ -130,7 +132,7 @@ def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
                 panel.plot(t, GRAM_METRE * average(variances[:, k], goal), color=colour, linestyle=dashes, label=text)
             for target in asked.get(goal, ()):
                 panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
-            panel.axvline(growth.own, color=PALETTE[7], linewidth=0.8)
+            panel.axvline(growth.duration, color=PALETTE[7], linewidth=0.8)
             panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
             panel.xaxis.set_major_formatter(ScalarFormatter())
             panel.set_ylim(bottom=2e-3 * total.max())

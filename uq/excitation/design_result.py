@@ -108,7 +108,7 @@ class DesignReport(Result):
     def limit_table(self) -> Table:
         """Return each limit's largest use over the whole run."""
         rows = [
-            [peak.quantity.replace("_", " "), f"{peak.part + 1}", fixed(peak.t, 3), fixed(100 * peak.share, 1)]
+            [peak.quantity.replace("_", " "), f"{peak.channel + 1}", fixed(peak.t, 3), fixed(100 * peak.share, 1)]
             for peak in self.design.peaks
         ]
         return Table("What each limit is used to", ["limit", "leg or axis", "at, s", "used, %"], rows, LIMIT_NOTE)
@@ -158,7 +158,10 @@ class DesignReport(Result):
             "promised_three_sigma_reference": _by_component(GRAM_METRE * design.expanded_reference),
             "bound": {goal: None if least is None else GRAM_METRE * least for goal, least in self.bound.items()},
             "bound_relaxes": [] if design.bound is None else list(design.bound.relaxes),
-            "limits": [_plain(peak._asdict()) for peak in design.peaks],
+            "limits": [
+                _plain({"quantity": peak.quantity, "share": peak.share, "part": peak.channel, "t": peak.t})
+                for peak in design.peaks
+            ],
             "active": [str(peak) for peak in design.active],
             "starts": [_plain(dataclasses.asdict(start)) for start in design.starts],
             "sensors": self.sensors.to_dict(),

@@ -1,4 +1,4 @@
-"""What constant errors do to the signals: linear maps of known functions of time, smooth in the errors.
+"""What constant errors do to the signals: linear maps of functions of time, smooth in the errors.
 
 The true wrench is linear in eighteen functions of the motion: the products of omega, alpha, and the components in B of
 frame A's axes. Gravity, platform, body and air errors change its coefficients; the load cell's misalignment, cross-talk
@@ -43,7 +43,7 @@ class Platform(eqx.Module):
 
 
 class Columns(eqx.Module):
-    """Which functions of time the measured wrench is made of, besides the true wrench: found from the sources."""
+    """The functions of time, besides the true wrench, that make up the measured wrench: those that the sources need."""
 
     time: bool = eqx.field(static=True)
     motion: bool = eqx.field(static=True)
@@ -63,30 +63,30 @@ class Columns(eqx.Module):
 
     def map(self, body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 columns"]:
         """Return the matrix that gives the measured wrench, without offset and noise, from the columns."""
-        parts = [jnp.eye(6)]
+        maps = [jnp.eye(6)]
         if self.motion:
-            parts.append(true_wrench_map(body, platform, errors) - true_wrench_map(body, platform, no_errors()))
-        sensed = [cell_map(errors) @ part for part in parts]
+            maps.append(true_wrench_map(body, platform, errors) - true_wrench_map(body, platform, no_errors()))
+        sensed = [cell_map(errors) @ matrix for matrix in maps]
         return jnp.concatenate([sensed[0], *([errors.cell_drift[:, None]] if self.time else []), *sensed[1:]], axis=1)
 
 
 def functions_of(motion: Motion) -> Float[Array, "18 n"]:
     """Return the products of omega (11, 22, 33, 12, 13, 23), alpha, and frame A's axes in B, at each sample."""
-    of_omega = features(motion.omega, motion.alpha)[4:]
-    return jnp.concatenate([of_omega, *(motion.rotation[:, k, :].T for k in range(3))])
+    products = features(motion.omega, motion.alpha)[4:]
+    return jnp.concatenate([products, *(motion.rotation[:, k, :].T for k in range(3))])
 
 
 def true_wrench_map(body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 18"]:
     """Return the matrix that gives the true wrench from the functions of the motion."""
-    one = lambda functions: true_wrench(body, platform, errors, functions)  # noqa: E731
-    return jax.vmap(one, out_axes=1)(jnp.eye(MOTION))
+    wrench_of = lambda functions: true_wrench(body, platform, errors, functions)  # noqa: E731
+    return jax.vmap(wrench_of, out_axes=1)(jnp.eye(MOTION))
 
 
 def true_wrench(body: Body, platform: Platform, errors: Errors, functions: Float[Array, "18"]) -> Float[Array, "6"]:
     """Return the wrench on the body at Q of (4) and (5) with errors of gravity, platform, centre of gravity and air.
 
-    The load cell carries less by the weight of the displaced air, at that air's centre. The air that moves along has
-    inertia but no weight, which the air around it carries.
+    The load cell carries less by the weight of the displaced air, at that air's centre. Entrained air adds inertia but
+    no weight: the air around it carries that.
     """
     outer, alpha, axes = _symmetric(functions[:6]), functions[6:9], functions[9:].reshape(3, 3)
 
@@ -98,16 +98,17 @@ def true_wrench(body: Body, platform: Platform, errors: Errors, functions: Float
         return tensor @ alpha + jnp.stack([product[1, 2] - product[2, 1], product[2, 0] - product[0, 2],
                                            product[0, 1] - product[1, 0]])  # fmt: skip
 
-    of_cg = acceleration(jnp.asarray(platform.r_cg_from_still) + errors.r_cg_from_omb)
+    acceleration_cg = acceleration(jnp.asarray(platform.r_cg_from_still) + errors.r_cg_from_omb)
     up = (platform.gravity + errors.gravity) * (exponential(errors.tilt)[2] @ axes)
-    (displaced, of_displaced), (carried, of_carried) = _mass(errors.displaced_air), _mass(errors.entrained_air)
-    force = (body.mass + carried) * of_cg + acceleration(of_carried) + (body.mass - displaced) * up
+    displaced, of_displaced = _mass_and_first_moment(errors.displaced_air)
+    entrained, of_entrained = _mass_and_first_moment(errors.entrained_air)
+    force = (body.mass + entrained) * acceleration_cg + acceleration(of_entrained) + (body.mass - displaced) * up
     about_cg = rate_of_spin(unpack(body.inertia) + unpack(errors.entrained_air[4:]))
-    about_cg = about_cg + jnp.cross(of_carried, of_cg) - jnp.cross(of_displaced, up)
+    about_cg = about_cg + jnp.cross(of_entrained, acceleration_cg) - jnp.cross(of_displaced, up)
     return jnp.concatenate([force, about_cg + jnp.cross(body.r_cg_from_q, force)])
 
 
-def _mass(air: Array) -> tuple[Array, Array]:
+def _mass_and_first_moment(air: Array) -> tuple[Array, Array]:
     return air[0], air[1:4]
 
 
@@ -117,31 +118,32 @@ def _symmetric(products: Array) -> Array:
 
 
 def cell_map(errors: Errors) -> Float[Array, "6 6"]:
-    """Return what the load cell makes of the true wrench: seen in its own axes, with cross-talk, then scaled."""
-    own_axes = jnp.kron(jnp.eye(2), exponential(errors.cell_misalignment).T)
-    return (1 + errors.cell_scale)[:, None] * ((jnp.eye(6) + errors.cell_cross_talk) @ own_axes)
+    """Return the map from the true wrench to the measured one: sensor axes, cross-talk, then scale factors."""
+    sensor_axes = jnp.kron(jnp.eye(2), exponential(errors.cell_misalignment).T)
+    return (1 + errors.cell_scale)[:, None] * ((jnp.eye(6) + errors.cell_cross_talk) @ sensor_axes)
 
 
 def gyro_map(errors: Errors) -> Float[Array, "3 3"]:
-    """Return what the gyro makes of the true angular velocity: seen in its own axes, then scaled."""
+    """Return the map from the true angular velocity to the measured one: sensor axes, then scale factors."""
     return (1 + errors.gyro_scale)[:, None] * exponential(errors.gyro_misalignment).T
 
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 """Axes of the features that are products of two."""
 ELEMENT_ENDS = np.cumsum([1, 3, 6, 1, 3, 1, 3, 3, 9, 3, 6])
-"""Where the elements of :func:`features_of_elements` part."""
+"""Where each group of the elements of :func:`features_of_elements` ends."""
 ELEMENTS = 42
 """Elements of one estimator: 18 of the true motion, 24 of the noise."""
 
 
-def element_map(errors: Errors, *, whole: bool) -> Float[Array, "13 elements"]:
+def element_map(errors: Errors, *, gyro_mapped: bool) -> Float[Array, "13 elements"]:
     """Return the matrix that gives the features of the measured omega and alpha from the elements of the sums.
 
-    The measured angular velocity is ``G omega + b + d t + noise``. Without ``whole``, G is one and d zero, and the
-    elements are the thirteen features of ``omega + noise``; else those of :func:`features_of_elements`.
+    The measured angular velocity is ``G omega + b + d t + noise``. Without ``gyro_mapped``, G is the unit
+    matrix and d zero, and the elements are the thirteen features of ``omega + noise``; else those of
+    :func:`features_of_elements`.
     """
-    if whole:
+    if gyro_mapped:
         return jax.vmap(lambda elements: features_of_elements(errors, elements), out_axes=1)(jnp.eye(ELEMENTS))
     return shift_omega(errors.gyro_bias)
 
@@ -152,14 +154,14 @@ def features_of_elements(errors: Errors, elements: Float[Array, "42"]) -> Float[
     These are 1, omega, its products, t, t omega, t², alpha; then the noise, omega_i noise_j, t noise, the noise's
     products, and its derivative.
     """
-    (one,), w, ww, (t,), tw, (tt,), alpha, n, wn, tn, nn, of_noise = jnp.split(elements, ELEMENT_ENDS)
+    (unit,), w, ww, (t,), tw, (tt,), alpha, n, wn, tn, nn, noise_rate = jnp.split(elements, ELEMENT_ENDS)
     g, b, d = gyro_map(errors), errors.gyro_bias, errors.gyro_drift
-    square = g @ _symmetric(ww) @ g.T + jnp.outer(b, b) * one + jnp.outer(d, d) * tt + _symmetric(nn)
+    square = g @ _symmetric(ww) @ g.T + jnp.outer(b, b) * unit + jnp.outer(d, d) * tt + _symmetric(nn)
     halves = [jnp.outer(g @ w, b), jnp.outer(g @ tw, d), jnp.outer(b, d) * t]
     for half in (*halves, g @ wn.reshape(3, 3), jnp.outer(b, n), jnp.outer(d, tn)):
         square = square + half + half.T
     packed = square[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
-    return jnp.concatenate([one[None], g @ w + b * one + d * t + n, packed, g @ alpha + d * one + of_noise])
+    return jnp.concatenate([unit[None], g @ w + b * unit + d * t + n, packed, g @ alpha + d * unit + noise_rate])
 
 
 def true_elements(
@@ -178,19 +180,19 @@ def noisy_elements(
 
 
 def changes_of_elements(
-    true: Float[Array, "k n"], noise: Float[Array, "3 n"], *, whole: bool
+    true: Float[Array, "k n"], noise: Float[Array, "3 n"], *, gyro_mapped: bool
 ) -> list[Float[Array, "j n"]]:
-    """Return what noise in omega adds to the elements that all estimators share, part by part.
+    """Return what noise in omega adds to the elements that all estimators share, group by group.
 
-    Without ``whole``, to omega, to its squares, and to its products 12, 13 and 23; else the noisy elements.
+    Without ``gyro_mapped``, to omega, to its squares, and to its products 12, 13 and 23; else the noisy elements.
 
     Args:
         true: elements without noise, first those that all estimators share.
         noise: of omega [rad/s].
-        whole: as for :func:`element_map`.
+        gyro_mapped: as for :func:`element_map`.
     """
     omega = true[1:4]
-    if whole:
+    if gyro_mapped:
         return [noisy_elements(omega, true[ALPHA.start], noise)]
     noisy = omega + noise
     crossed = [omega[i : i + 1] * noise[j : j + 1] + noise[i : i + 1] * noisy[j : j + 1] for i, j in PAIRS]

@@ -1,7 +1,7 @@
 """Mean and covariance of the Gram sums under the gyro's white noise: exact, for every estimator at once.
 
 Each summed product is a polynomial in the noise (:mod:`uq.gram_sums.wick`) whose coefficients are products of the true
-signals. All that the moments need of a run is how those products correlate with one another, at one instant and over
+signals. The moments depend on a run only through how those products correlate with one another, at one instant and over
 the few instants that a differentiator joins. These sums over samples are taken once
 (:mod:`uq.gram_sums.sums_over_samples`); the moments for any size of the noise then follow in milliseconds.
 """
@@ -20,7 +20,7 @@ from uq.gram_sums.wick import Monomial, Term, summed_products, terms
 
 
 class GramMoments(eqx.Module):
-    """What a run leaves behind for the moments of its Gram sums."""
+    """Sums over one run's samples from which the moments of its Gram sums follow."""
 
     sums: Float[Array, " products"]
     """Of the noise-free products, in the order of :func:`pack`."""
@@ -49,46 +49,46 @@ def _upper(features: int) -> tuple[np.ndarray, np.ndarray]:
     return np.triu_indices(features)
 
 
-def own_products(estimators: int, number: int) -> np.ndarray:
+def products_of_estimator(estimators: int, number: int) -> np.ndarray:
     """Return where the products of one estimator's thirteen features stand among those of all."""
-    everything = SHARED + 3 * estimators
-    own = np.r_[0:SHARED, SHARED + 3 * number : SHARED + 3 * number + 3]
-    where = np.zeros((everything, everything), int)
-    row, column = _upper(everything)
+    features = SHARED + 3 * estimators
+    selected = np.r_[0:SHARED, SHARED + 3 * number : SHARED + 3 * number + 3]
+    where = np.zeros((features, features), int)
+    row, column = _upper(features)
     where[row, column] = np.arange(len(row))
-    wrench = len(row) + np.arange(6 * everything).reshape(everything, 6)
-    return np.concatenate([where[np.ix_(own, own)][_upper(len(own))], wrench[own].ravel()])
+    wrench = len(row) + np.arange(6 * features).reshape(features, 6)
+    return np.concatenate([where[np.ix_(selected, selected)][_upper(len(selected))], wrench[selected].ravel()])
 
 
 @cache
 def distinct_products(estimators: int) -> dict[Monomial, int]:
     """Return where each product of signals stands first among those of :func:`pack`; some of these are the same."""
-    found: dict[Monomial, int] = {}
-    for number, product in enumerate(summed_products(estimators)):
-        found.setdefault(next(signals for signals, noise in product if not noise), number)
-    return found
+    places: dict[Monomial, int] = {}
+    for place, product in enumerate(summed_products(estimators)):
+        places.setdefault(next(signals for signals, noise in product if not noise), place)
+    return places
 
 
 class ProductLayout(NamedTuple):
     """The algebra as indices."""
 
     monomials: tuple[Monomial, ...]
-    """That occur with noise."""
+    """Products of true signals that occur with noise."""
     plain: tuple[Term, ...]
     """Terms of the mean that noise adds."""
     noisy: tuple[Term, ...]
     noisy_columns: np.ndarray
-    """In which column each of these stands."""
+    """The column of each of these."""
     columns: tuple[tuple[Monomial, tuple], ...]
-    """Each Wick power with each monomial that is its coefficient somewhere."""
+    """Pairs of a monomial and the Wick power whose coefficient it is in some product."""
 
 
 @cache
 def product_layout(estimators: int) -> ProductLayout:
-    """Return the algebra of the summed products for so many estimators."""
-    everything = terms(estimators)
-    noisy = tuple(term for term in everything if term.power)
-    plain = tuple(term for term in everything if not term.power and any(term.weight.powers))
+    """Return the algebra of the summed products for this number of estimators."""
+    all_terms = terms(estimators)
+    noisy = tuple(term for term in all_terms if term.power)
+    plain = tuple(term for term in all_terms if not term.power and any(term.weight.powers))
     columns = tuple(dict.fromkeys((term.monomial, term.power) for term in noisy))
     number = {column: k for k, column in enumerate(columns)}
     monomials = tuple(sorted({term.monomial for term in (*noisy, *plain)}, key=lambda m: (len(m), m)))
@@ -141,19 +141,19 @@ def _correlate(moments: GramMoments, coefficients: Array, rows: Array | None) ->
     return combined @ moments.correlated @ combined.T
 
 
-def _coefficients(moments: GramMoments, variance: Array, kept: np.ndarray | float = 1.0) -> Array:
+def _coefficients(moments: GramMoments, variance: Array, mask: np.ndarray | float = 1.0) -> Array:
     """The products' coefficients of the columns, times the noise's standard deviations."""
     layout = product_layout(len(moments.alphas))
     products = np.array([term.product for term in layout.noisy])
     powers = np.array([np.bincount([axis for axis, _ in power], minlength=3) for _, power in layout.columns], float)
     sigma = jnp.prod(jnp.sqrt(variance)[None] ** powers, axis=1)
-    weights = _weights(layout.noisy, moments.alphas, variance) * kept
+    weights = _weights(layout.noisy, moments.alphas, variance) * mask
     matrix = jnp.zeros((len(moments.sums), len(layout.columns)))
     return matrix.at[products, layout.noisy_columns].add(weights) * sigma[None]
 
 
-def _weights(found: tuple[Term, ...], alphas: Array, variance: Array) -> Array:
-    factor = np.array([term.weight.factor for term in found])
-    powers = np.array([term.weight.powers for term in found], float)
-    pair = np.array([-1 if (p := t.weight.alphas) is None else len(alphas) * p[0] + p[1] for t in found])
+def _weights(terms_of_sums: tuple[Term, ...], alphas: Array, variance: Array) -> Array:
+    factor = np.array([term.weight.factor for term in terms_of_sums])
+    powers = np.array([term.weight.powers for term in terms_of_sums], float)
+    pair = np.array([-1 if (p := t.weight.alphas) is None else len(alphas) * p[0] + p[1] for t in terms_of_sums])
     return jnp.asarray(factor) * jnp.prod(variance[None] ** powers, axis=1) * jnp.append(alphas.ravel(), 1.0)[pair]

@@ -48,8 +48,8 @@ def triangular_root(matrix: Lower) -> tuple[Lower, list[Trials], Bool[Array, "..
         inverse.append(scale)
         definite.append(positive)
     ok = definite[0]
-    for one in definite[1:]:
-        ok = ok & one
+    for positive in definite[1:]:
+        ok = ok & positive
     return lower, inverse, ok
 
 
@@ -73,9 +73,9 @@ def solve(matrix: Lower, right: Vector) -> tuple[list[Trials], Bool[Array, "..."
         for i in range(j + 1, SIZE):
             root[i, j] = -total(lower[i, k] * root[k, j] for k in range(j, i)) * scale[i]
     half = [total(root[i, k] * right[k] for k in range(i + 1)) for i in range(SIZE)]
-    found = [total(root[i, k] * half[i] for i in range(k, SIZE)) for k in range(SIZE)]
+    solution = [total(root[i, k] * half[i] for i in range(k, SIZE)) for k in range(SIZE)]
     inverse = {(i, j): total(root[k, i] * root[k, j] for k in range(i, SIZE)) for i, j in LOWER}
-    return found, definite & (_square_norm(matrix) * _square_norm(inverse) < CONDITION_LIMIT**2)
+    return solution, definite & (_square_norm(matrix) * _square_norm(inverse) < CONDITION_LIMIT**2)
 
 
 def _square_norm(matrix: Lower) -> Trials:

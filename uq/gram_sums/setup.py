@@ -37,13 +37,13 @@ class Case(NamedTuple):
 class Signals(NamedTuple):
     """The noise-free run in blocks, block first (without that axis inside the scan).
 
-    A block starts as many samples before that of the draws as the longest differentiator reaches: its noise is then
-    known with that of the block before.
+    A block starts earlier than the block of draws by as many samples as the longest differentiator reaches: all the
+    noise that its derivatives need is then in this block of draws and the one before.
     """
 
     block: Int[Array, "*blocks"]
     """Number of the block."""
-    known: Float[Array, "*blocks rows 1200"]
+    noise_free: Float[Array, "*blocks rows 1200"]
     """The elements without noise: those that all estimators share, each one's alpha, and zeros for the noisy ones of
     errors that map the angular velocity; all zero where a sample does not count. Then force [N] and moment [N·m] and
     the other functions of :class:`uq.gram_sums.error_maps.Columns`."""
@@ -66,8 +66,8 @@ class Setup(eqx.Module):
     estimators: tuple[Estimator, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
     columns: Columns = eqx.field(static=True)
-    whole: bool = eqx.field(static=True)
-    """Whether errors map the angular velocity, so that the elements are not the features but what makes them."""
+    gyro_mapped: bool = eqx.field(static=True)
+    """Whether errors map the angular velocity, so that the elements are not the features but what these are made of."""
     dtype: np.dtype = eqx.field(static=True)
     """Precision of draws and features; sums and solutions have the default precision."""
     sampling: Sampling = eqx.field(static=True)
@@ -76,7 +76,7 @@ class Setup(eqx.Module):
     def changed(self) -> slice:
         """Which elements the gyro's noise changes: all features but 1, or the noisy elements."""
         count = len(self.sums.gram)
-        return slice(count - noisy_count(self.whole, self.estimators), count)
+        return slice(count - noisy_count(self.gyro_mapped, self.estimators), count)
 
 
 def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:
@@ -89,6 +89,6 @@ def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:
     )
 
 
-def noisy_count(whole: bool, estimators: Sequence[Estimator]) -> int:
+def noisy_count(gyro_mapped: bool, estimators: Sequence[Estimator]) -> int:
     """How many elements, the last ones, the gyro's noise changes."""
-    return (21 if whole else SHARED - 1) + 3 * len(estimators)
+    return (21 if gyro_mapped else SHARED - 1) + 3 * len(estimators)

@@ -39,69 +39,71 @@ def _sorted(*factors: Factors) -> Factors:
     return tuple(sorted(sum(factors, ())))
 
 
-KEPT: tuple[Factors, ...] = (
-    *sorted({_sorted(one, other) for one in PHI for other in PHI}),
-    *(_sorted(one, (row,)) for one in PHI for row in range(6, 12)),
+TRIAL_SUMS: tuple[Factors, ...] = (
+    *sorted({_sorted(first, second) for first in PHI for second in PHI}),
+    *(_sorted(phi, (row,)) for phi in PHI for row in range(6, 12)),
 )
 """Sums that a trial needs."""
-NEEDED: tuple[Factors, ...] = tuple(sorted({_sorted(PHI[k], PHI[m]) for k in OF_OMEGA_R for m in OF_OMEGA_R}))
+MATRIX_SUMS: tuple[Factors, ...] = tuple(sorted({_sorted(PHI[k], PHI[m]) for k in OF_OMEGA_R for m in OF_OMEGA_R}))
 """Those among them that ``Σ Ωᵀ S Ω`` is made of."""
 
 
 def _weights() -> np.ndarray:
     """From the needed sums to ``Σ Ω_aᵀ Ω_b + Ω_bᵀ Ω_a`` of two axes or ``Σ Ω_aᵀ Ω_a`` of one; (axes, places, sums)."""
-    found = np.zeros((len(AXES), len(LOWER), len(NEEDED)))
+    weights = np.zeros((len(AXES), len(LOWER), len(MATRIX_SUMS)))
     for k, m in product(OF_OMEGA_R, repeat=2):
         for pair, (a, b) in enumerate(AXES):
-            both = np.outer(OMEGA_R_OF_FEATURES[k, a], OMEGA_R_OF_FEATURES[m, b])
-            both = both if a == b else both + both.T
-            found[pair, :, NEEDED.index(_sorted(PHI[k], PHI[m]))] += [both[place] for place in LOWER]
-    return found
+            product_of_rows = np.outer(OMEGA_R_OF_FEATURES[k, a], OMEGA_R_OF_FEATURES[m, b])
+            product_of_rows = product_of_rows if a == b else product_of_rows + product_of_rows.T
+            weights[pair, :, MATRIX_SUMS.index(_sorted(PHI[k], PHI[m]))] += [product_of_rows[place] for place in LOWER]
+    return weights
 
 
 WEIGHTS = _weights()
 
 
-def shifted(sums: Sums, powers: Mapping[Factors, Trials], wanted: Factors) -> Trials:
+def shifted(sums: Sums, powers: Mapping[Factors, Trials], factors: Factors) -> Trials:
     """Return the sum that would have come of omega plus an offset: exact, a polynomial in the offset.
 
     Args:
         sums: of the products of lower order.
         powers: products of the offset's components, by their axes; see :func:`powers_of`.
-        wanted: factors of the sum.
+        factors: of the sum.
     """
-    turning = [factor for factor in wanted if factor < 3]
-    rest = tuple(factor for factor in wanted if factor >= 3)
+    of_omega = [factor for factor in factors if factor < 3]
+    others = tuple(factor for factor in factors if factor >= 3)
     count: Counter[tuple[Factors, Factors]] = Counter()
-    for replaced in product((False, True), repeat=len(turning)):
-        both = list(zip(turning, replaced, strict=True))
-        count[tuple(f for f, out in both if out), tuple(f for f, out in both if not out)] += 1
-    parts = []
-    for (out, stay), times in count.items():
-        part = sums[stay + rest] if not out else powers[out] * sums[stay + rest]
-        parts.append(part if times == 1 else float(times) * part)
-    return total(parts)
+    for replaced in product((False, True), repeat=len(of_omega)):
+        choice = list(zip(of_omega, replaced, strict=True))
+        by_offset = tuple(axis for axis, replace in choice if replace)
+        count[by_offset, tuple(axis for axis, replace in choice if not replace)] += 1
+    terms = []
+    for (offset_axes, omega_axes), times in count.items():
+        term = sums[omega_axes + others]
+        term = powers[offset_axes] * term if offset_axes else term
+        terms.append(term if times == 1 else float(times) * term)
+    return total(terms)
 
 
 def powers_of(offset: Vector) -> dict[Factors, Trials]:
     """Return the products of an offset's components up to the fourth order."""
-    found: dict[Factors, Trials] = {(axis,): offset[axis] for axis in range(3)}
+    powers: dict[Factors, Trials] = {(axis,): offset[axis] for axis in range(3)}
     for order in range(2, 5):
         for axes in combinations_with_replacement(range(3), order):
-            found[axes] = found[axes[:-1]] * offset[axes[-1]]
-    return found
+            powers[axes] = powers[axes[:-1]] * offset[axes[-1]]
+    return powers
 
 
 def residual_sums(sums: Sums, r_cg: Vector, offset: Vector) -> dict[Factors, Trials]:
     """Return the features' sums with ``M - r × F``, force and moment with an offset (force first) added."""
-    found: dict[Factors, Trials] = {}
+    residuals: dict[Factors, Trials] = {}
     for phi in PHI:
         f1, f2, f3, m1, m2, m3 = (sums[(*phi, 6 + row)] + sums[phi] * offset[row] for row in range(6))
         r1, r2, r3 = r_cg
         crossed = (r2 * f3 - r3 * f2, r3 * f1 - r1 * f3, r1 * f2 - r2 * f1)
-        for factor, moment, part in zip(RESIDUAL, (m1, m2, m3), crossed, strict=True):
-            found[(*phi, factor)] = moment - part
-    return found
+        for factor, moment, arm in zip(RESIDUAL, (m1, m2, m3), crossed, strict=True):
+            residuals[(*phi, factor)] = moment - arm
+    return residuals
 
 
 def right_side(sums: Sums) -> list[Trials]:
@@ -119,8 +121,8 @@ def right_side(sums: Sums) -> list[Trials]:
 
 def normal_matrix(sums: Sums) -> Lower:
     """Return ``Σ ΩᵀΩ`` of (10)."""
-    own = sum(WEIGHTS[AXES.index((axis, axis))] for axis in range(3))
-    return {place: _combined(own[k], sums) for k, place in enumerate(LOWER)}
+    weights = sum(WEIGHTS[AXES.index((axis, axis))] for axis in range(3))
+    return {place: _combined(weights[k], sums) for k, place in enumerate(LOWER)}
 
 
 def weighted_matrix(sums: Sums, weight: Vector) -> Lower:
@@ -136,7 +138,7 @@ def weighted_matrix(sums: Sums, weight: Vector) -> Lower:
 def _combined(weights: np.ndarray, sums: Sums) -> Trials:
     return total(
         sums[factors] if weight == 1 else float(weight) * sums[factors]
-        for weight, factors in zip(weights, NEEDED, strict=True)
+        for weight, factors in zip(weights, MATRIX_SUMS, strict=True)
         if weight
     )
 

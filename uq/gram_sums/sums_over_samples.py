@@ -1,4 +1,4 @@
-"""One visit of a run's samples, for the moments of its Gram sums (:mod:`uq.gram_sums.gram_moments`).
+"""One pass over a run's samples, for the moments of its Gram sums (:mod:`uq.gram_sums.gram_moments`).
 
 What is summed are products of the true signals with one another, at one instant and over the few instants that a
 differentiator joins.
@@ -26,14 +26,15 @@ SHORT = 16
 
 
 def gram_moments(setup: Setup, *, chunk: int = 4000) -> GramMoments:
-    """Visit the samples of a prepared run once, for the moments of its Gram sums under any white noise of omega.
+    """Sum over a prepared run's samples, for the moments of its Gram sums under any white noise of omega.
 
     Args:
         setup: the run as the Monte Carlo has it (:func:`uq.trials.trial.prepare`), in float64.
-        chunk: samples that are visited at a time.
+        chunk: samples in one step of the pass.
     """
-    known, elements = setup.signals.known.swapaxes(0, 1), len(setup.sums.gram)
-    signals = jnp.concatenate([known[1:4], known[elements - 3 * len(setup.estimators) : elements + 6]]).astype(float)
+    noise_free, elements = setup.signals.noise_free.swapaxes(0, 1), len(setup.sums.gram)
+    alphas_and_wrench = slice(elements - 3 * len(setup.estimators), elements + 6)
+    signals = jnp.concatenate([noise_free[1:4], noise_free[alphas_and_wrench]]).astype(float)
     taps = [estimator.taps for estimator in setup.estimators]
     valid = setup.signals.valid.ravel().astype(float)
     return moments_of_signals(signals.reshape(len(signals), -1), valid, taps, chunk=chunk)
@@ -46,13 +47,13 @@ def moments_of_signals(
     *,
     chunk: int = 4000,
 ) -> GramMoments:
-    """Visit samples once; see :func:`gram_moments`.
+    """Sum over samples in one pass; see :func:`gram_moments`.
 
     Args:
         signals: noise-free omega, every estimator's alpha, force and moment.
         valid: 1 for samples that count, else 0; none of those within the longest differentiator's reach of the ends.
         taps: every estimator's differentiator.
-        chunk: samples that are visited at a time.
+        chunk: samples in one step of the pass.
     """
     return _visit(signals, valid, _responses(taps), chunk)
 
@@ -60,13 +61,13 @@ def moments_of_signals(
 @jax.jit
 def alphas_of(omega: Float[Array, "3 n"], taps: Sequence[Array]) -> Float[Array, "alphas n"]:
     """Return every differentiator's alpha of omega [rad/s²], three rows each; zero where it has none."""
-    return jnp.concatenate([jnp.pad(derivative(omega, one), ((0, 0), (len(one),) * 2)) for one in taps])
+    return jnp.concatenate([jnp.pad(derivative(omega, h), ((0, 0), (len(h),) * 2)) for h in taps])
 
 
 def _responses(taps: Sequence[Array]) -> Float[Array, "estimators lags"]:
     """Each differentiator's antisymmetric response over lags -2h … 2h, h the longest's reach."""
     reach = max(map(len, taps))
-    halves = jnp.stack([jnp.pad(jnp.asarray(one), (0, 2 * reach - len(one))) for one in taps])
+    halves = jnp.stack([jnp.pad(jnp.asarray(h), (0, 2 * reach - len(h))) for h in taps])
     return jnp.concatenate([-halves[:, ::-1], jnp.zeros((len(halves), 1)), halves], axis=1)
 
 
@@ -84,13 +85,13 @@ def _visit(signals: Array, valid: Array, responses: Array, chunk: int) -> GramMo
     def visit(carry, start):
         wide = _monomials(jax.lax.dynamic_slice_in_dim(rows, start, size + 2 * halo, axis=1), layout.monomials)
         inner = wide[:, halo : halo + size]
-        found = [jnp.sum(inner, axis=1)]
+        sums = [jnp.sum(inner, axis=1)]
         for kernel, (of_rows, of_columns) in needed.items():
             other = inner[of_columns]
             if kernel != WHITE:
                 other = _convolved(wide[of_columns], kernels[kernel])
-            found.append(inner[of_rows] @ other.T)
-        return jax.tree.map(jnp.add, carry, found), None
+            sums.append(inner[of_rows] @ other.T)
+        return jax.tree.map(jnp.add, carry, sums), None
 
     shapes = [(len(layout.monomials),), *((len(r), len(c)) for r, c in needed.values())]
     (totals, *products), _ = jax.lax.scan(visit, [jnp.zeros(s) for s in shapes], size * jnp.arange(count))
@@ -112,11 +113,11 @@ def _convolved(rows: Float[Array, "rows n"], kernel: Float[Array, " lags"]) -> F
 
 def _monomials(rows: Array, monomials: tuple[Monomial, ...]) -> Array:
     """Products of signals; rows are what is valid, then the signals, zero where they do not count."""
-    made: dict[Monomial, Array] = {(): rows[0]}
+    products: dict[Monomial, Array] = {(): rows[0]}
     for monomial in monomials:
-        if monomial not in made:
-            made[monomial] = made.get(monomial[:-1], rows[0]) * rows[1 + monomial[-1]]
-    return jnp.stack([made[monomial] for monomial in monomials])
+        if monomial not in products:
+            products[monomial] = products.get(monomial[:-1], rows[0]) * rows[1 + monomial[-1]]
+    return jnp.stack([products[monomial] for monomial in monomials])
 
 
 def _kernels(responses: Array) -> dict[Kernel, Array]:
@@ -126,10 +127,10 @@ def _kernels(responses: Array) -> dict[Kernel, Array]:
     for e in range(estimators):
         covariances[-1, e], covariances[e, -1] = responses[e], responses[e, ::-1]
         for f in range(estimators):
-            both = jnp.convolve(responses[f], responses[e, ::-1])  # Σ_k h_e(k) h_f(k + lag)
-            covariances[e, f] = both[lags // 2 : lags // 2 + lags]
-    wanted = {correlation.kernel for correlation in correlations(estimators)} - {WHITE}
-    return {kernel: jnp.prod(jnp.stack([covariances[pair] for pair in kernel]), axis=0) for kernel in wanted}
+            correlation = jnp.convolve(responses[f], responses[e, ::-1])  # Σ_k h_e(k) h_f(k + lag)
+            covariances[e, f] = correlation[lags // 2 : lags // 2 + lags]
+    kernels = {correlation.kernel for correlation in correlations(estimators)} - {WHITE}
+    return {kernel: jnp.prod(jnp.stack([covariances[pair] for pair in kernel]), axis=0) for kernel in kernels}
 
 
 class _Block(NamedTuple):
@@ -157,7 +158,7 @@ def _blocks(estimators: int) -> dict[Kernel, _Block]:
         entries.setdefault(c.kernel, []).extend(
             (row, column, m, n, c.multiplicity, alphas) for row, m in members[c.row] for column, n in members[c.column]
         )
-    return {kernel: _Block(*np.array(found).T) for kernel, found in entries.items()}
+    return {kernel: _Block(*np.array(indices).T) for kernel, indices in entries.items()}
 
 
 @cache

@@ -66,10 +66,10 @@ def _noisy(signal: int, noise: Noise) -> Polynomial:
     return {((signal,), ()): 1.0, ((), (noise,)): 1.0}
 
 
-def _multiply(one: Polynomial, other: Polynomial) -> Polynomial:
+def _multiply(first: Polynomial, second: Polynomial) -> Polynomial:
     product: Polynomial = defaultdict(float)
-    for (true1, noise1), factor1 in one.items():
-        for (true2, noise2), factor2 in other.items():
+    for (true1, noise1), factor1 in first.items():
+        for (true2, noise2), factor2 in second.items():
             product[tuple(sorted(true1 + true2)), tuple(sorted(noise1 + noise2))] += factor1 * factor2
     return dict(product)
 
@@ -79,7 +79,7 @@ def summed_products(estimators: int) -> list[Polynomial]:
     phi = noisy_features(estimators)
     wrench: list[Polynomial] = [{((3 + 3 * estimators + row,), ()): 1.0} for row in range(6)]
     pairs = [(phi[k], phi[m]) for k, m in combinations_with_replacement(range(len(phi)), 2)]
-    return [_multiply(one, other) for one, other in [*pairs, *((p, y) for p in phi for y in wrench)]]
+    return [_multiply(first, second) for first, second in [*pairs, *((p, y) for p in phi for y in wrench)]]
 
 
 @cache
@@ -107,9 +107,9 @@ def _wick(noise: Power) -> Iterator[tuple[Weight, Power]]:
                 yield _contracted(weight, first, other), power
 
 
-def _contracted(weight: Weight, one: Noise, other: Noise) -> Weight:
-    powers = [power + (axis == one[0]) for axis, power in enumerate(weight.powers)]
-    alphas = weight.alphas if one[1] < 0 else (one[1], other[1])  # products hold two alphas at most
+def _contracted(weight: Weight, first: Noise, second: Noise) -> Weight:
+    powers = [power + (axis == first[0]) for axis, power in enumerate(weight.powers)]
+    alphas = weight.alphas if first[1] < 0 else (first[1], second[1])  # products hold two alphas at most
     return Weight(weight.factor, (powers[0], powers[1], powers[2]), alphas)
 
 
@@ -117,20 +117,20 @@ def _contracted(weight: Weight, one: Noise, other: Noise) -> Weight:
 def correlations(estimators: int) -> tuple[Correlation, ...]:
     """Return how the Wick powers that occur correlate between two instants, rows not after columns; unit variances."""
     powers = sorted({term.power for term in terms(estimators) if term.power})
-    found: dict[tuple, int] = defaultdict(int)
+    multiplicities: dict[tuple, int] = defaultdict(int)
     for row, column in combinations_with_replacement(powers, 2):
         if [axis for axis, _ in row] == [axis for axis, _ in column]:
             for paired in permutations(column):
                 if (kernel := _kernel(row, paired)) is not None:
-                    found[row, column, *kernel] += 1
-    return tuple(Correlation(*key, multiplicity) for key, multiplicity in found.items())  # type: ignore[call-arg]
+                    multiplicities[row, column, *kernel] += 1
+    return tuple(Correlation(*key, multiplicity) for key, multiplicity in multiplicities.items())  # type: ignore[call-arg]
 
 
 def _kernel(row: Power, column: Power) -> tuple[Kernel, tuple[int, int] | None] | None:
     """The product of covariances of paired variables; None where it is zero."""
-    if any(one[0] != other[0] for one, other in zip(row, column, strict=True)):
+    if any(at_t[0] != at_s[0] for at_t, at_s in zip(row, column, strict=True)):
         return None
-    pairs = sorted((one[1], other[1]) for one, other in zip(row, column, strict=True))
+    pairs = sorted((at_t[1], at_s[1]) for at_t, at_s in zip(row, column, strict=True))
     if WHITE[0] not in pairs:
         return tuple(pairs), None
     others = [pair for pair in pairs if pair != WHITE[0]]

@@ -119,7 +119,7 @@ def with_declared_sources(
         result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
     if result.pooling is None or result.admissible is not None:
         return widened_by_sources(result, systematic)
-    together = replace(result.pooling, drawn_anew=systematic.by_mounting.std(axis=0))
+    together = replace(result.pooling, from_redrawn_sources=systematic.by_mounting.std(axis=0))
     if not systematic.sources:
         return replace(result, budget=budget_of(together, {}))
     low, high = combined_interval(together, systematic.common, seed)

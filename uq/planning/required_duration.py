@@ -44,7 +44,7 @@ class Growth:
     """Each source's variance as a function of the duration."""
 
     names: tuple[str, ...]
-    own: float
+    duration: float
     """The duration at which the variances are stated [s]."""
     variance: Float[np.ndarray, "sources 6"]
     """[(kg·m²)²]."""
@@ -57,8 +57,8 @@ class Growth:
         """Return each source's variance at a duration [s]; durations lead."""
         T = np.asarray(duration, float)[..., None, None]
         with np.errstate(invalid="ignore", divide="ignore"):
-            noise = np.where(self.lost < T, (self.own - self.lost) / (T - self.lost), np.inf)
-            factor = np.where(np.isnan(self.lost), (T / self.own) ** self.power, noise)
+            noise = np.where(self.lost < T, (self.duration - self.lost) / (T - self.lost), np.inf)
+            factor = np.where(np.isnan(self.lost), (T / self.duration) ** self.power, noise)
             return np.where(self.variance > 0, self.variance * factor, 0.0)
 
 
@@ -79,7 +79,7 @@ class Duration(Result):
     """The average 3σ there by the law; where no duration reaches the target, the least that can be approached."""
     forbids: str | None
     """The source that stands most in the way where none does."""
-    own: float
+    current_duration: float
     """Duration of the trajectory as it is [s]."""
     now: float
     """Its average 3σ by the law [kg·m²]."""
@@ -94,13 +94,15 @@ class Duration(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: kg·m², s."""
-        names = ("goal", "target", "seconds", "reached", "forbids", "own", "now", "checked")
-        return {name: getattr(self, name) for name in names}
+        return {
+            "goal": self.goal, "target": self.target, "seconds": self.seconds, "reached": self.reached,
+            "forbids": self.forbids, "own": self.current_duration, "now": self.now, "checked": self.checked,
+        }  # fmt: skip
 
     def title(self) -> str:
         """Return what the target takes, in a sentence."""
         wanted = f"average 3σ of {GRAM_METRE * self.target:.4g} g·m² ({self.goal})"
-        now = f"{GRAM_METRE * self.now:.4g} g·m² at {self.own:g} s"
+        now = f"{GRAM_METRE * self.now:.4g} g·m² at {self.current_duration:g} s"
         if self.seconds is not None:
             how = "" if self.checked else "; extrapolated, too long to be checked"
             return f"{wanted}: measure for {self.seconds:.4g} s (now {now}{how})"

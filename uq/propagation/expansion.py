@@ -24,7 +24,7 @@ from uq.sources.constant_errors import Errors, no_errors
 from uq.sources.random_normals import Index
 
 OF_NOISE = (0, 1, 2, 3, 10)
-"""Elements that multiply the noise in other elements: 1, omega and t, among those of ``true_elements``."""
+"""Those of ``true_elements`` that multiply the noise in other elements: 1, omega and t."""
 TRIANGLE = np.triu_indices(6)
 
 
@@ -35,14 +35,14 @@ class TrueSums(NamedTuple):
     wrench: Float[Array, "elements columns"]
     """With the columns of :class:`uq.gram_sums.error_maps.Columns`."""
 
-    def own(self, estimator: Index) -> "TrueSums":
+    def of_estimator(self, estimator: Index) -> "TrueSums":
         """Return those of one estimator."""
         index = jnp.concatenate([jnp.arange(15), 15 + 3 * jnp.asarray(estimator) + jnp.arange(3)])
         return TrueSums(self.gram[index[:, None], index], self.wrench[index])
 
 
-class Quiet(eqx.Module):
-    """One run without noise, summed up: everything that constant errors of any size need of it."""
+class NoiseFreeRun(eqx.Module):
+    """Sums over one run without noise: all that the effect of constant errors of any size depends on."""
 
     body: Body
     platform: Platform
@@ -51,10 +51,10 @@ class Quiet(eqx.Module):
     columns: Columns = eqx.field(static=True)
 
 
-class Ground(eqx.Module):
-    """One run summed up: everything that the law needs of it, whatever the size of the errors."""
+class RunSums(eqx.Module):
+    """Sums over one run: all that the law depends on, whatever the size of the errors."""
 
-    quiet: Quiet
+    noise_free: NoiseFreeRun
     moments: GramMoments
 
 
@@ -79,19 +79,19 @@ class Expansion(NamedTuple):
     twice_by_equations: Float[Array, "6 27 27"]
 
 
-def expand_at(ground: Ground, estimator: Index, point: Point, directions: Float[Array, "e d"]) -> Expansion:
+def expand_at(run: RunSums, estimator: Index, point: Point, directions: Float[Array, "e d"]) -> Expansion:
     """Expand one estimator's estimate about a point, to the second order.
 
     Args:
-        ground: the run.
+        run: its sums and their moments.
         estimator: its number.
         point: expected errors and noise.
         directions: what one standard deviation of each number does to the errors.
     """
 
     def equations(z):
-        of_alpha = ground.moments.alphas[estimator, estimator]
-        return equations_of(ground.quiet, estimator, point.errors + directions @ z, point.variance, of_alpha)
+        of_alpha = run.moments.alphas[estimator, estimator]
+        return equations_of(run.noise_free, estimator, point.errors + directions @ z, point.variance, of_alpha)
 
     def estimate(z):
         return tensor_of(equations(z))
@@ -124,9 +124,13 @@ def _packed(sums: Sums, r_cg: Array) -> Float[Array, "27"]:
 
 
 def equations_of(
-    run: Quiet, estimator: Index, errors: Float[Array, " e"], variance: Float[Array, "3"], of_alpha: Float[Array, ""]
+    run: NoiseFreeRun,
+    estimator: Index,
+    errors: Float[Array, " e"],
+    variance: Float[Array, "3"],
+    of_alpha: Float[Array, ""],
 ) -> Float[Array, "27"]:
-    """Return the packed normal equations of a run with these errors, of its sums as the noise makes one expect them.
+    """Return the packed normal equations of a run with these errors, made of its expected sums under the noise.
 
     Args:
         run: without noise.
@@ -137,9 +141,9 @@ def equations_of(
     """
     present: Errors = _unravel(errors)
     delay = present.gyro_delay
-    of_delay = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *run.sums)
-    expected = expected_sums(of_delay.own(estimator), variance, of_alpha)
-    elements = element_map(present, whole=True)
+    delayed = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *run.sums)
+    expected = expected_sums(delayed.of_estimator(estimator), variance, of_alpha)
+    elements = element_map(present, gyro_mapped=True)
     measured = expected.wrench @ run.columns.map(run.body, run.platform, present).T
     measured = measured + jnp.outer(expected.gram[:, 0], present.cell_bias)
     sums = Sums(elements @ expected.gram @ elements.T, elements @ measured[:, :3], elements @ measured[:, 3:])
@@ -183,8 +187,8 @@ def of_wrench_noise(
 ) -> Float[Array, "27 27"]:
     """Return the covariance of the normal equations under the load cell's white noise: features' Gram times its own."""
     gram = unpack(sums, N_FEATURES).gram
-    parts = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
-    return jnp.einsum("aki,km,ij,bmj->ab", parts, gram, covariance, parts, optimize="optimal")
+    wrench_columns = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
+    return jnp.einsum("aki,km,ij,bmj->ab", wrench_columns, gram, covariance, wrench_columns, optimize="optimal")
 
 
 class Moments(NamedTuple):

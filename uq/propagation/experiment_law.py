@@ -20,15 +20,15 @@ from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
-from uq.gram_sums import gram_moments as moments_of
+from uq.gram_sums import gram_moments
 from uq.gram_sums.error_maps import Columns, true_elements
-from uq.gram_sums.gram_moments import own_products
+from uq.gram_sums.gram_moments import products_of_estimator
 from uq.gram_sums.setup import Estimator, cases_of
 from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
 from uq.propagation.expansion import (
-    Ground,
+    NoiseFreeRun,
     Point,
-    Quiet,
+    RunSums,
     TrueSums,
     expand_at,
     of_wrench_noise,
@@ -44,11 +44,11 @@ from uq.trials.trial import valid_samples
 
 @dataclass(frozen=True)
 class PreparedLaw:
-    """An experiment's runs summed up: the law for any size of its errors follows in milliseconds."""
+    """Sums over an experiment's runs: the law for any size of its errors follows in milliseconds."""
 
     experiment: Experiment
     estimators: tuple[str, ...]
-    grounds: dict[str, Ground]
+    runs: dict[str, RunSums]
     """By trajectory."""
     peaks: dict[str, Peaks]
     warnings: tuple[str, ...]
@@ -67,13 +67,13 @@ class PreparedLaw:
         cases = cases_of(experiment.sources)
         constants = constants_of(experiment.sources, experiment.mixing)
         breakdowns = {}
-        for name, ground in self.grounds.items():
+        for name, run in self.runs.items():
             rate = experiment.trajectories[name].rate
             given = (experiment.sources, experiment.mixing, rate, self.peaks[name])
-            found = _of_run(ground, constants, inputs_of_cases(cases, constants, *given))
+            statistics = _of_run(run, constants, inputs_of_cases(cases, constants, *given))
             breakdowns[name] = {
                 estimator: Breakdown.of(
-                    cases, (LawStatistics(*(leaf[k, c] for leaf in found)) for c in range(len(cases)))
+                    cases, (LawStatistics(*(leaf[k, c] for leaf in statistics)) for c in range(len(cases)))
                 )
                 for k, estimator in enumerate(self.estimators)
             }
@@ -108,22 +108,22 @@ def prepare_law(
     trajectories: str | Sequence[str] | None = None,
     estimators: str | Sequence[str] | None = None,
 ) -> PreparedLaw:
-    """Visit every trajectory once; see :func:`law`."""
-    warned = check_precision("float64")
+    """Sum over every trajectory once; see :func:`law`."""
+    warnings = check_precision("float64")
     chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
-    grounds, peaks = {}, {}
+    runs, peaks = {}, {}
     for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
         motion = true_motion(experiment, spec)
-        grounds[name], peaks[name] = _ground(experiment, spec, motion, fitted_estimators(chosen, spec, len(motion.t)))
-    return PreparedLaw(experiment, tuple(e.name for e in chosen), grounds, peaks, tuple(warned))
+        runs[name], peaks[name] = _run_sums(experiment, spec, motion, fitted_estimators(chosen, spec, len(motion.t)))
+    return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, peaks, tuple(warnings))
 
 
-def _ground(
+def _run_sums(
     experiment: Experiment, spec: TrajectorySpec, motion: Motion, estimators: Sequence[Estimator]
-) -> tuple[Ground, Peaks]:
+) -> tuple[RunSums, Peaks]:
     columns, platform = Columns.of(experiment.sources), platform_of(experiment, spec)
     wrench = columns.sampled(experiment.body, motion)
     taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
@@ -137,18 +137,19 @@ def _ground(
 
     if "gyro_delay" in perturbed(experiment.sources):
         slope = lambda delay: jax.jvp(sums, (delay,), (jnp.ones(()),))[1]  # noqa: E731
-        later = jax.jit(lambda: jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)))()
+        derivatives = jax.jit(lambda: jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)))()
     else:
-        later = None
+        derivatives = None
     now = _true_sums(motion.omega, t, wrench, valid, taps)
-    first, second = later or (jax.tree.map(jnp.zeros_like, now),) * 2
+    first, second = derivatives or (jax.tree.map(jnp.zeros_like, now),) * 2
     signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
     peaks = Peaks(
         {name: np.asarray(jnp.max(jnp.abs(signal), axis=1)) for name, signal in signals.items()},
         {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
     )
-    anyhow = eqx.tree_at(lambda p: p.trajectory, platform, None)  # its kind would make another compiled law of it
-    return Ground(Quiet(experiment.body, anyhow, (now, first, second), columns), moments), peaks
+    # without the trajectory, whose type would have the law compiled again
+    platform = eqx.tree_at(lambda p: p.trajectory, platform, None)
+    return RunSums(NoiseFreeRun(experiment.body, platform, (now, first, second), columns), moments), peaks
 
 
 @jax.jit
@@ -157,10 +158,10 @@ def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequen
     return TrueSums(phi @ phi.T, phi @ wrench.T)
 
 
-# --- one run ---
+# --- a single run ---
 
 
-def _of_run(ground: Ground, constants: Constants, cases: CaseInputs) -> tuple[np.ndarray, ...]:
+def _of_run(run: RunSums, constants: Constants, cases: CaseInputs) -> tuple[np.ndarray, ...]:
     """The fields of :class:`LawStatistics`, estimators and cases leading."""
     expected = cases.acts * constants.mean @ constants.errors.T
     quiet = np.zeros_like(cases.gyro)
@@ -168,8 +169,8 @@ def _of_run(ground: Ground, constants: Constants, cases: CaseInputs) -> tuple[np
     distinct, index = np.unique(points, axis=0, return_inverse=True)
     variances, variant = np.unique(cases.gyro, axis=0, return_inverse=True)
     size = expected.shape[1]
-    found = _evaluate(
-        ground,
+    statistics = _evaluate(
+        run,
         Point(jnp.asarray(distinct[:, :size]), jnp.asarray(distinct[:, size:])),
         jnp.asarray(index.reshape(2, -1)),
         jnp.asarray(variances),
@@ -177,27 +178,28 @@ def _of_run(ground: Ground, constants: Constants, cases: CaseInputs) -> tuple[np
         jnp.asarray(constants.errors * constants.sigma),
         jnp.asarray(cases.acts[:, :, None] * constants.correlation * cases.acts[:, None, :]),
         jnp.asarray(cases.wrench),
-        _Freedom(*map(jnp.asarray, (constants.known, constants.freedom, constants.joint))),
+        _Freedom(*map(jnp.asarray, (constants.gum_ratio, constants.freedom, constants.joint))),
     )
-    return tuple(np.asarray(leaf) for leaf in found)
+    return tuple(np.asarray(leaf) for leaf in statistics)
 
 
 class _Freedom(NamedTuple):
-    """How well standard deviations are known (:class:`uq.propagation.inputs.Constants`)."""
+    """Degrees of freedom of the standard uncertainties (:class:`uq.propagation.inputs.Constants`)."""
 
-    known: Float[Array, " d"]
+    gum_ratio: Float[Array, " d"]
     freedom: Float[Array, " d"]
     joint: Float[Array, "sets d"]
 
     def of(self, jacobian: Array, correlation: Array, covariance: Array) -> tuple[Array, Array]:
         """Return the GUM's standard uncertainty and its effective degrees of freedom (Welch and Satterthwaite, G.4)."""
-        part = jnp.einsum("ai,ij,aj->aij", jacobian, correlation, jacobian)
-        known = part * jnp.outer(self.known, self.known)[None]
-        squares = jnp.einsum("si,aij,sj->as", self.joint, known, self.joint)
-        variance = jnp.maximum(jnp.diag(covariance) - jnp.sum(part - known, axis=(1, 2)), 0)
+        terms = jnp.einsum("ai,ij,aj->aij", jacobian, correlation, jacobian)
+        gum_terms = terms * jnp.outer(self.gum_ratio, self.gum_ratio)[None]
+        squares = jnp.einsum("si,aij,sj->as", self.joint, gum_terms, self.joint)
+        variance = jnp.maximum(jnp.diag(covariance) - jnp.sum(terms - gum_terms, axis=(1, 2)), 0)
         freedom = jnp.min(jnp.where(self.joint > 0, self.freedom[None], jnp.inf), axis=1, initial=jnp.inf)
-        unknown = jnp.sum(squares**2 / freedom[None], axis=1)
-        return jnp.sqrt(variance), jnp.where(unknown > 0, variance**2 / jnp.where(unknown > 0, unknown, 1), jnp.inf)
+        denominator = jnp.sum(squares**2 / freedom[None], axis=1)
+        effective = variance**2 / jnp.where(denominator > 0, denominator, 1)
+        return jnp.sqrt(variance), jnp.where(denominator > 0, effective, jnp.inf)
 
 
 class _Scatter(NamedTuple):
@@ -212,23 +214,23 @@ class _Scatter(NamedTuple):
     """Second-order change of the normal equations' mean about the noise-free run."""
 
 
-def _scatter(ground: Ground, estimator: Int[Array, ""], variance: Float[Array, "3"], equations: Array) -> _Scatter:
-    moments = ground.moments
-    every = [own_products(len(moments.alphas), k) for k in range(len(moments.alphas))]
-    own = jnp.asarray(every)[estimator]
-    rows = jnp.zeros((len(equations), len(moments.sums))).at[:, own].set(equations)
+def _scatter(run: RunSums, estimator: Int[Array, ""], variance: Float[Array, "3"], equations: Array) -> _Scatter:
+    moments = run.moments
+    places_of_all = [products_of_estimator(len(moments.alphas), k) for k in range(len(moments.alphas))]
+    places = jnp.asarray(places_of_all)[estimator]
+    rows = jnp.zeros((len(equations), len(moments.sums))).at[:, places].set(equations)
     return _Scatter(
-        moments_of.mean(moments, variance)[own],
-        moments.sums[own],
-        moments_of.covariance(moments, variance, rows),
-        moments_of.first_order_covariance(moments, variance, rows),
-        rows @ moments_of.second_order_change(moments, variance),
+        gram_moments.mean(moments, variance)[places],
+        moments.sums[places],
+        gram_moments.covariance(moments, variance, rows),
+        gram_moments.first_order_covariance(moments, variance, rows),
+        rows @ gram_moments.second_order_change(moments, variance),
     )
 
 
 @jax.jit
 def _evaluate(
-    ground: Ground,
+    run: RunSums,
     points: Point,
     index: Array,
     variances: Float[Array, "variants 3"],
@@ -241,7 +243,7 @@ def _evaluate(
     """The fields of :class:`LawStatistics` of every estimator and case of one run, estimators first.
 
     Args:
-        ground: the run.
+        run: its sums and their moments.
         points: where expansions are made.
         index: at which of them each case has its expected sums, and its noise-free run.
         variances: of omega's noise.
@@ -249,27 +251,27 @@ def _evaluate(
         directions: what one standard deviation of each drawn number does to the errors.
         correlation: of the numbers that act in each case.
         wrench: covariance of the load cell's noise in each case.
-        freedom: how well the standard deviations are known.
+        freedom: degrees of freedom of the standard uncertainties.
     """
-    nominal = jnp.asarray(ground.quiet.body.inertia)
+    nominal = jnp.asarray(run.noise_free.body.inertia)
 
     def of_case(estimator, index, variant, correlation, wrench):
         equations, expansions, scatter = estimator
         at, free = (jax.tree.map(lambda leaf: leaf[k], expansions) for k in index)  # noqa: B023
-        here = jax.tree.map(lambda leaf: leaf[variant], scatter)
-        full = here.covariance + of_wrench_noise(here.mean, wrench, equations)
-        linear = here.linear + of_wrench_noise(here.noise_free, wrench, equations)
-        about = propagate_case(at, correlation, full)
-        textbook = propagate_case(free, correlation, linear, here.change)
-        uncertainty, degrees = freedom.of(at.jacobian, correlation, about.covariance)
-        errors = [value - nominal for value in (about.mean, free.value, textbook.mean)]
-        return errors[0], about.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
+        noise = jax.tree.map(lambda leaf: leaf[variant], scatter)
+        full = noise.covariance + of_wrench_noise(noise.mean, wrench, equations)
+        linear = noise.linear + of_wrench_noise(noise.noise_free, wrench, equations)
+        moments = propagate_case(at, correlation, full)
+        textbook = propagate_case(free, correlation, linear, noise.change)
+        uncertainty, degrees = freedom.of(at.jacobian, correlation, moments.covariance)
+        errors = [value - nominal for value in (moments.mean, free.value, textbook.mean)]
+        return errors[0], moments.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
 
     def of_estimator(estimator):
-        equations = to_equations(jnp.asarray(ground.quiet.body.r_cg_from_q))
-        expansions = jax.lax.map(lambda point: expand_at(ground, estimator, point, directions), points)
-        scatter = jax.lax.map(lambda variance: _scatter(ground, estimator, variance, equations), variances)
+        equations = to_equations(jnp.asarray(run.noise_free.body.r_cg_from_q))
+        expansions = jax.lax.map(lambda point: expand_at(run, estimator, point, directions), points)
+        scatter = jax.lax.map(lambda variance: _scatter(run, estimator, variance, equations), variances)
         cases = jax.vmap(of_case, (None, 1, 0, 0, 0))
         return cases((equations, expansions, scatter), index, variant, correlation, wrench)
 
-    return jax.lax.map(of_estimator, jnp.arange(len(ground.moments.alphas)))
+    return jax.lax.map(of_estimator, jnp.arange(len(run.moments.alphas)))

@@ -1,4 +1,4 @@
-"""From error sources to what the law of propagation takes of them: variances, correlations, expectations.
+"""From error sources to what the law of propagation needs: variances, correlations, expectations.
 
 Constant errors are numbers that are drawn once; the law needs their expectation and covariance, and how each of them
 enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is white, with a variance on each axis.
@@ -40,8 +40,8 @@ class Constants(NamedTuple):
     sigma: np.ndarray
     """Standard deviation."""
     correlation: np.ndarray
-    known: np.ndarray
-    """The GUM's standard uncertainty over the standard deviation: below one for Student's t (GUM 4.2, G.3)."""
+    gum_ratio: np.ndarray
+    """The GUM's standard uncertainty over the standard deviation: below 1 for Student's t (GUM 4.2, G.3)."""
     freedom: np.ndarray
     """Degrees of freedom of each."""
     joint: np.ndarray
@@ -75,7 +75,7 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
     sizes = [int(np.size(source.sigma)) for source in constant]
     owner = np.repeat(np.arange(len(constant)), sizes).astype(int)
     freedom = np.concatenate([_each(s, s.shape.degrees_of_freedom) for s in constant] or [np.zeros(0)])
-    known = [_each(s, 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0) for s in constant]
+    gum_ratio = [_each(s, 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0) for s in constant]
     in_rows = np.array([_rows(constant[k]) for k in owner], bool)
     sets = [np.flatnonzero(owner == k) for k in np.unique(owner[in_rows])]
     sets += [np.array([k]) for k in np.flatnonzero(~in_rows)]
@@ -86,7 +86,7 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
         np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
         np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
         _correlation(constant, sizes, mixing),
-        np.concatenate(known or [np.zeros(0)]),
+        np.concatenate(gum_ratio or [np.zeros(0)]),
         freedom,
         joint.reshape(len(sets), len(owner)),
     )
@@ -105,8 +105,8 @@ def _linear_map(constant: Sequence[Source]) -> Array:
     sizes = [int(np.prod(np.shape(source.sigma))) for source in constant]
 
     def errors(numbers):
-        parts = jnp.split(numbers, np.cumsum(sizes)[:-1]) if constant else []
-        draws = {s.name: part.reshape(np.shape(s.sigma)) for s, part in zip(constant, parts, strict=True)}
+        draws_of_sources = jnp.split(numbers, np.cumsum(sizes)[:-1]) if constant else []
+        draws = {s.name: drawn.reshape(np.shape(s.sigma)) for s, drawn in zip(constant, draws_of_sources, strict=True)}
         return ravel_pytree(errors_of(constant, draws) if constant else no_errors())[0]
 
     return jax.jacfwd(errors)(jnp.zeros(sum(sizes)))
@@ -178,12 +178,12 @@ def _check(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], 
     """Refuse what the law cannot take."""
     if source.signal is None:
         return
-    here = [other.error_kind.added_variance(other) for other in sources if other.signal == source.signal]
+    added = [other.error_kind.added_variance(other) for other in sources if other.signal == source.signal]
     of_source = [mix.correlation for mix in mixing if source.name in mix.names]
     signal = SignalRange(
         peaks.largest[source.target],
         peaks.moves[source.target],
-        np.sum(here, axis=0),
+        np.sum(added, axis=0),
         any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in of_source),
     )
     if reason := source.error_kind.beyond_the_law(source, signal):

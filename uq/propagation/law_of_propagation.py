@@ -88,8 +88,10 @@ class LinearLaw(Result):
         low, high = self.coverage_interval()
         columns = {"estimate": self.value, "u": self.standard_uncertainty, "95 % from": low, "to": high,
                    "degrees of freedom": self.degrees_of_freedom}  # fmt: skip
-        parts = {f"u from {name}": np.sqrt(np.diag(part)) for name, part in self.contributions.items()}
-        return {name: np.ravel(values) for name, values in (columns | parts).items()}
+        contributions = {
+            f"u from {name}": np.sqrt(np.diag(covariance)) for name, covariance in self.contributions.items()
+        }
+        return {name: np.ravel(values) for name, values in (columns | contributions).items()}
 
 
 class Expansion(NamedTuple):
@@ -154,14 +156,14 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
     means = {name: jnp.broadcast_to(jnp.asarray(given.mean, float), _shape(given)) for name, given in inputs.items()}
     roots = {name: jnp.asarray(_root(name, given)) for name, given in inputs.items()}
     expansion = jax.tree.map(np.asarray, _expand(model, means, roots))
-    parts = np.split(expansion.jacobian, np.cumsum([root.shape[1] for root in roots.values()])[:-1], axis=1)
-    contributions = {name: part @ part.T for name, part in zip(inputs, parts, strict=True)}
+    blocks = np.split(expansion.jacobian, np.cumsum([root.shape[1] for root in roots.values()])[:-1], axis=1)
+    contributions = {name: block @ block.T for name, block in zip(inputs, blocks, strict=True)}
     first = expansion.jacobian @ expansion.jacobian.T
     return LinearLaw(
         expansion.value,
         first,
         contributions,
-        _degrees_of_freedom(first, zip(inputs.values(), parts, strict=True)),
+        _degrees_of_freedom(first, zip(inputs.values(), blocks, strict=True)),
         np.asarray(expansion.value + expansion.shift.reshape(expansion.value.shape)),
         first + np.asarray(higher_order(expansion)),
     )
@@ -172,8 +174,10 @@ def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]
     sizes = [root.shape[1] for root in roots.values()]
 
     def of_standardised(z):
-        parts = dict(zip(roots, jnp.split(z, np.cumsum(sizes)[:-1]), strict=True))
-        return model({name: mean + (roots[name] @ parts[name]).reshape(mean.shape) for name, mean in means.items()})
+        coordinates = dict(zip(roots, jnp.split(z, np.cumsum(sizes)[:-1]), strict=True))
+        return model(
+            {name: mean + (roots[name] @ coordinates[name]).reshape(mean.shape) for name, mean in means.items()}
+        )
 
     return expand(of_standardised, sum(sizes))
 
@@ -190,8 +194,8 @@ def _root(name: str, given: Input) -> Float[np.ndarray, "k k"]:
             )
         values, vectors = np.linalg.eigh(np.asarray(covariance, float))
         return vectors * np.sqrt(np.maximum(values, 0))
-    known = np.all(np.isinf(given.degrees_of_freedom))
-    sigma = given.standard_deviation if known else getattr(given, "scale", given.standard_deviation)
+    infinite_freedom = np.all(np.isinf(given.degrees_of_freedom))
+    sigma = given.standard_deviation if infinite_freedom else getattr(given, "scale", given.standard_deviation)
     return np.diag(np.broadcast_to(np.asarray(sigma, float), shape).ravel())
 
 
@@ -209,11 +213,11 @@ def _joint(given: Input) -> np.ndarray | None:
     return getattr(given, "covariance", None)
 
 
-def _degrees_of_freedom(covariance: np.ndarray, parts) -> np.ndarray:
+def _degrees_of_freedom(covariance: np.ndarray, blocks) -> np.ndarray:
     """Effective degrees of freedom of each component; correlated coordinates count as one input."""
     contributions = []
-    for given, part in parts:
-        squares = part**2 if _joint(given) is None else np.sum(part**2, axis=1, keepdims=True)
+    for given, block in blocks:
+        squares = block**2 if _joint(given) is None else np.sum(block**2, axis=1, keepdims=True)
         freedom = np.broadcast_to(np.asarray(given.degrees_of_freedom, float), _shape(given)).ravel()
         contributions.append((squares, freedom[: squares.shape[1]]))
     return welch_satterthwaite(np.diag(covariance), contributions)

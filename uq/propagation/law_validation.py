@@ -40,7 +40,7 @@ def verdicts(
         probability: coverage probability.
         digits: significant digits of the standard uncertainty that count (JCGM 101, 7.9.2).
     """
-    found = []
+    verdicts_of_cases = []
     for trajectory, estimator in law.pairs():
         breakdown = law[trajectory, estimator]
         number = list(result.breakdowns[trajectory]).index(estimator)
@@ -48,14 +48,14 @@ def verdicts(
             errors = result.errors[trajectory][:, number, k]
             interval = symmetric_interval(errors, probability)
             sigma = errors.std(axis=0, ddof=1)
-            allowed = np.maximum(numerical_tolerance(sigma, digits), ROUNDING)
+            tolerance = np.maximum(numerical_tolerance(sigma, digits), ROUNDING)
             ours, textbook = (
-                validate(*ends, interval, tolerance=allowed)
+                validate(*ends, interval, tolerance=tolerance)
                 for ends in (statistics.coverage_interval(probability), statistics.textbook_interval(probability))
             )
             why = reason(statistics) if rejected(textbook).any() else ""
-            found.append(LawVerdict(trajectory, estimator, case, ours, textbook, why))
-    return found
+            verdicts_of_cases.append(LawVerdict(trajectory, estimator, case, ours, textbook, why))
+    return verdicts_of_cases
 
 
 def rejected(verdict: Verdict) -> np.ndarray:
@@ -67,39 +67,44 @@ def reason(statistics: LawStatistics) -> str:
     """Return why the textbook's first-order law is off in one case, from what it leaves out."""
     sigma, textbook = statistics.three_sigma, statistics.textbook_three_sigma
     shift = np.abs(statistics.mean_error - statistics.textbook_value)
-    parts = []
+    reasons = []
     small = np.flatnonzero(sigma > WRONG_FACTOR * textbook)
     if len(small):
         k = small[np.argmax(sigma[small])]
-        parts.append(
+        reasons.append(
             f"its 3σ of {COMPONENTS[k]} is {_figure(textbook[k])} against {_figure(sigma[k])} g·m²: "
             "terms quadratic in the error rule, which the first order leaves out"
         )
-    moved = np.flatnonzero(shift > sigma / 3)
-    if len(moved):
-        k = moved[np.argmax(shift[moved])]
-        parts.append(
+    shifted = np.flatnonzero(shift > sigma / 3)
+    if len(shifted):
+        k = shifted[np.argmax(shift[shifted])]
+        reasons.append(
             f"it takes the error's mean of {COMPONENTS[k]} for {_figure(statistics.textbook_value[k])}, "
             f"but it is {_figure(statistics.mean_error[k])} g·m²: squares of the error do not average out"
         )
-    return "; ".join(parts) or "the errors are not normal, or their dispersion differs by less than a factor of two"
+    return "; ".join(reasons) or "the errors are not normal, or their dispersion differs by less than a factor of two"
 
 
 def _figure(value: float) -> str:
     return f"{GRAM_METRE * value:.3g}".replace("-", "−")
 
 
-def verdict_rows(found: list[LawVerdict]) -> tuple[list[str], list[list[str]]]:
+def verdict_rows(listed: list[LawVerdict]) -> tuple[list[str], list[list[str]]]:
     """Return head and rows: the six components' verdicts on each law, and why the textbook's is rejected."""
     rows = [
-        [v.trajectory, v.estimator, v.case.replace("_", " "), _said(v.law), _said(v.textbook), v.why] for v in found
+        [v.trajectory, v.estimator, v.case.replace("_", " "), _counts(v.law), _counts(v.textbook), v.why]
+        for v in listed
     ]
     return ["trajectory", "estimator", "alone", "law", "textbook's", "why rejected"], rows
 
 
-def _said(verdict: Verdict) -> str:
-    holds, wrong = np.count_nonzero(verdict.holds), np.count_nonzero(rejected(verdict))
-    counts = {"hold": holds, "rejected": wrong, "too few trials": np.size(verdict.holds) - holds - wrong}
+def _counts(verdict: Verdict) -> str:
+    holds, off = np.count_nonzero(verdict.holds), np.count_nonzero(rejected(verdict))
+    counts = {
+        "hold": holds,
+        "rejected": off,
+        "too few trials": np.size(verdict.holds) - holds - off,
+    }
     return ", ".join(f"{count} {name}" for name, count in counts.items() if count)
 
 

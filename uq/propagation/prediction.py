@@ -1,9 +1,8 @@
-"""The uncertainty that a motion promises, by the law of propagation: differentiable through the motion itself.
+"""The uncertainty predicted for a motion by the law of propagation: differentiable through the motion itself.
 
-What :func:`uq.propagation.experiment_law.law` finds from every sample of a run, an optimiser needs a thousand times
-over, and its gradient. So here are the law's first-order terms, for least squares with a perfect differentiator, from
-samples just close enough for a motion of limited band; each of them counts for as many samples of the run as it stands
-for.
+An optimiser needs what :func:`uq.propagation.experiment_law.law` computes a thousand times over, and its gradient. So
+these are the law's first-order terms alone, for least squares with a perfect differentiator, from as few instants as a
+motion of limited band allows; each instant counts for the samples of the run that it stands for.
 """
 
 import equinox as eqx
@@ -20,7 +19,7 @@ from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.setup import cases_of
-from uq.propagation.expansion import Quiet, TrueSums, equations_of, tensor_of
+from uq.propagation.expansion import NoiseFreeRun, TrueSums, equations_of, tensor_of
 from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
 from uq.sources.constant_errors import perturbed
 
@@ -71,7 +70,7 @@ class Prediction(eqx.Module):
     def covariance(
         self, motion: Motion, jerk: Float[Array, "3 n"], each: Float[Array, " #n"] | float | None = None
     ) -> Float[Array, "6 6"]:
-        """Return the covariance of the tensor [(kg·m²)²] that a motion promises.
+        """Return the covariance of the tensor [(kg·m²)²] predicted for a motion.
 
         Args:
             motion: at n instants, far fewer than the run's samples.
@@ -119,7 +118,7 @@ class Prediction(eqx.Module):
             return TrueSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
 
         now, later = jax.jvp(sums, (jnp.zeros(()),), (jnp.ones(()),))
-        run = Quiet(self.body, self.platform, (now, later, jax.tree.map(jnp.zeros_like, now)), self.columns)
+        run = NoiseFreeRun(self.body, self.platform, (now, later, jax.tree.map(jnp.zeros_like, now)), self.columns)
 
         def estimate(numbers):
             return tensor_of(equations_of(run, 0, self.directions @ numbers, jnp.zeros(3), jnp.zeros(())))
@@ -128,12 +127,12 @@ class Prediction(eqx.Module):
 
 
 def predicted_covariance(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Float[np.ndarray, "6 6"]:
-    """Return the covariance of the tensor [(kg·m²)²] that a trajectory promises over its whole run.
+    """Return the covariance of the tensor [(kg·m²)²] predicted for a trajectory over its whole run.
 
     Args:
         experiment: with platform, body and sources.
         spec: the trajectory.
-        rate: of the instants at which the motion is looked at [Hz].
+        rate: of the instants at which the motion is sampled [Hz].
 
     Raises:
         ExperimentError: a source that the law cannot take, or that moves nothing in its first order.

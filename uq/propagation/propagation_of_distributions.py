@@ -130,8 +130,8 @@ def propagate_distributions(
 
 
 def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:
-    found = [] if stability.stable else [not_stable(stability, trials)]
-    return found + ([f"{failed} of {trials:,} trials are not finite and are left out."] if failed else [])
+    texts = [] if stability.stable else [not_stable(stability, trials)]
+    return texts + ([f"{failed} of {trials:,} trials are not finite and are left out."] if failed else [])
 
 
 class _Problem(eqx.Module):

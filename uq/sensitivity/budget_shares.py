@@ -27,7 +27,7 @@ class Effects(NamedTuple):
     total: Indices
     """The same with its interactions, ``E Var[I | all but X_p] / Var I``."""
     shapley: Indices
-    """Share that is fairly its own: interactions in equal parts. They add up to one."""
+    """Its fair share: interactions are divided in equal parts. The shares add up to one."""
     alone: Mapping[str, Statistics]
     """Mean error and 3σ with the others off, by player."""
 
@@ -56,7 +56,7 @@ class SourceBudget:
     sources: Effects
     groups: Effects
     without: np.ndarray
-    """The estimator's own error, all sources off, by component [kg·m²]."""
+    """The estimator's error with all sources off, by component [kg·m²]."""
     mean_square: MeanSquare
     closure: np.ndarray
     """Variance that the Shapley effects share out over the ordinary sample variance of the estimates, by component."""

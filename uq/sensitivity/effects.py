@@ -1,7 +1,7 @@
 """From outputs of choices between two draws to first-order, total and Shapley effects: of any model, of an experiment.
 
 A choice ``w`` takes the players ``w`` (a subset's number) from a pair's first draw and the others from its second.
-Which choices are visited depends on what is asked for and what it costs:
+Which choices are evaluated depends on which effects are asked for and what they cost:
 
 - all 2^d of them, up to ten players (:func:`of_all_subsets`, :mod:`uq.sensitivity.subsets`);
 - both draws and each player swapped, for first orders and totals alone (:func:`of_swapped_players`, ``uq.sobol``);
@@ -32,7 +32,7 @@ Outputs = Float[np.ndarray, "pairs choices outputs"]
 
 
 class PairEffects(NamedTuple):
-    """What each pair of trials says, (pairs, players, outputs), without bias; None: not asked for."""
+    """Unbiased estimates from each pair of trials, (pairs, players, outputs); None: not asked for."""
 
     first: np.ndarray | None
     total: np.ndarray | None
@@ -43,7 +43,7 @@ class PairEffects(NamedTuple):
     """Shapley effects by walk, (walks, pairs, players, outputs); None where every pair has its own, or every subset."""
 
     def indices(self, weights: Float[np.ndarray, " outputs"]) -> tuple[Indices | None, Indices | None, Indices | None]:
-        """Return first-order, total and Shapley shares; ``weights``: what each output counts in all together."""
+        """Return first-order, total and Shapley shares; ``weights``: of the outputs in the generalised shares."""
         first, total, shapley = (
             None if effects is None else shares(effects, self.variance, weights)
             for effects in (self.first, self.total, self.shapley)
@@ -62,7 +62,7 @@ def of_all_subsets(outputs: Outputs, players: Sequence[int], draws: int, *, corr
         outputs: of choice ``k`` in place ``k``.
         players: the draws that each player holds, as subsets' numbers.
         draws: how many draws there are.
-        correlated: the others are redrawn given those kept, so that outputs compare with the first draw's alone.
+        correlated: inputs are redrawn given the fixed ones, so that outputs compare with the first draw's alone.
     """
     if correlated:
         redrawn = outputs[:, ::-1]  # subset u is redrawn where its complement is kept
@@ -114,7 +114,7 @@ class Walk(NamedTuple):
 
 
 class Design(NamedTuple):
-    """The choices that are visited, for players that hold some of ``draws`` independent draws."""
+    """The choices that are evaluated, for players that hold some of ``draws`` independent draws."""
 
     draws: int
     games: tuple[tuple[int, ...], ...]
@@ -125,29 +125,30 @@ class Design(NamedTuple):
 
     @classmethod
     def of(cls, count: int, games: Sequence[Sequence[int]]) -> "Design":
-        """Return the design for some games: the same whenever they are."""
-        played = tuple(map(tuple, games))
+        """Return the design for some games; the same games give the same design."""
+        partitions = tuple(map(tuple, games))
         if count <= MOST_PLAYERS:
-            return cls(count, played, tuple(() for _ in played), tuple(range(2**count)))
+            return cls(count, partitions, tuple(() for _ in partitions), tuple(range(2**count)))
         generator, full = np.random.default_rng(count), 2**count - 1
         bits = [generator.integers(2, size=count) for _ in range(WALKS)]
         starts = [sum(int(bit) << k for k, bit in enumerate(row)) for row in bits]
         walks = tuple(
             tuple(Walk(start, tuple(generator.permutation(len(players)).tolist())) for start in starts)
-            for players in played
+            for players in partitions
         )
-        visited = {v for game, of in zip(played, walks, strict=True) for walk in of for v in _visited(walk, game, full)}
-        return cls(count, played, walks, tuple(sorted(visited)))
+        pairs = [(walk, game) for game, of_game in zip(partitions, walks, strict=True) for walk in of_game]
+        visited: set[int] = set().union(*(_visited(walk, game, full) for walk, game in pairs))
+        return cls(count, partitions, walks, tuple(sorted(visited)))
 
     def effects(self, outputs: np.ndarray, game: int) -> PairEffects:
-        """Return what outputs of all choices, (pairs, choices, outputs), say of a game's players."""
+        """Return the effects of a game's players from the outputs of all choices, (pairs, choices, outputs)."""
         players = self.games[game]
         if not self.walks[game]:
             return of_all_subsets(outputs, players, self.draws)
-        place = {choice: k for k, choice in enumerate(self.choices)}
-        y, full = lambda v: outputs[:, place[v]], 2**self.draws - 1
-        walked = [_walked(walk, players, y, full) for walk in self.walks[game]]
-        first, total, shapley, variance = (np.stack(parts) for parts in zip(*(one[:4] for one in walked), strict=True))
+        places = {choice: k for k, choice in enumerate(self.choices)}
+        y, full = lambda v: outputs[:, places[v]], 2**self.draws - 1
+        walks = [_walked(walk, players, y, full) for walk in self.walks[game]]
+        first, total, shapley, variance = map(np.stack, zip(*(of_walk[:4] for of_walk in walks), strict=True))
         return PairEffects(first.mean(0), total.mean(0), shapley.mean(0), variance.mean(0), shapley)
 
 
@@ -166,12 +167,12 @@ def _steps(walk: Walk, players: Sequence[int]) -> list[int]:
 
 def _walked(walk: Walk, players: Sequence[int], y, full: int) -> PairEffects:
     start, end, steps = y(walk.start), y(walk.start ^ full), _steps(walk, players)
-    ones, others = ([y(at ^ player) for player in players] for at in (walk.start, walk.start ^ full))
-    first = [(start - a) * (b - end) / 2 for a, b in zip(ones, others, strict=True)]
-    total = [((start - a) ** 2 + (end - b) ** 2) / 4 for a, b in zip(ones, others, strict=True)]
+    from_start, from_end = ([y(at ^ player) for player in players] for at in (walk.start, walk.start ^ full))
+    first = [(start - a) * (b - end) / 2 for a, b in zip(from_start, from_end, strict=True)]
+    total = [((start - a) ** 2 + (end - b) ** 2) / 4 for a, b in zip(from_start, from_end, strict=True)]
     shapley = np.empty((len(start), len(players), start.shape[-1]))
     for k, p in enumerate(walk.order):
-        shapley[:, p] = (y(steps[k]) - y(steps[k + 1])) * (start - ones[p] + others[p] - end) / 4
+        shapley[:, p] = (y(steps[k]) - y(steps[k + 1])) * (start - from_start[p] + from_end[p] - end) / 4
     return PairEffects(np.stack(first, axis=1), np.stack(total, axis=1), shapley, shapley.sum(1))
 
 
@@ -185,8 +186,8 @@ def walk_variance(walks: np.ndarray, variance: np.ndarray) -> np.ndarray:
         walks: Shapley effects, (walks, pairs, players, outputs).
         variance: of the outputs, (pairs, outputs).
     """
-    own, pairs = walks - walks.mean(0), walks.shape[1]
-    within = own.var(axis=1, ddof=1).sum(0) / (len(walks) - 1) / pairs
-    between = np.maximum(own.mean(1).var(axis=0, ddof=1) - within, 0)
+    centred, pairs = walks - walks.mean(0), walks.shape[1]
+    within = centred.var(axis=1, ddof=1).sum(0) / (len(walks) - 1) / pairs
+    between = np.maximum(centred.mean(1).var(axis=0, ddof=1) - within, 0)
     scale, _ = ratio(np.ones_like(variance), variance)
     return between / len(walks) * scale**2

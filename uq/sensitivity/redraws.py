@@ -1,8 +1,8 @@
-"""A model's outputs when some inputs keep their values and the others are drawn afresh, given those kept.
+"""A model's outputs when some inputs keep their values and the others are redrawn, given the fixed ones.
 
 Two independent draws X and X' of all inputs make a trial. An independent input is redrawn by taking its value from X'.
 Correlated inputs are normal; they are redrawn from their conditional distribution by ``z' + G (z - z')``, with the
-regression ``G`` on those kept (conditioning by kriging: Journel and Huijbregts, Mining Geostatistics, 1978).
+regression ``G`` on the fixed ones (conditioning by kriging: Journel and Huijbregts, Mining Geostatistics, 1978).
 """
 
 from collections.abc import Callable, Mapping
@@ -59,29 +59,29 @@ def correlated(inputs: Mapping[str, Distribution], correlation: Correlation | No
             raise ValueError(f"Argument `correlation` must be of scalar normal inputs, but '{name}' is not one.")
     names = tuple(name for name in inputs if any(name in pair for pair in correlation))
     matrix = np.eye(len(names))
-    for (one, other), value in correlation.items():
-        if one == other or not -1 <= value <= 1:
-            raise ValueError(f"Argument `correlation` must be within −1 and 1, but of {one} and {other} is {value}.")
-        i, j = names.index(one), names.index(other)
+    for (first, second), value in correlation.items():
+        if first == second or not -1 <= value <= 1:
+            raise ValueError(f"Argument `correlation` must be within −1 and 1, but of {first} and {second} is {value}.")
+        i, j = names.index(first), names.index(second)
         matrix[i, j] = matrix[j, i] = value
-    strength, directions = np.linalg.eigh(matrix)
-    if strength[0] < -1e-9:
-        raise ValueError(f"Argument `correlation` must have no negative eigenvalue, but has {strength[0]:.3g}.")
-    return Joint(names, jnp.asarray(matrix), jnp.asarray(directions * np.sqrt(np.maximum(strength, 0))))
+    eigenvalues, eigenvectors = np.linalg.eigh(matrix)
+    if eigenvalues[0] < -1e-9:
+        raise ValueError(f"Argument `correlation` must have no negative eigenvalue, but has {eigenvalues[0]:.3g}.")
+    return Joint(names, jnp.asarray(matrix), jnp.asarray(eigenvectors * np.sqrt(np.maximum(eigenvalues, 0))))
 
 
 def outputs(
     model: Model,
     inputs: Mapping[str, Distribution],
     joint: Joint | None,
-    kept: Bool[np.ndarray, "rows inputs"],
+    fixed: Bool[np.ndarray, "rows inputs"],
     *,
     trials: int,
     seed: int,
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
-    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(kept))
-    return all_trials(_outputs, problem, trials, seed, **_options(trials, len(kept)))
+    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(fixed))
+    return all_trials(_outputs, problem, trials, seed, **_options(trials, len(fixed)))
 
 
 def _options(trials: int, rows: int) -> dict[str, Any]:
@@ -104,9 +104,9 @@ class _Redrawn(NamedTuple):
 
 
 def _outputs(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> Float[Array, "trials rows outputs"]:
-    model, inputs, joint, kept = problem
-    gains = _gains(inputs, joint, kept)
-    return jax.vmap(lambda trial: _evaluate(model, inputs, joint, _pair(inputs, joint, key, trial), kept, gains))(
+    model, inputs, joint, fixed = problem
+    gains = _gains(inputs, joint, fixed)
+    return jax.vmap(lambda trial: _evaluate(model, inputs, joint, _pair(inputs, joint, key, trial), fixed, gains))(
         indices
     )
 
@@ -135,15 +135,15 @@ def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> t
     def of_trial(trial):
         order = jax.random.permutation(jax.random.fold_in(orders, trial), len(holds))
         redrawn = jnp.cumsum(holds[order], axis=0) > 0
-        kept = jnp.concatenate([jnp.ones((1, holds.shape[1]), bool), ~redrawn])
+        fixed = jnp.concatenate([jnp.ones((1, holds.shape[1]), bool), ~redrawn])
         pair = _pair(inputs, joint, key, trial)
-        return order, _evaluate(model, inputs, joint, pair, kept, _gains(inputs, joint, kept))
+        return order, _evaluate(model, inputs, joint, pair, fixed, _gains(inputs, joint, fixed))
 
     return jax.vmap(of_trial)(indices)
 
 
-def _gains(inputs: Listed, joint: Joint | None, kept: Bool[Array, "rows inputs"]) -> Float[Array, "rows k k"] | None:
-    """Regressions of the correlated inputs on those kept, ``R m (m R m)⁺ m``; of a singular matrix too."""
+def _gains(inputs: Listed, joint: Joint | None, fixed: Bool[Array, "rows inputs"]) -> Float[Array, "rows k k"] | None:
+    """Regressions of the correlated inputs on the fixed ones, ``R m (m R m)⁺ m``; of a singular matrix too."""
     if joint is None:
         return None
     places = np.array([name in joint.names for name, _ in inputs])
@@ -152,32 +152,32 @@ def _gains(inputs: Listed, joint: Joint | None, kept: Bool[Array, "rows inputs"]
         inner = joint.matrix * mask[:, None] * mask[None]
         return joint.matrix @ jnp.linalg.pinv(inner, hermitian=True, rtol=1e-10)
 
-    return jax.vmap(gain)(kept[:, places].astype(joint.matrix.dtype))
+    return jax.vmap(gain)(fixed[:, places].astype(joint.matrix.dtype))
 
 
 def _pair(inputs: Listed, joint: Joint | None, key, trial) -> Pair:
-    def own(name, copy):
+    def key_of(name, copy):
         return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), trial), copy)
 
     def values(copy):
-        return {name: given.draw(own(name, copy), np.shape(given.mean)) for name, given in inputs}
+        return {name: given.draw(key_of(name, copy), np.shape(given.mean)) for name, given in inputs}
 
     def normals(joint, copy):
-        return joint.root @ jnp.stack([jax.random.normal(own(name, copy), ()) for name in joint.names])
+        return joint.root @ jnp.stack([jax.random.normal(key_of(name, copy), ()) for name in joint.names])
 
     return Pair((values(0), values(1)), None if joint is None else (normals(joint, 0), normals(joint, 1)))
 
 
-def _evaluate(model, inputs: Listed, joint: Joint | None, pair: Pair, kept, gains) -> Float[Array, "rows outputs"]:
-    def one(row, gain):
+def _evaluate(model, inputs: Listed, joint: Joint | None, pair: Pair, fixed, gains) -> Float[Array, "rows outputs"]:
+    def of_row(row, gain):
         first, second = pair.values
         values = {name: jnp.where(row[k], first[name], second[name]) for k, (name, _) in enumerate(inputs)}
         if joint is not None and pair.normals is not None:
-            z, fresh = pair.normals
-            redrawn = fresh + gain @ (z - fresh)
+            z, other = pair.normals
+            redrawn = other + gain @ (z - other)
             given = dict(inputs)
             for k, name in enumerate(joint.names):
                 values[name] = given[name].mean + given[name].standard_deviation * redrawn[k]
         return jnp.ravel(model(values))
 
-    return jax.vmap(one)(kept, gains)
+    return jax.vmap(of_row)(fixed, gains)

@@ -123,10 +123,10 @@ def sobol(
         ValueError: no trials, or a group of unknown inputs or of inputs that another group holds.
     """
     names, players = _players(inputs, groups, trials)
-    kept = _inputs_kept(swapped_players(len(players)), players, len(inputs))
-    every = outputs(model, inputs, None, kept, trials=trials, seed=seed)
-    good, failed = finite_trials(every)
-    return _result(names, of_swapped_players(good), plain_variance(good), every, failed)
+    fixed = _inputs_fixed(swapped_players(len(players)), players, len(inputs))
+    all_outputs = outputs(model, inputs, None, fixed, trials=trials, seed=seed)
+    good, failed = finite_trials(all_outputs)
+    return _result(names, of_swapped_players(good), plain_variance(good), all_outputs, failed)
 
 
 def shapley(
@@ -162,33 +162,35 @@ def shapley(
     names, players = _players(inputs, groups, trials)
     joint, k = correlated(inputs, correlation), len(players)
     if k > MOST_PLAYERS:
-        order, every = walks(model, inputs, joint, _inputs_held(players, len(inputs)), trials=trials, seed=seed)
-        good, failed = finite_trials(every)
-        order = order[np.isfinite(every).all(axis=(1, 2))]
+        order, all_outputs = walks(model, inputs, joint, _inputs_held(players, len(inputs)), trials=trials, seed=seed)
+        good, failed = finite_trials(all_outputs)
+        order = order[np.isfinite(all_outputs).all(axis=(1, 2))]
         effects = of_permutations(good, order, correlated=joint is not None)
-        return _result(names, effects, plain_variance(good[:, [0, -1]]), every, failed)
-    kept = _inputs_kept(range(2**k), players, len(inputs))
-    every = outputs(model, inputs, joint, kept, trials=trials, seed=seed)
-    good, failed = finite_trials(every)
+        return _result(names, effects, plain_variance(good[:, [0, -1]]), all_outputs, failed)
+    fixed = _inputs_fixed(range(2**k), players, len(inputs))
+    all_outputs = outputs(model, inputs, joint, fixed, trials=trials, seed=seed)
+    good, failed = finite_trials(all_outputs)
     effects = of_all_subsets(good, [1 << p for p in range(k)], k, correlated=joint is not None)
-    return _result(names, effects, plain_variance(good if joint is None else good[:, -1:]), every, failed)
+    return _result(names, effects, plain_variance(good if joint is None else good[:, -1:]), all_outputs, failed)
 
 
 def _players(inputs: Mapping[str, Distribution], groups: Mapping[str, Sequence[str]] | None, trials: int):
     """Names of the players, and the subset of inputs that each holds."""
     if trials < 2:
         raise ValueError(f"Argument `trials` must be two or more, but is {trials}.")
-    of: dict[str, str] = {}
+    group_of: dict[str, str] = {}
     for group, members in (groups or {}).items():
         for name in members:
             if name not in inputs:
                 raise ValueError(f"Argument `groups` must name inputs, but '{name}' is none of {', '.join(inputs)}.")
-            if name in of:
-                raise ValueError(f"Argument `groups` must not overlap, but '{name}' is in '{of[name]}' and '{group}'.")
-            of[name] = group
-    player = [of.get(name, name) for name in inputs]
+            if name in group_of:
+                raise ValueError(
+                    f"Argument `groups` must not overlap, but '{name}' is in '{group_of[name]}' and '{group}'."
+                )
+            group_of[name] = group
+    player = [group_of.get(name, name) for name in inputs]
     names = tuple(dict.fromkeys(player))
-    return names, [sum(1 << k for k, held in enumerate(player) if held == name) for name in names]
+    return names, [sum(1 << k for k, holder in enumerate(player) if holder == name) for name in names]
 
 
 def _inputs_held(subsets: Sequence[int], count: int) -> np.ndarray:
@@ -196,15 +198,15 @@ def _inputs_held(subsets: Sequence[int], count: int) -> np.ndarray:
     return np.array([[subset >> k & 1 for k in range(count)] for subset in subsets], bool)
 
 
-def _inputs_kept(choices: Sequence[int], players: Sequence[int], count: int) -> np.ndarray:
-    """Which inputs each choice of players keeps of the first draw, (choices, inputs)."""
+def _inputs_fixed(choices: Sequence[int], players: Sequence[int], count: int) -> np.ndarray:
+    """Which inputs each choice of players takes from the first draw, (choices, inputs)."""
     unions = [sum(player for p, player in enumerate(players) if choice >> p & 1) for choice in choices]
     return _inputs_held(unions, count)
 
 
 def _result(
-    names: tuple[str, ...], effects: PairEffects, plain: np.ndarray, every: np.ndarray, failed: int
+    names: tuple[str, ...], effects: PairEffects, sample_variance: np.ndarray, all_outputs: np.ndarray, failed: int
 ) -> Sensitivity:
-    indices, evaluations = effects.indices(np.ones(every.shape[2])), every.shape[0] * every.shape[1]
-    closure = ratio(effects.variance, plain)
-    return Sensitivity(names, len(every), failed, evaluations, *indices, *mean(effects.variance), *closure)
+    indices, evaluations = effects.indices(np.ones(all_outputs.shape[2])), all_outputs.shape[0] * all_outputs.shape[1]
+    closure = ratio(effects.variance, sample_variance)
+    return Sensitivity(names, len(all_outputs), failed, evaluations, *indices, *mean(effects.variance), *closure)

@@ -1,9 +1,9 @@
 """The experiment's budget: which error source causes how much of the tensor's uncertainty, and which the mean error.
 
 Every source is drawn twice, under its own name and under a twin's, and each pair of trials is solved with every choice
-of one or the other. Two choices that differ by swapping some sources say what variance these sources cause
-(:mod:`uq.sensitivity.effects`); as the sources' draws are shared by all choices, only the gyro's cost anything, twice.
-The engine of the Monte Carlo does it all: the sources, and the cases in which they act, are its inputs.
+of one or the other. Two choices that differ by swapping some sources give the variance that these sources cause
+(:mod:`uq.sensitivity.effects`). All choices share the sources' draws, so that only the gyro's samples cost time, twice.
+The Monte Carlo's engine computes it all: the sources, and the cases in which they act, are its inputs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -70,8 +70,8 @@ def budget(
         raise ExperimentError(f"{trials} trials of a budget: ask for two or more")
     if not any(source.drawn for source in experiment.sources):
         raise ExperimentError("no [[source]] in the experiment from which anything is drawn: add one")
-    warned = check_precision(dtype)
-    dtype = "float32" if warned else dtype
+    warnings = check_precision(dtype)
+    dtype = "float32" if warnings else dtype
     devices = list(devices or jax.devices())
     batch = batch or default_batch(devices[0])
     chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
@@ -88,11 +88,11 @@ def budget(
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, batch=batch)
-    return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warned), record)
+    return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warnings), record)
 
 
 class Player(NamedTuple):
-    """Sources that count together: one, those correlated with it, or a group."""
+    """Sources that count together: a source, with those correlated with it, or a group."""
 
     name: str
     sources: frozenset[str]
@@ -127,8 +127,8 @@ def twinned(setup: AnySetup) -> Twinned:
     fixed = {source.name for source in setup.sources if not source.drawn}
 
     def choice(w: int) -> Case:
-        own = [n if w >> k & 1 else n + mark for k, names in enumerate(draws) for n in names]
-        return Case(f"choice:{w}", frozenset([*fixed, *own]))
+        active = [n if w >> k & 1 else n + mark for k, names in enumerate(draws) for n in names]
+        return Case(f"choice:{w}", frozenset([*fixed, *active]))
 
     doubled = replace(
         setup,
@@ -147,15 +147,16 @@ def _independent(setup: AnySetup) -> list[frozenset[str]]:
 
 def _players(label: Mapping[str, str], setup: AnySetup, draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:
     """The sources of one label, joined with those of another where correlation joins them."""
-    sets = [frozenset([s.name for s in setup.sources if label[s.name] == one]) for one in dict.fromkeys(label.values())]
+    labels = dict.fromkeys(label.values())
+    sets = [frozenset([s.name for s in setup.sources if label[s.name] == each]) for each in labels]
     for names in draws:
-        joined = frozenset().union(*(one for one in sets if one & names))
-        sets = list(dict.fromkeys(joined if one & names else one for one in sets))
-    found = []
+        joined = frozenset().union(*(members for members in sets if members & names))
+        sets = list(dict.fromkeys(joined if members & names else members for members in sets))
+    players = []
     for names in sets:
         name = " + ".join(dict.fromkeys(label[s.name] for s in setup.sources if s.name in names))
-        found.append(Player(name, names, sum(1 << k for k, own in enumerate(draws) if own <= names)))
-    return tuple(found)
+        players.append(Player(name, names, sum(1 << k for k, correlated in enumerate(draws) if correlated <= names)))
+    return tuple(players)
 
 
 def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:

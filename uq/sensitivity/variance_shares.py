@@ -52,8 +52,8 @@ def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Return the ratio of means over the leading axis, trials, with its standard error; NaN where below is nought."""
     n = len(above)
     if n < 2:
-        nothing = np.full(np.broadcast_shapes(above.shape[1:], below.shape[1:]), np.nan)
-        return nothing, nothing
+        undefined = np.full(np.broadcast_shapes(above.shape[1:], below.shape[1:]), np.nan)
+        return undefined, undefined
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(below.mean(0) > 0, below.mean(0), np.nan)
         value = above.mean(0) / mean
@@ -64,13 +64,13 @@ def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def mean(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean over trials and its standard error; NaN of fewer than two trials."""
     if len(values) < 2:
-        nothing = np.full(values.shape[1:], np.nan)
-        return nothing, nothing
+        undefined = np.full(values.shape[1:], np.nan)
+        return undefined, undefined
     return values.mean(0), values.std(0, ddof=1) / np.sqrt(len(values))
 
 
 def plain_variance(outputs: np.ndarray) -> np.ndarray:
-    """Return each trial's part in the ordinary sample variance of the outputs, averaged over alike cases.
+    """Return each trial's term of the ordinary sample variance of the outputs, averaged over equally distributed cases.
 
     Args:
         outputs: (trials, cases, outputs), every case with the distribution of Y.

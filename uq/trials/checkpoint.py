@@ -1,9 +1,9 @@
 """What a long campaign has computed so far, in a folder: one file a segment of trials, each with its checksum.
 
-``campaign.json`` says of what campaign the folder is; every part names it by its digest. A part is a line of JSON and
+``campaign.json`` describes the campaign; every part names it by its digest. A part is a line of JSON and
 the estimates as NumPy arrays. Several processes write into one folder, each the trials that it computed. Files are
-written beside their place and moved into it, so that a campaign that is killed leaves whole parts only. Nothing is used
-of a folder in which anything does not fit.
+written beside their place and moved into it, so that a campaign that is killed leaves whole parts only. A folder in
+which anything does not fit is not used at all.
 """
 
 import contextlib
@@ -112,7 +112,7 @@ class Checkpoint:
         return parts
 
     def keep(self, trajectory: str, first: int, estimates: TrialEstimates) -> None:
-        """Take a segment; write those that wait if it is time."""
+        """Take a segment; write the pending ones if it is time."""
         path = self.folder / f"{_stem(trajectory)}-{first:010d}.part"
         header = {"format": FORMAT, "campaign": self.digest, "trajectory": trajectory, "first": first}
         header["processes"] = self.processes
@@ -121,13 +121,13 @@ class Checkpoint:
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits."""
+        """Write the pending segments."""
         for path, data in self.pending:
             _write(path, data)
         self.pending, self.written = [], time.monotonic()
 
     def close(self) -> None:
-        """Write what waits and leave the folder to others; gone again if there is nothing in it to go on from."""
+        """Write the pending segments and unlock the folder; delete it if it holds nothing to resume from."""
         if self.lock < 0:
             if not self.first and self.digest:
                 self.flush()
@@ -153,19 +153,19 @@ class Checkpoint:
         for path in paths if self.first else []:
             path.unlink()
 
-    def _compare(self, head: Path, identity: dict[str, Any], wanted: str) -> None:
+    def _compare(self, head: Path, identity: dict[str, Any], expected: str) -> None:
         try:
             content = json.loads(head.read_text("utf-8"))
-            version, digest, found = content["format"], content["digest"], content["campaign"]
+            version, digest, stored = content["format"], content["digest"], content["campaign"]
         except (ValueError, KeyError, TypeError):
             raise ExperimentError(f"{head} is cut or edited: {_delete(self.folder)}") from None
         if version != FORMAT:
             raise ExperimentError(f"{head} has the format {version}, not {FORMAT}: {_delete(self.folder)}")
-        if digest != _digest(found):
+        if digest != _digest(stored):
             raise ExperimentError(f"{head} is edited: {_delete(self.folder)}")
-        if digest != wanted:
+        if digest != expected:
             given = json.loads(json.dumps(identity))
-            other = [key for key in {**found, **given} if found.get(key) != given.get(key)]
+            other = [key for key in {**stored, **given} if stored.get(key) != given.get(key)]
             raise ExperimentError(
                 f"{self.folder} is of another campaign (other {', '.join(other)}): "
                 f"give the same arguments as before, choose another folder, or {_delete(self.folder)}"
@@ -182,13 +182,13 @@ class Checkpoint:
 
 
 def code_digest() -> str:
-    """Return a hash of the package's own code: two checkouts that differ give different checkpoints."""
+    """Return a hash of the package's code: two checkouts that differ give different checkpoints."""
     uq = Path(__file__).parents[1]
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for package in (uq, uq.with_name("identify")):
         for path in sorted(package.rglob("*.py")):
-            found.update(path.relative_to(package.parent).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
+            digest.update(path.relative_to(package.parent).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def _delete(folder: Path) -> str:
@@ -196,7 +196,7 @@ def _delete(folder: Path) -> str:
 
 
 def _stem(trajectory: str) -> str:
-    """Name of a trajectory's files, whatever characters its own has."""
+    """Stem of a trajectory's files, whatever characters its name has."""
     return f"{stream_number(trajectory):08x}"
 
 

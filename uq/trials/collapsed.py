@@ -47,7 +47,7 @@ class CollapsedSetup(eqx.Module):
     mixing: tuple[Mixing, ...]
     cases: tuple[Case, ...] = eqx.field(static=True)
     mean: Float[Array, "variants estimators kept"]
-    """Each estimator's expected ``sum_equations.KEPT``; the first variant is without noise of the gyro."""
+    """Each estimator's expected ``sum_equations.TRIAL_SUMS``; the first variant has no noise of the gyro."""
     root: Float[Array, "noisy estimators kept products"]
     """A square root of their joint covariance, for each variant but the first."""
     variant: Int[Array, " cases"]
@@ -79,9 +79,9 @@ def collapse(
     white = [source for source in sources if source.white]
     means, roots = _means_and_roots(motion.omega, motion.alpha, motion.specific_force_cg, body,
                                     [e.taps for e in estimators], variances)  # fmt: skip
-    own = _own(len(estimators))
+    places = _places_of_sums(len(estimators))
     return CollapsedSetup(
-        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means[:, own], roots[:, own],
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means[:, places], roots[:, places],
         jnp.asarray([variants.index(names) for names in acting]),
         jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
     )  # fmt: skip
@@ -112,7 +112,8 @@ def _means_and_roots(
     """Expected sums for each variance of omega's noise, and roots of their covariance for all but the first."""
     true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(body, omega, alpha, specific_force)
     signals = jnp.concatenate([omega, alphas_of(omega, taps), *true])
-    moments = moments_of_signals(signals, valid_samples(omega.shape[1], [Estimator("", one) for one in taps]), taps)
+    estimators = [Estimator("", differentiator) for differentiator in taps]
+    moments = moments_of_signals(signals, valid_samples(omega.shape[1], estimators), taps)
     first = np.array(list(distinct_products(len(taps)).values()))
 
     def root(variance):
@@ -135,13 +136,13 @@ def _cell_covariance(white: Sequence[Source], mixing: Sequence[Mixing], case: Ca
         total += spreads[source.name] @ spreads[source.name].T
     for mix in mixing:
         ends = np.cumsum(mix.axes)
-        parts = [(name, slice(end - size, end)) for name, size, end in zip(mix.names, mix.axes, ends, strict=True)]
-        here = [(spreads[name], part) for name, part in parts if name in spreads]
-        for one, rows in here:
-            for another, columns in here:
+        places = [(name, slice(end - size, end)) for name, size, end in zip(mix.names, mix.axes, ends, strict=True)]
+        members = [(spreads[name], rows) for name, rows in places if name in spreads]
+        for first, rows in members:
+            for second, columns in members:
                 correlation = np.asarray(mix.correlation)[rows, columns]
-                own = np.eye(3) if rows == columns else np.zeros((3, 3))
-                total += one @ (correlation - own) @ another.T
+                identity = np.eye(3) if rows == columns else np.zeros((3, 3))
+                total += first @ (correlation - identity) @ second.T
     return total
 
 
@@ -154,8 +155,8 @@ def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Ar
     ok = jnp.zeros((setup.estimators, len(setup.cases), len(indices)), bool)
     for kind, members in _kinds(setup).items():
         numbers, cases = (grid.ravel() for grid in np.meshgrid(range(setup.estimators), members, indexing="ij"))
-        found = _estimates(setup, draws, sums, kind, (numbers, cases))
-        inertia, ok = inertia.at[numbers, cases].set(found[0]), ok.at[numbers, cases].set(found[1])
+        estimates = _estimates(setup, draws, sums, kind, (numbers, cases))
+        inertia, ok = inertia.at[numbers, cases].set(estimates[0]), ok.at[numbers, cases].set(estimates[1])
     return TrialEstimates(jnp.moveaxis(inertia, -1, 0), jnp.moveaxis(ok, -1, 0))
 
 
@@ -197,14 +198,14 @@ class _Kind(NamedTuple):
 
 
 def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
-    found: dict[_Kind, list[int]] = {}
+    kinds: dict[_Kind, list[int]] = {}
     for number, case in enumerate(setup.cases):
         acting = [source for source in setup.sources if source.name in case.sources]
         moving = any(source.of_gyro for source in acting)
         noisy = any(s.white for s in acting) and "r_cg" in perturbed(acting)
         cell = any(s.white and not s.of_gyro for s in (acting if moving else setup.sources))
-        found.setdefault(_Kind(moving, cell, moving or noisy), []).append(number)
-    return found
+        kinds.setdefault(_Kind(moving, cell, moving or noisy), []).append(number)
+    return kinds
 
 
 def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[np.ndarray, np.ndarray]):
@@ -212,62 +213,62 @@ def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, p
 
     In three loops over the pairs, since the compiler would compute anew in each what it can fuse into one.
     """
-    known = jax.lax.map(lambda pair: _known(setup, draws, sums, kind, *pair), pairs)
-    equations = jax.lax.map(lambda one: _equations(setup, draws, kind, *one), (known, *pairs))
-    return jax.lax.map(lambda one: _solved(draws, kind, *one), (*equations, pairs[0]))
+    sums_of_pairs = jax.lax.map(lambda pair: _sums_of_case(setup, draws, sums, kind, *pair), pairs)
+    equations = jax.lax.map(lambda arguments: _equations(setup, draws, kind, *arguments), (sums_of_pairs, *pairs))
+    return jax.lax.map(lambda arguments: _solved(draws, kind, *arguments), (*equations, pairs[0]))
 
 
-def _known(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array) -> dict:
+def _sums_of_case(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, number: Array, case: Array) -> dict:
     """The sums that the equations need."""
     errors = jax.tree.map(lambda leaf: leaf[case], draws.errors)
     rows = sums[setup.variant[case], number] if kind.moving else setup.mean[0, number][:, None]
-    known: dict = dict(zip(sum_equations.KEPT, rows, strict=True))
+    case_sums: dict = dict(zip(sum_equations.TRIAL_SUMS, rows, strict=True))
     if perturbed(setup.sources) & {"cell_scale", "cell_misalignment", "cell_cross_talk"}:
-        known |= _sensed(known, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
-    known |= sum_equations.residual_sums(known, setup.r_cg[:, None] + errors.r_cg, errors.cell_bias)
-    wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
+        case_sums |= _sensed(case_sums, jax.vmap(cell_map, in_axes=-1, out_axes=-1)(errors))
+    case_sums |= sum_equations.residual_sums(case_sums, setup.r_cg[:, None] + errors.r_cg, errors.cell_bias)
+    right_sums = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
     if not kind.moving:
-        return {w: known[w] for w in (*sum_equations.NEEDED, *wanted)}
+        return {w: case_sums[w] for w in (*sum_equations.MATRIX_SUMS, *right_sums)}
     powers = sum_equations.powers_of(errors.gyro_bias)
-    return {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
+    return {w: sum_equations.shifted(case_sums, powers, w) for w in (*sum_equations.MATRIX_SUMS, *right_sums)}
 
 
-def _equations(setup: CollapsedSetup, draws: _Draws, kind: _Kind, known: dict, number: Array, case: Array):
+def _equations(setup: CollapsedSetup, draws: _Draws, kind: _Kind, case_sums: dict, number: Array, case: Array):
     """Normal matrix, its noise's covariance where the load cell's acts, and right side."""
     noise = {}
     if kind.cell:
         at = setup.r_cg[:, None] + (draws.errors.r_cg[case] if kind.noisy else 0.0)
         weight = sum_equations.residual_covariance(setup.cell[case][:, :, None], at)
-        noise = sum_equations.weighted_matrix(known, weight)
-    return sum_equations.normal_matrix(known), noise, sum_equations.right_side(known)
+        noise = sum_equations.weighted_matrix(case_sums, weight)
+    return sum_equations.normal_matrix(case_sums), noise, sum_equations.right_side(case_sums)
 
 
 def _solved(draws: _Draws, kind: _Kind, normal: dict, covariance: dict, right: list, number: Array):
     if kind.cell:
         noise = plain_solve.times_root(covariance, draws.cell[number])
-        right = [one + other for one, other in zip(right, noise, strict=True)]
-    found, ok = plain_solve.solve(normal, right)
-    inertia = jnp.stack(found)
+        right = [exact + error for exact, error in zip(right, noise, strict=True)]
+    solution, ok = plain_solve.solve(normal, right)
+    inertia = jnp.stack(solution)
     ok = ok & jnp.all(jnp.isfinite(inertia), axis=0)
     return jnp.where(ok[None], inertia, jnp.nan), ok
 
 
-def _own(estimators: int) -> np.ndarray:
-    """Where the sums of :data:`uq.gram_sums.sum_equations.KEPT` stand among the distinct products of all estimators."""
+def _places_of_sums(estimators: int) -> np.ndarray:
+    """Where ``sum_equations.TRIAL_SUMS`` of each estimator stand among the distinct products of all."""
     place = {factors: k for k, factors in enumerate(distinct_products(estimators))}
 
     def row(factor, number):
         return factor if factor < 3 else factor + 3 * number if factor < 6 else factor - 3 + 3 * estimators
 
     return np.array(
-        [[place[tuple(row(f, k) for f in factors)] for factors in sum_equations.KEPT] for k in range(estimators)]
+        [[place[tuple(row(f, k) for f in factors)] for factors in sum_equations.TRIAL_SUMS] for k in range(estimators)]
     )
 
 
-def _sensed(known: dict, cell: Float[Array, "6 6 trials"]) -> dict:
+def _sensed(sums: dict, cell: Float[Array, "6 6 trials"]) -> dict:
     """The sums with the wrench, as the load cell sees it."""
     return {
-        (*phi, 6 + row): plain_solve.total(cell[row, k] * known[(*phi, 6 + k)] for k in range(6))
+        (*phi, 6 + row): plain_solve.total(cell[row, k] * sums[(*phi, 6 + k)] for k in range(6))
         for phi in sum_equations.PHI
         for row in range(6)
     }

@@ -114,15 +114,15 @@ def in_turn(action: Callable[[], T]) -> T:
     if not several():
         return action()
     if not is_first():
-        if message := _told(""):
+        if message := _from_first(""):
             raise FailedElsewhere(message)
         return action()
     try:
         done = action()
     except Exception as error:
-        _told(str(error) or type(error).__name__)
+        _from_first(str(error) or type(error).__name__)
         raise
-    _told("")
+    _from_first("")
     return done
 
 
@@ -133,27 +133,27 @@ def agree(what: str, value: Any) -> None:
         ExperimentError: the first process has another.
     """
     digest = hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
-    if several() and _told(digest) != digest:
+    if several() and _from_first(digest) != digest:
         raise ExperimentError(f"the processes have different {what}: start all alike, with --out on shared disk")
 
 
-def _told(message: str) -> str:
-    """Return what the first process says."""
+def _from_first(message: str) -> str:
+    """Return the first process's message, on every process."""
     text = np.zeros(4 * LONGEST_MESSAGE, np.uint8)
     data = message[:LONGEST_MESSAGE].encode()
     text[: len(data)] = np.frombuffer(data, np.uint8)
     with guarded():
-        said = np.asarray(multihost_utils.broadcast_one_to_all(text))
-    return bytes(said[said > 0]).decode()
+        received = np.asarray(multihost_utils.broadcast_one_to_all(text))
+    return bytes(received[received > 0]).decode()
 
 
-def own_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[int, T]:
+def local_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[int, T]:
     """Return the part of a segment that this process computed, and the number of its first trial."""
     if not several():
         return first, segment
     each = len(jax.tree.leaves(segment)[0]) // len(devices)
-    own = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
-    begin, end = each * own[0], each * (own[-1] + 1)
+    local = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
+    begin, end = each * local[0], each * (local[-1] + 1)
     return first + begin, jax.tree.map(lambda leaf: leaf[begin:end], segment)
 
 
@@ -161,11 +161,11 @@ def own_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[in
 def _silent() -> Iterator[None]:
     """Keep the transport's own greetings from standard output."""
     sys.stdout.flush()
-    kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    standard_output, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
     try:
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        os.dup2(standard_output, 1)
+        os.close(standard_output)
         os.close(nothing)

@@ -1,6 +1,6 @@
 """The engines of a trial behind one door: by sums over blocks, sample by sample, or on Gram sums.
 
-:mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes what no sums can tell,
+:mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes what sums over samples cannot express,
 :mod:`uq.trials.collapsed` is for white normal noise and offsets alone. Each is held against the trial that
 ``docs/reference_trial.py`` spells out.
 """
@@ -38,7 +38,7 @@ def prepare_any(
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
 ) -> AnySetup:
-    """Return what a trial needs: sums where they tell all that the sources do, else every sample.
+    """Return what a trial needs: sums where they express all that the sources do, else every sample.
 
     Raises:
         ExperimentError: the sums are to be drawn, and their moments do not tell what the sources do.

@@ -54,7 +54,7 @@ class SampledSetup(eqx.Module):
 
 
 class Record(NamedTuple):
-    """What the sensors say, component first."""
+    """What the sensors record, component first."""
 
     wrench: Float[Array, "6 n"]
     """Force [N] and moment [N·m]."""
@@ -63,7 +63,7 @@ class Record(NamedTuple):
 
 
 def needs_samples(sources: Sequence[Source], mixing: Sequence[Mixing]) -> bool:
-    """Whether sums do not tell what these sources do: the signals must be computed sample by sample."""
+    """Whether sums over samples cannot express what these sources do, so that signals are computed sample by sample."""
     gyro, cell = ({s.name for s in sources if s.white and s.of_gyro is which} for which in (True, False))
     crossed = any(gyro & set(mix.names) and cell & set(mix.names) for mix in mixing)
     return crossed or any(s.error_kind.needs_samples for s in sources)
@@ -97,18 +97,18 @@ def sampled_trial(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""
         len(setup.cases), len(setup.sources)
     )
 
-    def of_case(one):
-        errors, acting = one
+    def of_case(case):
+        errors, acting = case
         record = sensed(setup, smooth_signals(setup, errors), drawn, acting)
         sums = [record_sums(setup, record, estimator) for estimator in setup.estimators]
-        return [solve(of, setup.body.r_cg_from_q + errors.r_cg) for of in sums]
+        return [solve(gram, setup.body.r_cg_from_q + errors.r_cg) for gram in sums]
 
-    found = jax.lax.map(of_case, (errors, acting))
-    return TrialEstimates(jnp.stack([e.inertia for e in found]), jnp.stack([e.ok for e in found]))
+    estimates = jax.lax.map(of_case, (errors, acting))
+    return TrialEstimates(jnp.stack([e.inertia for e in estimates]), jnp.stack([e.ok for e in estimates]))
 
 
 def smooth_signals(setup: SampledSetup, errors: Errors) -> Record:
-    """Return what sensors without noise, of unlimited range and resolution, would say: smooth in the errors."""
+    """Return what sensors without noise, of unlimited range and resolution, would record: smooth in the errors."""
     wrench = setup.columns.map(setup.body, setup.platform, errors) @ setup.wrench + errors.cell_bias[:, None]
     omega = setup.omega
     if "gyro_delay" in perturbed(setup.sources):
@@ -140,19 +140,19 @@ def sensed(setup: SampledSetup, signals: Record, draws: Mapping[str, Array], act
         acting: of each source, whether it acts.
     """
     smooth = (signals.wrench[:3], signals.wrench[3:], signals.omega)
-    read = []
+    measured = []
     for number, signal in enumerate(smooth):
         signal = signal.astype(setup.dtype)
-        here = [(s, acts) for s, acts in zip(setup.sources, acting, strict=True) if s.signal == number]
-        for source, acts in here:
+        of_signal = [(s, acts) for s, acts in zip(setup.sources, acting, strict=True) if s.signal == number]
+        for source, acts in of_signal:
             if source.noise:
                 signal = signal + jnp.where(acts, draws[source.name], 0)
-        kinds = {source.error_kind for source, _ in here if source.error_kind.stage is not None}
+        kinds = {source.error_kind for source, _ in of_signal if source.error_kind.stage is not None}
         for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.name)):
-            members, on = zip(*((s, acts) for s, acts in here if s.error_kind is kind), strict=True)
-            signal = kind.sensed(signal, members, on, draws)
-        read.append(signal)
-    return Record(jnp.concatenate(read[:2]), read[2])
+            members, acting_members = zip(*((s, acts) for s, acts in of_signal if s.error_kind is kind), strict=True)
+            signal = kind.sensed(signal, members, acting_members, draws)
+        measured.append(signal)
+    return Record(jnp.concatenate(measured[:2]), measured[2])
 
 
 def record_sums(setup: SampledSetup, record: Record, estimator: Estimator) -> Sums:
@@ -161,5 +161,5 @@ def record_sums(setup: SampledSetup, record: Record, estimator: Estimator) -> Su
     lost = halo - len(estimator.taps)
     alpha = derivative(record.omega[:, lost : n - lost], estimator.taps.astype(record.omega.dtype))
     omega, wrench = record.omega[:, halo : n - halo], record.wrench[:, halo : n - halo]
-    parts = [part.astype(float) for part in (features(omega, alpha), wrench)]
-    return sums_of(parts[0], parts[1][:3], parts[1][3:])
+    phi, wrench = features(omega, alpha).astype(float), wrench.astype(float)
+    return sums_of(phi, wrench[:3], wrench[3:])

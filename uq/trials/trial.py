@@ -14,7 +14,8 @@ normal numbers. Noise of other distributions is always drawn sample by sample.
 
 ``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.collapsed`.
 
-Sources that no sums can tell (delay, saturation, quantisation, coloured noise) need every sample:
+Sources whose effect sums over samples cannot express (delay, saturation, quantisation, coloured noise) need every
+sample:
 :mod:`uq.trials.samplewise`.
 """
 
@@ -64,12 +65,13 @@ def prepare(
 ) -> Setup:
     """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator."""
     columns = Columns.of(sources)
-    whole = bool(perturbed(sources) & OF_THE_GYRO)
+    gyro_mapped = bool(perturbed(sources) & OF_THE_GYRO)
     t = motion.t - motion.t[0]
-    shared = true_elements(motion.omega, motion.alpha, t) if whole else features(motion.omega, motion.alpha)[:SHARED]
+    omega, alpha = motion.omega, motion.alpha
+    shared = true_elements(omega, alpha, t) if gyro_mapped else features(omega, alpha)[:SHARED]
     valid = valid_samples(len(t), estimators)
-    alphas = [jnp.pad(derivative(motion.omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
-    of_noise = [jnp.zeros((noisy_count(whole, estimators), len(t)))] if whole else []
+    alphas = [jnp.pad(derivative(omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
+    of_noise = [jnp.zeros((noisy_count(gyro_mapped, estimators), len(t)))] if gyro_mapped else []
     phi = jnp.concatenate([shared, *alphas, *of_noise]) * valid[None]
     wrench = columns.sampled(body, motion)
     force, moment, other = jnp.split(phi @ wrench.T, (3, 6), axis=1)
@@ -81,7 +83,7 @@ def prepare(
     )
     return Setup(
         body, platform, signals, Sums(phi @ phi.T, force, moment), other, tuple(sources), tuple(mixing),
-        tuple(estimators), cases_of(sources), columns, whole, np.dtype(dtype), sampling,
+        tuple(estimators), cases_of(sources), columns, gyro_mapped, np.dtype(dtype), sampling,
     )  # fmt: skip
 
 
@@ -136,11 +138,11 @@ def _one_by_one(of_trial, room, trials):
 
 
 def _all_at_once(of_trial, room, trials):
-    return jax.vmap(lambda one: of_trial(room, one)[1])(trials)
+    return jax.vmap(lambda trial: of_trial(room, trial)[1])(trials)
 
 
 class _Plan(NamedTuple):
-    """Which draws a setup needs, found from its static part."""
+    """Which draws a setup needs, by its static part."""
 
     gyro: tuple[Source, ...]
     """Precision sources of omega."""
@@ -177,82 +179,82 @@ class _Drawn(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """What a trial works in: one trial after the other writes what its noise changes, and nothing else."""
+    """Where a trial works: one trial after the other overwrites what its noise changes, and nothing else."""
 
     half: Float[Array, "rows 1200"]
-    """The known signals, with half the changes added."""
+    """The noise-free signals, with half the changes added."""
     changes: Float[Array, "padded 1200"]
     """The changes, filled up to the width of a processor's matrix product."""
 
 
 def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Drawn:
-    """Scan over the blocks; of each trial's noise the last samples are kept, so that derivatives see across seams."""
+    """Scan over the blocks; each trial's last samples of noise are carried over, for derivatives across seams."""
 
     def of_trial(signals, room, trial):
         _, drawn, tails = trial
         wide = jax.tree.map(lambda tail, pairs: joined([tail, pairs.real, pairs.imag]), tails, drawn)
         room, sums = _block_sums(setup, plan, signals, room, *wide)
-        return room, (jax.tree.map(lambda one: one[:, BLOCK:], wide), sums)
+        return room, (jax.tree.map(lambda noise: noise[:, BLOCK:], wide), sums)
 
     def of_trials(signals, tails):
-        # apart from what uses them: else XLA draws for each use
+        # drawn outside the function that uses them: XLA would draw again for each use
         drawn = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams)
         return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, drawn, tails))
 
     def draw(block, streams):
-        of = zip((plan.gyro, plan.sampled), streams, strict=True)
-        return [draw_pairs(sources, setup.mixing, keys, block, setup.dtype) for sources, keys in of]
+        groups = zip((plan.gyro, plan.sampled), streams, strict=True)
+        return [draw_pairs(sources, setup.mixing, keys, block, setup.dtype) for sources, keys in groups]
 
     def visit(carry, signals):
         tails, more = of_trials(signals, carry[0])
-        return (tails, jax.tree.map(lambda total, part: total + part.astype(total.dtype), carry[1], more)), None
+        return (tails, jax.tree.map(lambda total, added: total + added.astype(total.dtype), carry[1], more)), None
 
     streams = jax.vmap(lambda index: [noise_streams(s, key, index) for s in (plan.gyro, plan.sampled)])(indices)
     halo = _halo(setup.estimators)
-    none = lambda sources, samples: [jnp.zeros((len(indices), 3, samples), setup.dtype) for _ in sources]  # noqa: E731
-    tails = [none(plan.gyro, 2 * halo), none(plan.sampled, halo)]
-    one = jax.tree.map(lambda leaf: leaf[0], setup.signals)
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, one, tails)[1])
+    silence = lambda sources, samples: [jnp.zeros((len(indices), 3, samples), setup.dtype) for _ in sources]  # noqa: E731
+    tails = [silence(plan.gyro, 2 * halo), silence(plan.sampled, halo)]
+    first_block = jax.tree.map(lambda leaf: leaf[0], setup.signals)
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, first_block, tails)[1])
     return jax.lax.scan(visit, (tails, zero), setup.signals)[0][1]
 
 
 def _room(setup: Setup, signals: Signals) -> _Room:
-    count = noisy_count(setup.whole, setup.estimators)
-    return _Room(signals.known, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
+    count = noisy_count(setup.gyro_mapped, setup.estimators)
+    return _Room(signals.noise_free, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
 
 
 def _block_sums(setup: Setup, plan: _Plan, signals: Signals, room: _Room, gyro, cell) -> tuple[_Room, _Drawn]:
     """Sums of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` with one behind."""
     changed = setup.changed
-    cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(one[:, :BLOCK] for one in cell)])
+    cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(noise[:, :BLOCK] for noise in cell)])
     count = changed.stop - changed.start
-    products = [jnp.zeros((0, len(signals.known), count), setup.dtype)]
+    products = [jnp.zeros((0, len(signals.noise_free), count), setup.dtype)]
     with_cell = [jnp.zeros((0, count, len(cell)), setup.dtype)]
     for variant in plan.variants:
-        noise = sum(one for one, source in zip(gyro, plan.gyro, strict=True) if source.name in variant)
+        noise = sum(drawn for drawn, source in zip(gyro, plan.gyro, strict=True) if source.name in variant)
         room = _changed_room(setup, signals, room, noise)
         products.append((room.half @ room.changes.T)[None, :, :count])
         with_cell.append((room.changes[:count] @ cell.T)[None])
-    of_true = signals.known[: changed.stop] @ cell.T
+    of_true = signals.noise_free[: changed.stop] @ cell.T
     return room, _Drawn(jnp.concatenate(products), of_true, jnp.concatenate(with_cell))
 
 
 def _changed_room(setup: Setup, signals: Signals, room: _Room, noise) -> _Room:
-    """Write what noise changes; part by part in its place, of which XLA makes fast loops on a CPU."""
+    """Write what noise changes, group by group in its place, which XLA turns into fast loops on a CPU."""
     changes, start = room.changes, 0
-    for part in _changes(setup, signals.known, noise):
-        changes = jax.lax.dynamic_update_slice_in_dim(changes, part * signals.valid[None], start, 0)
-        start += len(part)
-    half = signals.known[setup.changed] + changes[:start] / 2
+    for change in _changes(setup, signals.noise_free, noise):
+        changes = jax.lax.dynamic_update_slice_in_dim(changes, change * signals.valid[None], start, 0)
+        start += len(change)
+    half = signals.noise_free[setup.changed] + changes[:start] / 2
     return _Room(jax.lax.dynamic_update_slice_in_dim(room.half, half, setup.changed.start, 0), changes)
 
 
 def _changes(setup: Setup, true, noise) -> list[Array]:
-    """What noise in omega (3, halo + block + halo) adds to the elements that it changes, part by part."""
+    """What noise in omega (3, halo + block + halo) adds to the elements that it changes, group by group."""
     halo = _halo(setup.estimators)
     taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
     alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
-    return [*changes_of_elements(true, noise[:, halo : halo + BLOCK], whole=setup.whole), *alphas]
+    return [*changes_of_elements(true, noise[:, halo : halo + BLOCK], gyro_mapped=setup.gyro_mapped), *alphas]
 
 
 class _AllSums(NamedTuple):
@@ -288,8 +290,9 @@ def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tupl
         noise = jnp.einsum("akj,kt->atj", sums.noise, on).reshape(-1, 6)
         measured = sums.wrench @ setup.columns.map(setup.body, setup.platform, errors).T + noise
         measured = measured + jnp.outer(sums.gram[:, 0], errors.cell_bias)
-        m, own = element_map(errors, whole=setup.whole), [_own(setup, k) for k in range(len(setup.estimators))]
-        problems = [Sums(m @ sums.gram[np.ix_(k, k)] @ m.T, m @ measured[k, :3], m @ measured[k, 3:]) for k in own]
+        m = element_map(errors, gyro_mapped=setup.gyro_mapped)
+        places = [_elements_of(setup, k) for k in range(len(setup.estimators))]
+        problems = [Sums(m @ sums.gram[np.ix_(k, k)] @ m.T, m @ measured[k, :3], m @ measured[k, 3:]) for k in places]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
 
     active = np.reshape(on, (len(setup.cases), len(cell), 2))
@@ -297,10 +300,10 @@ def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tupl
     return problems, setup.body.r_cg_from_q[None] + errors.r_cg
 
 
-def _own(setup: Setup, estimator: int) -> np.ndarray:
-    """Where an estimator's elements stand among all: those that all share, and its own alphas, true and of noise."""
+def _elements_of(setup: Setup, estimator: int) -> np.ndarray:
+    """Where an estimator's elements stand among all: the shared ones, and its alphas, true and of noise."""
     alphas = 3 * estimator + np.arange(3)
-    if not setup.whole:
+    if not setup.gyro_mapped:
         return np.r_[:SHARED, SHARED + alphas]
     true, noisy = 15, 15 + 3 * len(setup.estimators)
     return np.r_[:true, true + alphas, noisy : noisy + 21, noisy + 21 + alphas]

@@ -20,7 +20,7 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int, Key
 
-from uq.trials.distributed import guarded, own_share, several
+from uq.trials.distributed import guarded, local_share, several
 
 Tree = TypeVar("Tree")
 Progress = Callable[[int, int], None]
@@ -77,21 +77,21 @@ class TrialLoop:
             self.problem, data = _everywhere((problem, jax.random.key_data(self.key)), self.mesh)
             self.key = jax.random.wrap_key_data(data)
         self.pending: Any = None
-        self.parts = list(done)
-        self.count = sum(map(trials_in, self.parts))
+        self.segments = list(done)
+        self.count = sum(map(trials_in, self.segments))
 
     def reach(self, trials: int, progress: Progress | None = None, *, asked: int | None = None) -> None:
         """Run whole segments until there are at least so many trials of those that are ``asked`` for in the end."""
         asked = trials if asked is None else asked
         segment = self._segment(asked)
         while self.count < trials:
-            begun = self._begin(segment) if self.pending is None else self.pending
+            results = self._begin(segment) if self.pending is None else self.pending
             with guarded():
-                part = jax.tree.map(np.asarray, begun)
+                segment_results = jax.tree.map(np.asarray, results)
             self.pending = None
             if self.keep:
-                self.keep(*own_share(self.devices, self.count, part))
-            self.parts.append(part)
+                self.keep(*local_share(self.devices, self.count, segment_results))
+            self.segments.append(segment_results)
             self.count += segment
             if progress:
                 progress(min(self.count, asked), asked)
@@ -119,11 +119,11 @@ class TrialLoop:
 
     def between(self, first: int, last: int) -> Any:
         """Return trials ``first`` … ``last`` - 1, which must be done."""
-        ends = np.cumsum([trials_in(part) for part in self.parts])
+        ends = np.cumsum([trials_in(segment_results) for segment_results in self.segments])
         begin, end = np.searchsorted(ends, first, side="right"), np.searchsorted(ends, last)
-        before = int(ends[begin] - trials_in(self.parts[begin]))
+        before = int(ends[begin] - trials_in(self.segments[begin]))
         return jax.tree.map(
-            lambda *leaves: np.concatenate(leaves)[first - before : last - before], *self.parts[begin : end + 1]
+            lambda *leaves: np.concatenate(leaves)[first - before : last - before], *self.segments[begin : end + 1]
         )
 
 

@@ -109,10 +109,14 @@ def test_runs_of_a_rig_scatter_by_mounting(short):
     common = with_declared_sources(result, runs, declared)
     varying = with_declared_sources(result, runs, declared, redrawn=["r_cg"])
     # drawn anew by three mountings its variance is a third, and the scatter holds it already
-    np.testing.assert_allclose(varying.pooling.drawn_anew[0], common.budget["r_cg"][0] / np.sqrt(3), rtol=0.05)
+    np.testing.assert_allclose(
+        varying.pooling.from_redrawn_sources[0], common.budget["r_cg"][0] / np.sqrt(3), rtol=0.05
+    )
     assert varying.standard_uncertainty[0] < common.standard_uncertainty[0]
     np.testing.assert_allclose(
-        varying.standard_uncertainty[0], max(pooling.from_scatter[0], varying.pooling.foreseen[0]), rtol=0.01
+        varying.standard_uncertainty[0],
+        max(pooling.from_scatter[0], varying.pooling.predicted_standard_uncertainty[0]),
+        rtol=0.01,
     )
 
 

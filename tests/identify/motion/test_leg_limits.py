@@ -96,8 +96,8 @@ def test_a_motion_needs_just_what_it_uses(preset):
     half = needed._replace(speed=needed.speed / 2)
     worst = peaks(asked, half, motion.t)[0]
     leg = np.abs(np.asarray(asked.legs.speed))
-    assert str(worst) == f"speed of leg {worst.part + 1} at {worst.t:.3f} s: 200.0 % of its limit"
-    assert leg[int(np.argmin(np.abs(motion.t - worst.t))), worst.part] == leg[:, worst.part].max()
+    assert str(worst) == f"speed of leg {worst.channel + 1} at {worst.t:.3f} s: 200.0 % of its limit"
+    assert leg[int(np.argmin(np.abs(motion.t - worst.t))), worst.channel] == leg[:, worst.channel].max()
 
 
 def test_every_limit_is_looked_at(preset):

@@ -10,7 +10,7 @@ import pytest
 from identify.estimators.gram import sums_of
 from identify.rigid_body.regressor import features
 from uq.campaign.trial_setup import prepare_setup
-from uq.gram_sums.gram_moments import covariance, first_order_covariance, mean, own_products, pack, unpack
+from uq.gram_sums.gram_moments import covariance, first_order_covariance, mean, pack, products_of_estimator, unpack
 from uq.gram_sums.sums_over_samples import gram_moments, moments_of_signals
 
 TAPS = ([50.0], [20.0, 12.0])
@@ -26,7 +26,7 @@ def run(n, taps, seed=1):
     phi = noisy_features(omega, taps) * valid
     signals = jnp.asarray(np.concatenate([omega, phi[10:], wrench]))
     sums = packed(phi, wrench)
-    return (signals, jnp.asarray(valid), [jnp.asarray(one) for one in taps]), omega, wrench, valid, sums
+    return (signals, jnp.asarray(valid), [jnp.asarray(h) for h in taps]), omega, wrench, valid, sums
 
 
 def noisy_features(omega, taps):
@@ -50,13 +50,15 @@ def cubature(axes, n, sigma, valid):
     three samples the central difference sees the outer ones' difference alone, which takes the place of both.
     """
     kinds = [np.polynomial.hermite_e.hermegauss(5 if counts else 3) for counts in (valid if n > 3 else (True, False))]
-    one = np.array(list(itertools.product(*(nodes for nodes, _ in kinds))))
+    nodes_of_sample = np.array(list(itertools.product(*(nodes for nodes, _ in kinds))))
     if n == 3:
-        one = np.stack([-one[:, 1] / np.sqrt(2), one[:, 0], one[:, 1] / np.sqrt(2)], axis=1)
+        nodes_of_sample = np.stack(
+            [-nodes_of_sample[:, 1] / np.sqrt(2), nodes_of_sample[:, 0], nodes_of_sample[:, 1] / np.sqrt(2)], axis=1
+        )
     weight = np.prod(list(itertools.product(*(weights / weights.sum() for _, weights in kinds))), axis=1)
-    grid = np.array(list(itertools.product(range(len(one)), repeat=len(axes))))
+    grid = np.array(list(itertools.product(range(len(nodes_of_sample)), repeat=len(axes))))
     noise = np.zeros((len(grid), 3, n))
-    noise[:, axes] = one[grid]
+    noise[:, axes] = nodes_of_sample[grid]
     return noise * sigma[:, None], np.prod(weight[grid], axis=1)
 
 
@@ -78,15 +80,15 @@ def test_mean_and_covariance_are_exact_for_noise_as_large_as_the_signal(axes, n,
     only = np.where(np.isin(np.arange(3), axes), sigma, 0)
     noise, weights = cubature(axes, n, sigma, valid)
     total, products = 0, 0
-    for part in np.array_split(np.arange(len(noise)), max(1, len(noise) // 50_000)):
-        sums = packed(noisy_features(omega + noise[part], taps) * valid, wrench)
-        total = total + weights[part] @ sums
-        products = products + (sums.T * weights[part]) @ sums
+    for chunk in np.array_split(np.arange(len(noise)), max(1, len(noise) // 50_000)):
+        sums = packed(noisy_features(omega + noise[chunk], taps) * valid, wrench)
+        total = total + weights[chunk] @ sums
+        products = products + (sums.T * weights[chunk]) @ sums
     moments = moments_of_signals(*visited)
     np.testing.assert_allclose(mean(moments, jnp.asarray(only**2)), total, rtol=1e-9, atol=1e-9 * np.abs(total).max())
     expected = products - np.outer(total, total)
-    found = covariance(moments, jnp.asarray(only**2))
-    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-10 * np.abs(products).max())
+    analytic = covariance(moments, jnp.asarray(only**2))
+    np.testing.assert_allclose(analytic, expected, rtol=1e-8, atol=1e-10 * np.abs(products).max())
 
 
 @pytest.fixture(scope="module")
@@ -98,8 +100,8 @@ def some():
 def test_chunks_change_nothing(some):
     visited, whole, _ = some
     cut = moments_of_signals(*visited, chunk=150)
-    for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(cut), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max())
+    for of_whole, of_cut in zip(jax.tree.leaves(whole), jax.tree.leaves(cut), strict=True):
+        np.testing.assert_allclose(of_whole, of_cut, rtol=1e-9, atol=1e-9 * np.abs(of_whole).max())
 
 
 def test_small_noise_leaves_the_linear_terms(some):
@@ -123,7 +125,9 @@ def test_packing_is_undone_and_one_estimators_products_are_found(generator):
     again = unpack(pack(both), 16)
     jax.tree.map(np.testing.assert_array_equal, again, both)
     for k in range(2):
-        np.testing.assert_allclose(pack(both)[own_products(2, k)], pack(sums_of(phi[k], wrench[:3], wrench[3:])))
+        np.testing.assert_allclose(
+            pack(both)[products_of_estimator(2, k)], pack(sums_of(phi[k], wrench[:3], wrench[3:]))
+        )
 
 
 def test_a_prepared_run_has_the_moments_of_its_signals(short):

@@ -24,7 +24,8 @@ def sums(signals):
     """The sums that are kept, by their factors, summed sample by sample."""
     rows = signals.swapaxes(0, 1).reshape(TRIALS, 12, SAMPLES)
     return {
-        factors: jnp.asarray(np.prod(rows[:, list(factors)], axis=1).sum(axis=-1)) for factors in sum_equations.KEPT
+        factors: jnp.asarray(np.prod(rows[:, list(factors)], axis=1).sum(axis=-1))
+        for factors in sum_equations.TRIAL_SUMS
     }
 
 
@@ -35,10 +36,12 @@ def offsets():
 
 
 def shifted(sums, offsets):
-    known = sums | sum_equations.residual_sums(sums, jnp.asarray(offsets["r_cg"]), jnp.asarray(offsets["cell"]))
+    with_residuals = sums | sum_equations.residual_sums(
+        sums, jnp.asarray(offsets["r_cg"]), jnp.asarray(offsets["cell"])
+    )
     powers = sum_equations.powers_of(jnp.asarray(offsets["gyro"]))
     wanted = [(*sum_equations.PHI[k], y) for k in sum_equations.OF_OMEGA_R for y in sum_equations.RESIDUAL]
-    return {w: sum_equations.shifted(known, powers, w) for w in (*sum_equations.NEEDED, *wanted)}
+    return {w: sum_equations.shifted(with_residuals, powers, w) for w in (*sum_equations.MATRIX_SUMS, *wanted)}
 
 
 def of_trial(signals, offsets, trial):
@@ -56,8 +59,9 @@ def full(lower):
 
 
 def test_normal_equations_with_every_offset(signals, sums, offsets):
-    known = shifted(sums, offsets)
-    matrix, right = full(sum_equations.normal_matrix(known)), np.stack(sum_equations.right_side(known), axis=1)
+    shifted_sums = shifted(sums, offsets)
+    matrix = full(sum_equations.normal_matrix(shifted_sums))
+    right = np.stack(sum_equations.right_side(shifted_sums), axis=1)
     for trial in range(TRIALS):
         reference = normal_equations(of_trial(signals, offsets, trial), jnp.asarray(offsets["r_cg"][:, trial]))
         np.testing.assert_allclose(matrix[trial], reference[0], rtol=1e-11, atol=1e-10)
@@ -70,23 +74,23 @@ def test_weighted_matrix_is_that_of_rows(signals, sums):
     root = generator.normal(size=(6, 6))
     cell, r = root @ root.T, generator.normal(size=(3, TRIALS))
     weight = sum_equations.residual_covariance(jnp.asarray(cell)[:, :, None], list(jnp.asarray(r)))
-    found = full(sum_equations.weighted_matrix(sums, weight))
+    weighted = full(sum_equations.weighted_matrix(sums, weight))
     for trial in range(TRIALS):
         rows = np.einsum("kn,kai->nai", features(*jnp.asarray(signals[:2, trial])), OMEGA_R_OF_FEATURES)
         x, y, z = r[:, trial]
         of_residual = np.hstack([-np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.eye(3)])
         reference = np.einsum("nai,ab,nbj->ij", rows, of_residual @ cell @ of_residual.T, rows)
-        np.testing.assert_allclose(found[trial], reference, rtol=1e-11)
+        np.testing.assert_allclose(weighted[trial], reference, rtol=1e-11)
 
 
 def test_solution_and_root(signals, sums):
     lower = sum_equations.normal_matrix(sums)
     matrix = full(lower)
     right = np.random.default_rng(34).normal(size=(6, TRIALS))
-    found, ok = plain_solve.solve(lower, list(jnp.asarray(right)))
+    solution, ok = plain_solve.solve(lower, list(jnp.asarray(right)))
     assert ok.all()
     np.testing.assert_allclose(
-        np.stack(found, axis=1), np.linalg.solve(matrix, right.T[:, :, None])[:, :, 0], rtol=1e-9
+        np.stack(solution, axis=1), np.linalg.solve(matrix, right.T[:, :, None])[:, :, 0], rtol=1e-9
     )
     noise = plain_solve.times_root(lower, list(jnp.asarray(right)))
     expected = np.einsum("tij,jt->ti", np.linalg.cholesky(matrix), right)
@@ -98,7 +102,7 @@ def test_what_cannot_be_solved_is_said(signals):
     still = np.zeros((4, 3, SAMPLES))
     still[0, 0], still[1, 0] = signals[0, 0, 0], signals[1, 0, 0]
     rows = still.reshape(12, SAMPLES)
-    sums = {f: jnp.asarray([np.prod(rows[list(f)], axis=0).sum()]) for f in sum_equations.KEPT}
+    sums = {f: jnp.asarray([np.prod(rows[list(f)], axis=0).sum()]) for f in sum_equations.TRIAL_SUMS}
     _, ok = plain_solve.solve(sum_equations.normal_matrix(sums), [jnp.ones(1)] * 6)
     assert not ok.any()
     assert not solve(accumulate(*map(jnp.asarray, still)), jnp.zeros(3)).ok

@@ -15,12 +15,12 @@ from uq.sources.source import Source
 NAMES = ("noise", "cg", "drift")
 
 
-def closed(noise=4.0, cg=1.0, drift=0.0, own=100.0, lost=20.0):
+def closed(noise=4.0, cg=1.0, drift=0.0, duration=100.0, lost=20.0):
     """Variances of moments whose dependence on the duration is known in closed form."""
     variance = np.outer([noise, cg, drift], np.ones(6)) / 9
     nan = np.full(6, np.nan)
     power = np.outer([0, 0, 2], np.ones(6))
-    return Growth(NAMES, own, variance, np.stack([np.full(6, lost), nan, nan]), power)
+    return Growth(NAMES, duration, variance, np.stack([np.full(6, lost), nan, nan]), power)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_variances_follow_their_closed_forms():
 def test_the_duration_solves_its_equation(experiment, monkeypatch):
     """3σ of √(4·80/(T − 20) + 1) is 1.5 at T = 276; the law is told to agree."""
     made = closed()
-    monkeypatch.setattr("uq.planning.required_duration._variances", lambda e, n, s, T, own: made.at(T))
+    monkeypatch.setattr("uq.planning.required_duration._variances", lambda e, n, s, T, estimator: made.at(T))
     answer = required_duration(experiment, 1.5, growth=made)
     assert answer.seconds == pytest.approx(20 + 4 * 80 / 1.25, rel=1e-4)
     assert answer.reached == pytest.approx(1.5, rel=1e-4)

@@ -14,7 +14,7 @@ from tests.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.error_maps import element_map
-from uq.gram_sums.gram_moments import mean, own_products, unpack
+from uq.gram_sums.gram_moments import mean, products_of_estimator, unpack
 from uq.gram_sums.setup import cases_of
 from uq.propagation import experiment_law as module
 from uq.propagation.expansion import expected_sums
@@ -38,16 +38,16 @@ def scaled(sources, factor):
     return tuple(eqx.tree_at(lambda s: s.sigma, s, factor * s.sigma) for s in sources)
 
 
-def compare(found, result, errors, *, leave_out=""):
+def compare(predicted, result, errors, *, leave_out=""):
     """Every case, both statistics, six components: law minus Monte Carlo within so many standard errors."""
     compared = 0
-    for trajectory, estimator in found.pairs():
-        ours, theirs = found[trajectory, estimator], result[trajectory, estimator]
-        for part in ("groups", "sources"):
-            for name, s in getattr(ours, part).items():
+    for trajectory, estimator in predicted.pairs():
+        ours, theirs = predicted[trajectory, estimator], result[trajectory, estimator]
+        for kind in ("groups", "sources"):
+            for name, s in getattr(ours, kind).items():
                 if leave_out and name.endswith(leave_out):
                     continue
-                other = getattr(theirs, part)[name]
+                other = getattr(theirs, kind)[name]
                 for figure in ("mean_error", "three_sigma"):
                     allowed = errors * getattr(other, f"{figure}_standard_error") + ROUNDING
                     away = np.abs(getattr(s, figure) - getattr(other, figure))
@@ -59,12 +59,12 @@ def compare(found, result, errors, *, leave_out=""):
 def test_law_and_monte_carlo_agree(short, prepared):
     """Two trajectories, two estimators, eleven cases, six components; 4.5 standard errors: 528 x 7e-6 false alarms."""
     result = montecarlo(short, trials=400, seed=5, trajectories=["T1", "T3"])
-    found = prepared.evaluate()
-    assert compare(found, result, 4.5) == 2 * 2 * 11 * 2 * 6
-    _, rows = beside(found, result)
+    predicted = prepared.evaluate()
+    assert compare(predicted, result, 4.5) == 2 * 2 * 11 * 2 * 6
+    _, rows = beside(predicted, result)
     assert len(rows) == 2 * 2 * 6
     assert max(abs(float(x.replace("−", "-"))) for row in rows[2::3] for x in row[3:]) < 4.5
-    by_case = {(v.trajectory, v.estimator, v.case): v for v in verdicts(found, result)}
+    by_case = {(v.trajectory, v.estimator, v.case): v for v in verdicts(predicted, result)}
     for trajectory in ("T1", "T3"):
         gyro, cell = (by_case[trajectory, "central", name] for name in ("omega_precision", "M_precision"))
         assert rejected(gyro.textbook)[5]
@@ -72,15 +72,15 @@ def test_law_and_monte_carlo_agree(short, prepared):
         assert not rejected(cell.textbook).any()
         assert not rejected(cell.law).any()
     assert "quadratic" in by_case["T3", "central", "omega_bias"].why
-    assert "clause 8" in law_report(found, result)
+    assert "clause 8" in law_report(predicted, result)
 
 
 def test_law_and_monte_carlo_agree_as_noise_shrinks(short, prepared):
     """The quadratic terms vanish as the square: law, textbook and Monte Carlo are one in the limit."""
     small = scaled(short.sources, 1e-3)
-    found = prepared.evaluate(small)
+    predicted = prepared.evaluate(small)
     result = montecarlo(dataclasses.replace(short, sources=small), trials=300, seed=6, trajectories=["T1", "T3"])
-    compare(found, result, 4.5)
+    compare(predicted, result, 4.5)
     for trajectory in ("T1", "T3"):
         for factor, allowed in ((1e-2, 2e-3), (1e-3, 2e-5)):
             total = prepared.evaluate(scaled(short.sources, factor))[trajectory, "central"].total
@@ -97,8 +97,8 @@ def test_other_figures_compile_nothing_new(short, prepared):
 
 
 def test_the_textbooks_law_is_blind_where_the_effect_is_quadratic(prepared):
-    found = prepared.evaluate()
-    white, bias = (found["T3", "central"].sources[name] for name in ("omega_precision", "omega_bias"))
+    predicted = prepared.evaluate()
+    white, bias = (predicted["T3", "central"].sources[name] for name in ("omega_precision", "omega_bias"))
     assert white.mean_error[5] < -20 * white.three_sigma[5]
     np.testing.assert_array_less(np.abs(white.textbook_value), 1e-2 * np.abs(white.mean_error[5]))
     # second order about the noise-free run: too much dilution (paper: 14 % off at 500 Hz)
@@ -110,13 +110,15 @@ def test_the_textbooks_law_is_blind_where_the_effect_is_quadratic(prepared):
 
 def test_expected_sums_of_elements_are_those_of_features(short, prepared):
     """Two ways to the expected sums: the elements that errors map, and the polynomials of the noise."""
-    ground, variance = prepared.grounds["T1"], jnp.array([1e-4, 2e-4, 3e-4])
-    elements = element_map(no_errors(), whole=True)
+    run, variance = prepared.runs["T1"], jnp.array([1e-4, 2e-4, 3e-4])
+    elements = element_map(no_errors(), gyro_mapped=True)
     for k in range(2):
-        of_own = jax.jit(expected_sums)(ground.quiet.sums[0].own(k), variance, ground.moments.alphas[k, k])
-        other = unpack(jax.jit(mean)(ground.moments, variance)[own_products(2, k)], N_FEATURES)
-        np.testing.assert_allclose(elements @ of_own.gram @ elements.T, other.gram, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(elements @ of_own.wrench[:, :3], other.force, rtol=1e-9, atol=1e-7)
+        of_estimator = jax.jit(expected_sums)(
+            run.noise_free.sums[0].of_estimator(k), variance, run.moments.alphas[k, k]
+        )
+        other = unpack(jax.jit(mean)(run.moments, variance)[products_of_estimator(2, k)], N_FEATURES)
+        np.testing.assert_allclose(elements @ of_estimator.gram @ elements.T, other.gram, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(elements @ of_estimator.wrench[:, :3], other.force, rtol=1e-9, atol=1e-7)
 
 
 # --- other sources ---
@@ -150,10 +152,10 @@ LINKED = [{"sources": ["F_scale", "M_scale"], "coefficient": 0.9}]
 def agree(sources, links, trials, cases):
     """Rounding is not drawn: alone it errs once, by what the law takes for one of many such errors."""
     given = experiment(*sources, correlations=links)
-    result, found = montecarlo(given, trials=trials, seed=8), law(given)
-    assert compare(found, result, 5, leave_out="M_rounding") == 2 * cases * 2 * 6
+    result, predicted = montecarlo(given, trials=trials, seed=8), law(given)
+    assert compare(predicted, result, 5, leave_out="M_rounding") == 2 * cases * 2 * 6
     for estimator in ("central", "smoothed"):
-        ours, theirs = (x["T", estimator].sources["M_rounding"] for x in (found, result))
+        ours, theirs = (x["T", estimator].sources["M_rounding"] for x in (predicted, result))
         assert (np.abs(theirs.mean_error - ours.mean_error) < 4 / 3 * ours.three_sigma).all()
 
 
@@ -210,17 +212,17 @@ def test_degrees_of_freedom_of_students_t(short, prepared):
             return s
         return dataclasses.replace(s, sigma=np.array([0.0, 0.02, 0.0]), shape=StudentT(0.0, 1.0, 4.0))
 
-    found = prepared.evaluate([changed(s) for s in short.sources])["T1", "central"]
-    alone, known = found.sources["M_bias"], found.sources["F_bias"]
+    predicted = prepared.evaluate([changed(s) for s in short.sources])["T1", "central"]
+    alone, exact_scale = predicted.sources["M_bias"], predicted.sources["F_bias"]
     np.testing.assert_allclose(alone.degrees_of_freedom, 4, rtol=1e-6)
     np.testing.assert_allclose(alone.three_sigma, 3 * np.sqrt(2) * alone.standard_uncertainty, rtol=1e-6)
     low, high = alone.coverage_interval()
     np.testing.assert_allclose(high - low, 2 * 2.776 * alone.standard_uncertainty, rtol=1e-3)
-    assert np.isinf(known.degrees_of_freedom).all()
+    assert np.isinf(exact_scale.degrees_of_freedom).all()
 
 
 @pytest.mark.parametrize(
-    ("one", "message"),
+    ("declared", "message"),
     [
         (source("n", "F", "coloured", flicker=["0.05 N"] * 3), "'n' is noise that is not white"),
         (source("n", "M", "quantisation", step=["5 N*m"] * 3), "'n' rounds axis"),
@@ -232,23 +234,25 @@ def test_degrees_of_freedom_of_students_t(short, prepared):
         ),
     ],
 )
-def test_what_the_law_cannot_take_is_refused(one, message):
+def test_what_the_law_cannot_take_is_refused(declared, message):
     with pytest.raises(ExperimentError, match=message):
-        law(experiment(one))
+        law(experiment(declared))
 
 
 # --- the result ---
 
 
 def test_the_result_reads_well(prepared):
-    found = prepared.evaluate()
-    assert "3σ, textbook" in repr(found)
-    assert found._repr_html_().count("<table>") == 2
-    said = found.to_dict()
-    s = said["trajectories"]["T1"]["central"]["sources"]["omega_bias"]
+    predicted = prepared.evaluate()
+    assert "3σ, textbook" in repr(predicted)
+    assert predicted._repr_html_().count("<table>") == 2
+    content = predicted.to_dict()
+    s = content["trajectories"]["T1"]["central"]["sources"]["omega_bias"]
     assert set(s) >= {"mean_error", "three_sigma", "textbook_three_sigma", "covariance"}
-    assert s["three_sigma"]["I33"] == pytest.approx(1e3 * found["T1", "central"].sources["omega_bias"].three_sigma[5])
-    assert len(found.source_rows()[1]) == 2 * 2 * 11 * 2
+    assert s["three_sigma"]["I33"] == pytest.approx(
+        1e3 * predicted["T1", "central"].sources["omega_bias"].three_sigma[5]
+    )
+    assert len(predicted.source_rows()[1]) == 2 * 2 * 11 * 2
 
 
 def test_a_kind_that_was_not_prepared_is_refused(prepared):
@@ -278,9 +282,9 @@ def test_the_verdict_on_the_textbooks_law():
     """Clause 8 rejects it for the gyro's noise everywhere, for its bias on T3 and T4, and says why."""
     preset = Experiment.load("barreto2016")
     result = montecarlo(preset, trials=2000, estimators="central")
-    found = verdicts(law(preset, estimators="central"), result)
-    print(text_table(*verdict_rows(found)))
-    for verdict in found:
+    judged = verdicts(law(preset, estimators="central"), result)
+    print(text_table(*verdict_rows(judged)))
+    for verdict in judged:
         if verdict.case == "omega_precision" or (verdict.case == "omega_bias" and verdict.trajectory in ("T3", "T4")):
             assert rejected(verdict.textbook).any()
             assert "quadratic" in verdict.why or "do not average out" in verdict.why

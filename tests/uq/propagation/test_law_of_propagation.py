@@ -106,8 +106,8 @@ def test_effective_degrees_of_freedom():
     assert law.degrees_of_freedom[0] == pytest.approx(19.0, abs=0.05)
     half = law.coverage_interval(0.95)[1] - law.value
     assert half == pytest.approx(student.ppf(0.975, law.degrees_of_freedom[0]) * 0.010296, rel=1e-3)
-    known = propagate(lambda i: i["a"], {"a": scalar(1, 0.1)})
-    assert np.isinf(known.degrees_of_freedom[0])
+    exact = propagate(lambda i: i["a"], {"a": scalar(1, 0.1)})
+    assert np.isinf(exact.degrees_of_freedom[0])
 
 
 def test_a_students_t_enters_with_its_scale():

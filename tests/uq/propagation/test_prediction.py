@@ -62,5 +62,5 @@ def test_its_gradient_is_that_of_differences(short):
         jerk = jerk_of(dataclasses.replace(spec, trajectory=faster), motion)
         return jnp.log(jnp.trace(prediction.covariance(motion, jerk)))
 
-    one, h = jnp.array(1.0), 1e-4
-    np.testing.assert_allclose(jax.grad(width)(one), (width(one + h) - width(one - h)) / (2 * h), rtol=1e-5)
+    unit, h = jnp.array(1.0), 1e-4
+    np.testing.assert_allclose(jax.grad(width)(unit), (width(unit + h) - width(unit - h)) / (2 * h), rtol=1e-5)

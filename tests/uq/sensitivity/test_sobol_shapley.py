@@ -28,14 +28,14 @@ def ishigami(x):
 
 def ishigami_closed():
     """Ishigami and Homma 1990: V_a, V_b and the interaction V_ac are all there is."""
-    one = (1 + B * np.pi**4 / 5) ** 2 / 2
-    two, both = A**2 / 8, B**2 * np.pi**8 * (1 / 18 - 1 / 50)
+    first_alone = (1 + B * np.pi**4 / 5) ** 2 / 2
+    second_alone, interaction = A**2 / 8, B**2 * np.pi**8 * (1 / 18 - 1 / 50)
     closed = {
-        "first": np.array([one, two, 0]),
-        "total": np.array([one + both, two, both]),
-        "shapley": np.array([one + both / 2, two, both / 2]),
+        "first": np.array([first_alone, second_alone, 0]),
+        "total": np.array([first_alone + interaction, second_alone, interaction]),
+        "shapley": np.array([first_alone + interaction / 2, second_alone, interaction / 2]),
     }
-    return {kind: values / (one + two + both) for kind, values in closed.items()}
+    return {kind: values / (first_alone + second_alone + interaction) for kind, values in closed.items()}
 
 
 G = np.array([0.0, 1.0, 4.5, 9.0])
@@ -74,8 +74,8 @@ def linear(x):
 
 def covariance(correlation, sigmas):
     matrix = np.eye(len(sigmas))
-    for (one, other), value in correlation.items():
-        i, j = int(one[1:]), int(other[1:])
+    for (first, second), value in correlation.items():
+        i, j = int(first[1:]), int(second[1:])
         matrix[i, j] = matrix[j, i] = value
     return matrix * np.outer(sigmas, sigmas)
 
@@ -154,8 +154,8 @@ def test_two_correlated_normals_share_as_owen_and_prieur_say():
     inputs = {"x0": Normal(0.0, 1.0), "x1": Normal(0.0, 2.0)}
     for rho in (-0.7, 0.5, 1.0):
         result = shapley(lambda x: x["x0"] + 3 * x["x1"], inputs, correlation={("x0", "x1"): rho}, trials=4000)
-        one, two, both = 1.0, 36.0, 6.0 * rho
-        closed = (one * (1 - rho**2 / 2) + both + two * rho**2 / 2) / (one + two + 2 * both)
+        first, second, shared = 1.0, 36.0, 6.0 * rho
+        closed = (first * (1 - rho**2 / 2) + shared + second * rho**2 / 2) / (first + second + 2 * shared)
         assert abs(result.shapley.value[0, 0] - closed) <= 4 * result.shapley.standard_error[0, 0] + 1e-12
 
 
@@ -244,19 +244,19 @@ def test_swaps_are_the_mean_over_all_pairs(generator):
     players = [0b0001, 0b0110, 0b1000]
     costs = np.array([np.mean([(y[w] - y[w ^ s]) ** 2 / 2 for w in range(16)], axis=0) for s in range(16)])
     expected = effects_of_costs(players, 4) @ costs
-    found = effects_of_swaps(players, 4) @ (walsh(4) @ y) ** 2
-    np.testing.assert_allclose(found, expected, atol=1e-9)
-    np.testing.assert_allclose(found[6:9].sum(0), found[9], atol=1e-9)  # Shapley effects share out the variance
+    effects = effects_of_swaps(players, 4) @ (walsh(4) @ y) ** 2
+    np.testing.assert_allclose(effects, expected, atol=1e-9)
+    np.testing.assert_allclose(effects[6:9].sum(0), effects[9], atol=1e-9)  # Shapley effects share out the variance
     products = [  # of differences: Owen's estimator of the first order
         np.mean([(y[w] - y[w ^ p]) * (y[w ^ 15 ^ p] - y[w ^ 15]) / 2 for w in range(16)], axis=0) for p in players
     ]
-    np.testing.assert_allclose(found[:3], products, atol=1e-9)
+    np.testing.assert_allclose(effects[:3], products, atol=1e-9)
 
 
 def test_neither_order_nor_an_idle_input_nor_the_mean_changes_an_index():
-    one = sobol(g_function, UNIT, trials=50)
+    straight = sobol(g_function, UNIT, trials=50)
     turned = sobol(g_function, dict(reversed(UNIT.items())), trials=50)
-    np.testing.assert_allclose(turned.first.value[::-1], one.first.value, atol=1e-12)
+    np.testing.assert_allclose(turned.first.value[::-1], straight.first.value, atol=1e-12)
     near = shapley(g_function, UNIT, trials=50)
     more = shapley(g_function, {"idle": Normal(0.0, 1.0), **UNIT}, trials=50)
     np.testing.assert_allclose(more.shapley.value[1:], near.shapley.value, atol=1e-12)
@@ -319,10 +319,10 @@ def covered(name, way, repeats, trials):
     for seed in range(repeats):
         with pytest.MonkeyPatch.context() as patch:
             if way == "walks":
-                found, closed = walked(name, patch, trials=trials, seed=seed)
+                estimated, closed = walked(name, patch, trials=trials, seed=seed)
             else:
-                found, closed = list(runs(name, trials=trials, seed=seed))[way == "sobol"]
-        for kind, indices in kinds(found).items():
+                estimated, closed = list(runs(name, trials=trials, seed=seed))[way == "sobol"]
+        for kind, indices in kinds(estimated).items():
             hit = np.abs(indices.value[:, 0] - closed[kind]) <= 1.96 * indices.standard_error[:, 0]
             hits.setdefault(kind, []).append(hit)
     return {kind: np.mean(hit, axis=0) for kind, hit in hits.items()}

@@ -94,8 +94,8 @@ def test_shares_of_linear_sources_are_the_closed_form(linear, closed):
 def coverage(errors, twins, closed, block):
     """How often 1.96 standard errors of a budget of ``block`` pairs hold the closed form, for shares above 1e-3."""
     shares, hits = closed / closed.sum(0), []
-    for part in errors.reshape(-1, block, *errors.shape[1:]):
-        b = budget_of(twins, part)
+    for errors_of_budget in errors.reshape(-1, block, *errors.shape[1:]):
+        b = budget_of(twins, errors_of_budget)
         for indices in (b.sources.first, b.sources.shapley):
             hit = np.abs(indices.value - shares) <= 1.96 * indices.standard_error
             whole = np.abs(indices.generalised - closed @ WEIGHTS / (closed @ WEIGHTS).sum())
@@ -112,9 +112,9 @@ def test_standard_errors_cover_the_closed_form(linear, closed):
 def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(brief, closed):
     """200 budgets of 200 pairs."""
     twins, errors = run(only(brief, *LINEAR), 40_000)
-    found = coverage(errors, twins, closed, 200)
-    print("coverage of 200 budgets of 200 pairs:", found)
-    assert 0.90 <= found <= 0.99
+    covered = coverage(errors, twins, closed, 200)
+    print("coverage of 200 budgets of 200 pairs:", covered)
+    assert 0.90 <= covered <= 0.99
 
 
 @pytest.fixture(scope="module")
@@ -143,15 +143,17 @@ def played(twins, model, generator, trials):
 def test_an_interaction_is_shared_in_halves(bare, generator):
     """Y = 5 + a + 2 b + 3 a b of standard normals, c idle: V = 1 + 4 + 9, the product's part in halves."""
     twins = twinned(board(bare, "one", "one", "two"))
-    found = budget_of(twins, played(twins, lambda x: 5 + x["a"] + 2 * x["b"] + 3 * x["a"] * x["b"], generator, 40_000))
+    estimated = budget_of(
+        twins, played(twins, lambda x: 5 + x["a"] + 2 * x["b"] + 3 * x["a"] * x["b"], generator, 40_000)
+    )
     for indices, exact in (
-        (found.sources.first, [1, 4, 0]),
-        (found.sources.total, [10, 13, 0]),
-        (found.sources.shapley, [5.5, 8.5, 0]),
-        (found.groups.shapley, [14, 0]),
+        (estimated.sources.first, [1, 4, 0]),
+        (estimated.sources.total, [10, 13, 0]),
+        (estimated.sources.shapley, [5.5, 8.5, 0]),
+        (estimated.groups.shapley, [14, 0]),
     ):
         assert (np.abs(indices.value[:, 0] - np.array(exact) / 14) <= 4 * indices.standard_error[:, 0] + 1e-12).all()
-    share = found.mean_square.bias_share[0], found.mean_square.bias_share_standard_error[0]
+    share = estimated.mean_square.bias_share[0], estimated.mean_square.bias_share_standard_error[0]
     assert abs(share[0] - 25 / 39) <= 4 * share[1]
 
 
@@ -164,24 +166,24 @@ def test_more_than_ten_sources_walk(bare, generator):
     def model(x):
         return sum(k * x[n] for k, n in enumerate(names)) + 20 * x["a"] * x["b"] * x["c"]
 
-    found = budget_of(twins, played(twins, model, generator, 3000))
-    own, product = np.arange(12) ** 2, 400 * (np.arange(12) < 3)
-    of_groups = np.array([own[:4].sum() + 400, own[4:8].sum(), own[8:].sum()])
-    variance = own.sum() + 400
+    estimated = budget_of(twins, played(twins, model, generator, 3000))
+    alone, product = np.arange(12) ** 2, 400 * (np.arange(12) < 3)
+    of_groups = np.array([alone[:4].sum() + 400, alone[4:8].sum(), alone[8:].sum()])
+    variance = alone.sum() + 400
     for indices, exact in (
-        (found.sources.first, own),
-        (found.sources.total, own + product),
-        (found.sources.shapley, own + product / 3),
-        (found.groups.shapley, of_groups),
-        (found.groups.total, of_groups),
+        (estimated.sources.first, alone),
+        (estimated.sources.total, alone + product),
+        (estimated.sources.shapley, alone + product / 3),
+        (estimated.groups.shapley, of_groups),
+        (estimated.groups.total, of_groups),
     ):
         error = np.abs(indices.value[:, 0] - exact / variance)
         assert (error <= 4 * indices.standard_error[:, 0]).all(), (error, indices.standard_error[:, 0])
         np.testing.assert_allclose(indices.generalised, indices.value[:, 0])
-    np.testing.assert_allclose(found.sources.shapley.sum[0], 1)
-    assert found.closes
+    np.testing.assert_allclose(estimated.sources.shapley.sum[0], 1)
+    assert estimated.closes
     # eight orders of three: the share in the product is as uncertain as they scatter
-    assert found.sources.shapley.standard_error[0, 0] > 2 * found.sources.first.standard_error[0, 0]
+    assert estimated.sources.shapley.standard_error[0, 0] > 2 * estimated.sources.first.standard_error[0, 0]
 
 
 def test_correlated_sources_are_one_player_and_fixed_ones_none(bare):
@@ -251,9 +253,9 @@ def test_the_tensors_share_does_not_hang_on_the_frame(linear, generator):
     full = np.asarray(jax.vmap(jax.vmap(unpack))(jnp.asarray(some)))
     turned = turn @ full @ turn.T
     packed = turned[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    one, other = budget_of(twins, some), budget_of(twins, packed)
-    np.testing.assert_allclose(other.sources.shapley.generalised, one.sources.shapley.generalised, rtol=1e-9)
-    assert np.abs(other.sources.shapley.value - one.sources.shapley.value).max() > 0.01
+    separate, together = budget_of(twins, some), budget_of(twins, packed)
+    np.testing.assert_allclose(together.sources.shapley.generalised, separate.sources.shapley.generalised, rtol=1e-9)
+    assert np.abs(together.sources.shapley.value - separate.sources.shapley.value).max() > 0.01
 
 
 def test_a_source_of_no_size_has_no_share_but_is_there(short):

@@ -68,21 +68,21 @@ def interrupted(experiment, folder, writes):
         montecarlo(experiment, trials=TRIALS, checkpoint=Mortal(folder, writes), **OPTIONS)
 
 
-def assert_the_same(one, two):
-    for name in one.errors:
-        np.testing.assert_array_equal(one.errors[name], two.errors[name])
-    assert one.to_dict()["trajectories"] == two.to_dict()["trajectories"]
+def assert_the_same(first, second):
+    for name in first.errors:
+        np.testing.assert_array_equal(first.errors[name], second.errors[name])
+    assert first.to_dict()["trajectories"] == second.to_dict()["trajectories"]
 
 
 @pytest.mark.parametrize("writes", [0, 1, 4])
 def test_a_killed_campaign_goes_on_to_the_same_bits(experiment, whole, tmp_path, writes):
     """Before the first write, within the first trajectory, within the second."""
     interrupted(experiment, tmp_path, writes)
-    said = []
-    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=said.append), **OPTIONS)
+    lines = []
+    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=lines.append), **OPTIONS)
     assert_the_same(whole, resumed)
-    one, three = "resuming T1 at trial {} of 500".format, "resuming T3 at trial 200 of 500"
-    assert said == {0: [], 1: [one(200)], 4: [one(500), three]}[writes]
+    at_trial, three = "resuming T1 at trial {} of 500".format, "resuming T3 at trial 200 of 500"
+    assert lines == {0: [], 1: [at_trial(200)], 4: [at_trial(500), three]}[writes]
 
 
 def test_an_interrupt_keeps_all_that_is_done(experiment, whole, tmp_path):
@@ -94,9 +94,9 @@ def test_an_interrupt_keeps_all_that_is_done(experiment, whole, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, progress=stop, **OPTIONS)
-    said = []
-    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=said.append), **OPTIONS)
-    assert said == ["resuming T1 at trial 400 of 500"]
+    lines = []
+    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=lines.append), **OPTIONS)
+    assert lines == ["resuming T1 at trial 400 of 500"]
     assert_the_same(whole, resumed)
 
 
@@ -162,8 +162,8 @@ def test_a_part_of_another_campaign_is_refused(experiment, tmp_path):
     interrupted(experiment, tmp_path / "a", 1)
     with pytest.raises(Killed):
         montecarlo(experiment, trials=TRIALS, seed=1, checkpoint=Mortal(tmp_path / "b", 1), **OPTIONS)
-    (part,) = (tmp_path / "b").glob("*.part")
-    (tmp_path / "a" / part.name).write_bytes(part.read_bytes())
+    (segment,) = (tmp_path / "b").glob("*.part")
+    (tmp_path / "a" / segment.name).write_bytes(segment.read_bytes())
     with pytest.raises(ExperimentError, match="is of another campaign"):
         montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path / "a", **OPTIONS)
 

@@ -28,13 +28,17 @@ def test_drawn_sums_give_what_samples_give(both, pair):
     assert collapsed.failed == 0
     for kind in ("groups", "sources"):
         for name, reference in getattr(by_samples, kind).items():
-            found = getattr(collapsed, kind)[name]
+            estimated = getattr(collapsed, kind)[name]
             for figure in ("mean_error", "three_sigma"):
-                one, two = getattr(found, figure), getattr(reference, figure)
+                value, expected = getattr(estimated, figure), getattr(reference, figure)
                 error = np.hypot(
-                    getattr(found, f"{figure}_standard_error"), getattr(reference, f"{figure}_standard_error")
+                    getattr(estimated, f"{figure}_standard_error"), getattr(reference, f"{figure}_standard_error")
                 )
-                assert (np.abs(one - two) <= 4.5 * error + 1e-15).all(), (name, figure, (one - two) / error)
+                assert (np.abs(value - expected) <= 4.5 * error + 1e-15).all(), (
+                    name,
+                    figure,
+                    (value - expected) / error,
+                )
 
 
 def test_numbers_do_not_depend_on_batch_or_devices(brief):
@@ -74,14 +78,14 @@ def quantiles(errors):
     return at(place), (at(place + half) - at(place - half)) / 2
 
 
-def differences(reference, found):
+def differences(reference, errors):
     """Relative difference and the difference in standard errors, by figure: 3 sigma, mean error, both quantiles."""
-    one, two = Statistics.of(reference), Statistics.of(found)
+    expected, estimated = Statistics.of(reference), Statistics.of(errors)
     figures = {
-        name: [(getattr(of, name), getattr(of, f"{name}_standard_error")) for of in (one, two)]
+        name: [(getattr(of, name), getattr(of, f"{name}_standard_error")) for of in (expected, estimated)]
         for name in ("three_sigma", "mean_error")
     }
-    ends = [quantiles(errors) for errors in (reference, found)]
+    ends = [quantiles(trials) for trials in (reference, errors)]
     figures |= {f"{100 * p:g} %": [(value[k], error[k]) for value, error in ends] for k, p in enumerate(TAILS)}
     with np.errstate(divide="ignore", invalid="ignore"):
         return {
@@ -104,14 +108,14 @@ def test_drawn_sums_against_a_hundred_thousand_trials(preset, trajectory):
     """
     folder = os.environ.get("COLLAPSED_STUDY")
     options = {"trajectories": trajectory, "estimators": "central"}
-    kept = None if folder is None else f"{folder}/{trajectory}"
-    by_samples = montecarlo(preset, trials=100_000, dtype="float32", checkpoint=kept, **options)
+    checkpoint = None if folder is None else f"{folder}/{trajectory}"
+    by_samples = montecarlo(preset, trials=100_000, dtype="float32", checkpoint=checkpoint, **options)
     collapsed = [montecarlo(preset, trials=100_000, seed=100 + k, sampling="collapsed", **options) for k in range(10)]
     groups = list(by_samples.breakdowns[trajectory]["central"].groups)
     for k, name in enumerate(groups):
         reference = by_samples.errors[trajectory][:, 0, k]
-        found = np.concatenate([result.errors[trajectory][:, 0, k] for result in collapsed])
-        for figure, (relative, in_errors) in differences(reference, found).items():
+        collapsed_errors = np.concatenate([result.errors[trajectory][:, 0, k] for result in collapsed])
+        for figure, (relative, in_errors) in differences(reference, collapsed_errors).items():
             fine = (np.abs(relative) <= LIMITS[figure]) | (np.abs(in_errors) <= 4)
             print(
                 f"{trajectory} {name:<10} {figure:<11} worst of I11 .. I33: {100 * np.nanmax(np.abs(relative)):7.3f} %, "

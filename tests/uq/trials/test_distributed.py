@@ -32,9 +32,9 @@ def experiment(tmp_path):
 
 
 def free_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+    with socket.socket() as free_socket:
+        free_socket.bind(("127.0.0.1", 0))
+        return free_socket.getsockname()[1]
 
 
 def start(arguments, core=0, **environment):
@@ -48,8 +48,8 @@ def start(arguments, core=0, **environment):
 
 def finished(*processes):
     """Exit status, output and errors of each."""
-    said = [process.communicate(timeout=240) for process in processes]
-    return [(process.returncode, *text) for process, text in zip(processes, said, strict=True)]
+    outputs = [process.communicate(timeout=240) for process in processes]
+    return [(process.returncode, *text) for process, text in zip(processes, outputs, strict=True)]
 
 
 def command(experiment, out, trials, *more):
@@ -95,9 +95,9 @@ def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, ki
     two[killed].send_signal(signal.SIGKILL)
     finished(two[killed])
     began = time.monotonic()
-    status, said, errors = finished(two[1 - killed])[0]
+    status, output, errors = finished(two[1 - killed])[0]
     print(f"process {killed} of 2 killed: the other ends after {time.monotonic() - began:.1f} s with: {errors.strip()}")
-    assert (status, said) == (3, "")
+    assert (status, output) == (3, "")
     assert errors.count("\n") == 1
     assert "goes on from what is kept" in errors
     again = of_two(experiment, out, trials) if resumed == 2 else [start(command(experiment, out, trials))]
@@ -144,8 +144,8 @@ def test_what_a_lost_process_left_unwritten_is_run_again(tmp_path):
         member.close()
     alone = Checkpoint(tmp_path)
     alone.open({"seed": 0})
-    parts = alone.load("T1", 1000)
-    assert np.concatenate([part.inertia for part in parts])[:, 0, 0, 0].tolist() == list(range(500))
+    segments = alone.load("T1", 1000)
+    assert np.concatenate([segment.inertia for segment in segments])[:, 0, 0, 0].tolist() == list(range(500))
     assert len(list(tmp_path.glob("*.part"))) == 5
     alone.close()
 

@@ -102,9 +102,9 @@ def test_an_engines_campaign_has_the_references_distribution(statistics, brief, 
     for name, expected in statistics.items():
         of_engine = result["T1", "central"].groups[name]
         for figure in ("mean_error", "three_sigma"):
-            one, two = (getattr(of, figure) for of in (of_engine, expected))
+            value, reference = (getattr(of, figure) for of in (of_engine, expected))
             error = np.hypot(*(getattr(of, f"{figure}_standard_error") for of in (of_engine, expected)))
-            assert (np.abs(one - two) <= 4.5 * error + 1e-14).all(), (name, figure, (one - two) / error)
+            assert (np.abs(value - reference) <= 4.5 * error + 1e-14).all(), (name, figure, (value - reference) / error)
 
 
 def test_the_law_predicts_the_references_trials(statistics, brief):
