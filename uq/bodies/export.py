@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from identify.exceptions import RunError
-from identify.reporting import Result, Section
+from identify.reporting import Result, Section, plain
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.text_tables import Table
 from uq.bodies.export_formats import ExportFormat, export_format, names
@@ -154,25 +154,21 @@ def _notes(
         *(f"run {file} sha256 {sha or 'not known'}" for file, sha in runs),
         *(f"warning: {text}" for text in warnings),
     ]
-    plain = [" ".join(line.replace("·", "*").replace("²", "^2").split()) for line in lines]
-    return [line.encode("ascii", "replace").decode() for line in plain]
+    ascii_lines = [" ".join(line.replace("·", "*").replace("²", "^2").split()) for line in lines]
+    return [line.encode("ascii", "replace").decode() for line in ascii_lines]
 
 
 def _content(
     parameters: InertialParameters, runs: Sequence[tuple[str, str | None]], warnings: Sequence[str]
 ) -> dict[str, Any]:
     """What the JSON adds; what is not known is null."""
-
-    def finite_or_none(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
     return {
         "standard_uncertainty": {
-            name: finite_or_none(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)
+            name: plain(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)
         },
         "covariance": {
             "order": list(PARAMETERS),
-            "values": [[finite_or_none(x) for x in row] for row in parameters.covariance],
+            "values": plain(parameters.covariance),
         },
         "runs": [{"file": file, "sha256": sha} for file, sha in runs],
         "warnings": list(warnings),

@@ -35,7 +35,7 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
         "blocks": verdicts[0].blocks,
         "trajectories": {
             trajectory: {
-                name: {"tolerance": _by_component(of.tolerance), "reached": _by_component(of.reached)}
+                name: {"tolerance": by_component(of.tolerance), "reached": by_component(of.reached)}
                 for name, of in estimators.items()
             }
             for trajectory, estimators in stability.items()
@@ -45,10 +45,11 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
 
 def _interval(interval: CoverageInterval) -> dict[str, dict[str, float | None]]:
     names = ("low", "low_standard_error", "high", "high_standard_error")
-    return {name: _by_component(getattr(interval, name)) for name in names}
+    return {name: by_component(getattr(interval, name)) for name in names}
 
 
-def _by_component(values: np.ndarray) -> dict[str, float | None]:
+def by_component(values: np.ndarray) -> dict[str, float | None]:
+    """Return figures [kg·m²] by component, in g·m²; what is not finite is None."""
     return {
         component: float(value) * GRAM_METRE if np.isfinite(value) else None
         for component, value in zip(COMPONENTS, values, strict=True)
@@ -61,7 +62,7 @@ def _ellipsoid(errors: np.ndarray) -> dict[str, Any] | None:
     except ValueError:  # too few trials, or components of which one follows from the others
         return None
     return {
-        "centre": _by_component(region.centre),
+        "centre": by_component(region.centre),
         "covariance": (GRAM_METRE**2 * region.covariance).tolist(),
         "factor": region.factor.value,
         "factor_standard_error": region.factor.standard_error,

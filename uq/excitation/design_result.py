@@ -1,13 +1,12 @@
 """The report of a design: its budget beside known trajectories, its limits, sensors, durations, files."""
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from identify.reporting import Drawing, Result, Section
+from identify.reporting import Drawing, Result, Section, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table, fixed
 from uq.campaign.statistics import Breakdown
@@ -159,11 +158,11 @@ class DesignReport(Result):
             "bound": {goal: None if least is None else GRAM_METRE * least for goal, least in self.bound.items()},
             "bound_relaxes": [] if design.bound is None else list(design.bound.relaxes),
             "limits": [
-                _plain({"quantity": peak.quantity, "share": peak.share, "part": peak.channel, "t": peak.t})
+                plain({"quantity": peak.quantity, "share": peak.share, "part": peak.channel, "t": peak.t})
                 for peak in design.peaks
             ],
             "active": [str(peak) for peak in design.active],
-            "starts": [_plain(dataclasses.asdict(start)) for start in design.starts],
+            "starts": [plain(start) for start in design.starts],
             "sensors": self.sensors.to_dict(),
             "durations": [duration.to_dict() for duration in self.durations],
             "files": list(self.files_of),
@@ -196,12 +195,6 @@ class DesignReport(Result):
             for k, start in enumerate(self.design.starts, start=1)
         ]
         return Table("Searches", ["start", "goal, reference = 1", "limits met"], rows)
-
-
-def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping whose figures JSON can hold."""
-    plain = {key: value.item() if hasattr(value, "item") else value for key, value in content.items()}
-    return {key: None if isinstance(x, float) and not np.isfinite(x) else x for key, x in plain.items()}
 
 
 def _by_component(values: np.ndarray) -> dict[str, float]:

@@ -13,7 +13,9 @@ def covariance_root(covariance: Float[Array, "k k"]) -> Float[Array, "k k"]:
     scale = jnp.sqrt(jnp.diag(covariance))
     inverse = jnp.where(scale > 0, 1 / jnp.where(scale > 0, scale, 1), 0)
     size = len(covariance)
-    nearly_singular = max(1e-12, 64 * size * float(jnp.finfo(covariance.dtype).eps))  # alphas of alike differentiators
+    nearly_singular = max(
+        1e-12, 64 * size * float(jnp.finfo(covariance.dtype).eps)
+    )  # alphas of similar differentiators
     correlation = covariance * jnp.outer(inverse, inverse) + nearly_singular * jnp.eye(size)
     return scale[:, None] * _triangular_root(correlation)
 

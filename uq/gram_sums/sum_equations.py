@@ -1,13 +1,13 @@
 """Normal equations from the sums of distinct products, in plain arithmetic: thousands of trials through vector units.
 
 The thirteen features of :mod:`identify.rigid_body.regressor` are products of omega and alpha, so many entries of their
-Gram matrix are the same sum. A sum goes by its factors: 0 … 2 are omega, 3 … 5 alpha, 6 … 8 force, 9 … 11 moment about
-Q, sorted. What :mod:`identify.estimators.gram` does to one trial's matrices, this does to each sum, an array over
+Gram matrix are the same sum. A sum is named by its sorted factors: 0 … 2 are omega, 3 … 5 alpha, 6 … 8 force, 9 … 11
+moment about Q. What :mod:`identify.estimators.gram` does to one trial's matrices, this does to each sum, an array over
 trials.
 
-It is there for speed alone: with the matrices of :mod:`identify.estimators.gram` under ``vmap``, 10,000 collapsed
+It exists for speed alone: with the matrices of :mod:`identify.estimators.gram` under ``vmap``, 10,000 collapsed
 trials of the preset's T1 took 0.86 s of processor time instead of 0.074 s, 12 times as much (in batches of 100, the
-best size), with the same estimates to 2e-15 kg·m². Compiling takes 24 s instead of 7 s, once: what is compiled is kept.
+best size), with the same estimates to 2e-15 kg·m². Compiling takes 24 s instead of 7 s, once: compiled code is cached.
 """
 
 from collections import Counter
@@ -63,7 +63,7 @@ WEIGHTS = _weights()
 
 
 def shifted(sums: Sums, powers: Mapping[Factors, Trials], factors: Factors) -> Trials:
-    """Return the sum that would have come of omega plus an offset: exact, a polynomial in the offset.
+    """Return a sum as it would be with an offset added to omega: exact, a polynomial in the offset.
 
     Args:
         sums: of the products of lower order.

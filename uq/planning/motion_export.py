@@ -163,13 +163,14 @@ def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.
     t = np.arange(count) / FINE
     platform = experiment.platform
     motion = platform_motion(platform, scaled(spec.trajectory, amplitude), jnp.asarray(t * speed), jnp.asarray(still))
-    length = _lengths(platform, motion.pose)
+    length = leg_lengths(platform, motion.pose)
     position = np.asarray(motion.pose.position) - np.asarray(platform.home)
     return Commanded(t, position, np.asarray(motion.pose.rotation), np.asarray(length))
 
 
 @eqx.filter_jit
-def _lengths(platform: Platform, poses: Pose) -> jax.Array:
+def leg_lengths(platform: Platform, poses: Pose) -> jax.Array:
+    """Return the legs' lengths [m] in each of several poses, (poses, 6)."""
     return jax.vmap(lambda pose: lengths(platform, pose))(poses)
 
 
@@ -204,7 +205,7 @@ def _read_back(
     from_csv, by_quaternion = read_csv(contents[f"{name}.csv"])
     from_pi = read_pi_waves(contents[f"{name}.pi.txt"], float(RATE))
     from_moog = read_moog_packets(contents[f"{name}.moog.bin"], float(MOOG_RATE))
-    again = _lengths(
+    again = leg_lengths(
         platform, Pose(jnp.asarray(from_csv.position + np.asarray(platform.home)), jnp.asarray(by_quaternion))
     )
     differences = {

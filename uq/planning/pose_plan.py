@@ -12,7 +12,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
-from identify.motion.stewart_platform import Platform, Pose, Twist, lengths
+from identify.motion.stewart_platform import Platform, Pose, Twist
 from identify.reporting import Result, Section
 from identify.rigid_body.rotation import exponential
 from identify.static.centre import predicted_covariance
@@ -22,6 +22,7 @@ from identify.static.pose_fit import Attitudes
 from identify.text_tables import Table, fixed
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
+from uq.planning.motion_export import leg_lengths
 from uq.planning.motion_formats import ORDER
 from uq.propagation.prediction import Prediction
 
@@ -207,7 +208,7 @@ def plan_poses(
     return PosePlan(
         np.asarray(place.position)[chosen] - np.asarray(experiment.platform.home),
         np.asarray(place.rotation)[chosen],
-        np.asarray(_lengths(experiment.platform, place))[chosen],
+        np.asarray(leg_lengths(experiment.platform, place))[chosen],
         promised(chosen),
         predicted_covariance(naive, mass, centre, scatter, uncertainty),
         reach,
@@ -276,11 +277,6 @@ def _worst(experiment: Experiment, limits: Limits) -> str:
     home = jax.tree.map(lambda array: array[None], experiment.platform.home_pose)
     asked = _at_rest(experiment, home)
     return str(peaks(asked, limits, jnp.zeros(1))[0])
-
-
-@eqx.filter_jit
-def _lengths(platform: Platform, poses: Pose) -> Array:
-    return jax.vmap(lambda pose: lengths(platform, pose))(poses)
 
 
 POSE_NOTE = (

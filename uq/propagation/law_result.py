@@ -1,4 +1,4 @@
-"""What the law of propagation says of an experiment, for reading: typed results, tables, result.json."""
+"""Results of the law of propagation for an experiment: typed, as tables, as result.json."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,12 +11,13 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table
 from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.result_coverage import by_component
 from uq.campaign.statistics import Breakdown
 
 
 @dataclass(frozen=True)
 class LawStatistics:
-    """What the law says of one case, in kg·m², in the order of ``COMPONENTS``."""
+    """The law's results for one case, in kg·m², in the order of ``COMPONENTS``."""
 
     mean_error: np.ndarray
     """Expected estimate minus truth: the bias."""
@@ -57,18 +58,11 @@ class LawStatistics:
     def to_dict(self) -> dict[str, Any]:
         """Return the figures by component, in g·m²; the covariance in (g·m²)², rows in the order of the components."""
         figures = {
-            name: _by_component(getattr(self, name))
+            name: by_component(getattr(self, name))
             for name in ("mean_error", "three_sigma", "textbook_mean_error", "textbook_three_sigma")
         }
         covariance = GRAM_METRE**2 * self.covariance
         return figures | {"covariance": covariance.tolist() if np.isfinite(covariance).all() else None}
-
-
-def _by_component(values: np.ndarray) -> dict[str, float | None]:
-    return {
-        component: float(value) * GRAM_METRE if np.isfinite(value) else None
-        for component, value in zip(COMPONENTS, values, strict=True)
-    }
 
 
 @dataclass(frozen=True, repr=False)

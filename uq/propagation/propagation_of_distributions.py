@@ -97,7 +97,7 @@ def propagate_distributions(
         joint: watch λ_max and k_p of several outputs too (JCGM 102, 7.8).
         seed: seed of every draw.
         block: trials in a block; None for 10,000, or 100 / (1 - p) if that is more (7.9.4 b).
-        most_trials: where to stop at the latest; the result then says so in its warnings.
+        most_trials: upper limit of the trials; where it stops the procedure, the result has a warning.
 
     Raises:
         ValueError: no input, or a goal that cannot be.

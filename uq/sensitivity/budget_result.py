@@ -1,4 +1,4 @@
-"""What a budget says: shares, mean errors, the split of the mean square; as tables, figures, CSV and JSON."""
+"""A budget's results: shares, mean errors, the split of the mean square; as tables, figures, CSV and JSON."""
 
 import csv
 from collections.abc import Mapping
@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from identify.reporting import Drawing, Result, Section, stem
+from identify.reporting import Drawing, Result, Section, plain, stem
 from identify.text_tables import Table
 from uq.report.input_tables import source_tables
 from uq.sensitivity.budget_shares import SourceBudget
@@ -49,7 +47,7 @@ class BudgetResult(Result):
         return [
             {
                 "trajectory": trajectory, "estimator": estimator, "of": kind, "name": name, "component": component,
-                "quantity": quantity, "value": _plain(value), "standard_error": _plain(error), "unit": unit,
+                "quantity": quantity, "value": plain(float(value)), "standard_error": plain(float(error)), "unit": unit,
             }
             for trajectory, estimator in self.pairs()
             for kind, name, component, quantity, value, error, unit in self[trajectory, estimator].values()
@@ -164,10 +162,6 @@ class BudgetResult(Result):
             [ASSUMPTION],
             self.provenance,
         )
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 COMPUTED = (

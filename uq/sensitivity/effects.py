@@ -1,14 +1,14 @@
 """From outputs of choices between two draws to first-order, total and Shapley effects: of any model, of an experiment.
 
 A choice ``w`` takes the players ``w`` (a subset's number) from a pair's first draw and the others from its second.
-Which choices are evaluated depends on which effects are asked for and what they cost:
+Which choices are evaluated depends on which effects are wanted and what they cost:
 
 - all 2^d of them, up to ten players (:func:`of_all_subsets`, :mod:`uq.sensitivity.subsets`);
 - both draws and each player swapped, for first orders and totals alone (:func:`of_swapped_players`, ``uq.sobol``);
 - beyond ten players of a model, a random permutation for each pair (:func:`of_permutations`, ``uq.shapley``), so that
   the error falls with the number of pairs;
 - beyond ten sources of an experiment, a few walks that all pairs share (:class:`Design`, ``uq.budget``), because every
-  choice is a case that is compiled and costs little once its pair is drawn.
+  choice is a case that must be compiled, and then costs little once its pair is drawn.
 
 A walk starts at a random choice ``w`` and swaps one player after the other in a random order. The step that swaps ``p``
 after ``u`` gives ``½ (Y_w - Y_(w xor p)) (Y_(w xor u) - Y_(w xor u xor p))``, whose expectation is what p adds to u,
@@ -95,7 +95,7 @@ def of_swapped_players(outputs: Outputs) -> PairEffects:
 def of_permutations(
     outputs: Outputs, order: Int[np.ndarray, "pairs players"], *, correlated: bool = False
 ) -> PairEffects:
-    """Return Shapley effects from outputs as one player after the other is redrawn, in an order of each pair's own."""
+    """Return Shapley effects from outputs as one player after the other is redrawn, in an order drawn for each pair."""
     start, end = outputs[:, :1], outputs[:, -1:]
     if correlated:
         increments = np.diff((outputs - start) ** 2, axis=1) / 2
@@ -180,7 +180,7 @@ def walk_variance(walks: np.ndarray, variance: np.ndarray) -> np.ndarray:
     """Return the variance that the choice of walks adds to a Shapley share: (players, outputs).
 
     The scatter of the walks' means less what the pairs' own scatter explains of it (analysis of variance), over the
-    number of walks; nought where players do not interact.
+    number of walks; zero where players do not interact.
 
     Args:
         walks: Shapley effects, (walks, pairs, players, outputs).

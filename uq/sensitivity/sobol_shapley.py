@@ -110,7 +110,7 @@ def sobol(
     ``V_p = E ½ (Y_all - Y_-p)(Y_p - Y_∅)`` (Owen 2013, doi:10.1145/2457052.2457064),
     ``T_p = E ¼ [(Y_all - Y_-p)² + (Y_∅ - Y_p)²]`` (Jansen 1999, doi:10.1016/S0010-4655(98)00154-4), and the variance
     is that of all k + 1 pairs without a common input (the design of Saltelli 2002, doi:10.1016/S0010-4655(02)00280-1).
-    All three are unbiased and do not hang on the mean of Y.
+    All three are unbiased and do not depend on the mean of Y.
 
     Args:
         model: the measurement model of one trial; an output of any shape counts as its raveled components.

@@ -30,7 +30,7 @@ from uq.trials.trial_loop import finite_trials
 AnySetup = Setup | SampledSetup
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 """How often each packed component stands in the tensor: the sum of the variances of its nine entries, the trace of
-their covariance, does not hang on the body frame's axes."""
+their covariance, does not depend on the body frame's axes."""
 
 
 def budget(
@@ -45,7 +45,7 @@ def budget(
     devices: Sequence[jax.Device] | None = None,
     progress: Progress | None = None,
 ) -> BudgetResult:
-    """Return who causes what: first-order, total and Shapley shares of every source and group, and its mean error.
+    """Return first-order, total and Shapley shares of the variance, and the mean error, of every source and group.
 
     Shares are of the variance of each component, and of the whole tensor (the trace of the covariance of its nine
     entries); see :func:`uq.sensitivity.sobol_shapley.shapley` for the definitions and references. The mean errors are

@@ -64,7 +64,7 @@ def effects_of_swaps(players: Sequence[int], count: int) -> np.ndarray:
     doi:10.1016/S0010-4655(98)00154-4). The mean of it over all w is ``Σ_v (1 - (-1)^|v ∩ s|) y_v²`` in the Walsh
     coefficients ``y = walsh(d) @ Y``. First orders so estimated are means of ``½ (Y_w - Y_(w xor p)) (Y_(w xor -p) -
     Y_(w xor all))``, a product of differences (Owen 2013, doi:10.1145/2457052.2457064): a small index has a small
-    error. No estimate hangs on the mean of Y, nor is biased.
+    error. No estimate depends on the mean of Y, and none is biased.
 
     Args:
         players: as for :func:`effects_of_costs`.

@@ -1,4 +1,4 @@
-"""Shares of a variance with their standard errors, from what each trial says of the effects."""
+"""Shares of a variance with their standard errors, from each trial's estimates of the effects."""
 
 from typing import NamedTuple
 
@@ -49,7 +49,7 @@ def shares(effects: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> In
 
 
 def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ratio of means over the leading axis, trials, with its standard error; NaN where below is nought."""
+    """Return the ratio of means over the leading axis, trials, with its standard error; NaN where below is zero."""
     n = len(above)
     if n < 2:
         undefined = np.full(np.broadcast_shapes(above.shape[1:], below.shape[1:]), np.nan)

@@ -68,7 +68,7 @@ def collapse(
     """Return what collapsed trials need of a noise-free motion, in float64.
 
     Raises:
-        ExperimentError: a source whose effect the sums' moments do not tell.
+        ExperimentError: a source whose effect the sums' moments do not hold.
     """
     gyro = _check(sources, mixing)
     cases = cases_of(sources)
@@ -91,7 +91,7 @@ def _check(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[Source]:
     """The white noise of omega.
 
     Raises:
-        ExperimentError: a source whose effect the sums' moments do not tell.
+        ExperimentError: a source whose effect the sums' moments do not hold.
     """
     white = [source for source in sources if source.white]
     other = [source.name for source in white if not isinstance(source.shape, Normal)]
@@ -161,7 +161,7 @@ def collapsed_trials(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Ar
 
 
 class _Draws(NamedTuple):
-    """What trials draw, the trials on the last axis."""
+    """The draws of trials, the trials on the last axis."""
 
     errors: Errors
     """Of each case."""
@@ -187,12 +187,12 @@ def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " tria
 
 
 class _Kind(NamedTuple):
-    """What cases have in common, so that as little as possible is computed trial by trial."""
+    """What a group of cases has in common: as little as possible is then computed trial by trial."""
 
     moving: bool
     """The normal matrix differs from trial to trial, by errors of the gyro."""
     cell: bool
-    """The load cell's white noise may act; where nothing moves it costs little, and is not told apart."""
+    """The load cell's white noise may act; true for every case where the normal matrix is fixed: it costs little."""
     noisy: bool
     """The covariance of that noise differs, by errors of the centre of gravity."""
 
@@ -211,7 +211,7 @@ def _kinds(setup: CollapsedSetup) -> dict[_Kind, list[int]]:
 def _estimates(setup: CollapsedSetup, draws: _Draws, sums: Array, kind: _Kind, pairs: tuple[np.ndarray, np.ndarray]):
     """Some estimators' estimates of some cases of a kind, (pairs, 6, trials), and which could be solved.
 
-    In three loops over the pairs, since the compiler would compute anew in each what it can fuse into one.
+    In three loops over the pairs, since the compiler would compute again in each result what it can fuse into one.
     """
     sums_of_pairs = jax.lax.map(lambda pair: _sums_of_case(setup, draws, sums, kind, *pair), pairs)
     equations = jax.lax.map(lambda arguments: _equations(setup, draws, kind, *arguments), (sums_of_pairs, *pairs))

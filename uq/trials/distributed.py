@@ -1,7 +1,7 @@
-"""Several processes, on one machine or many, as one campaign: each computes its share, and all know all results.
+"""Several processes, on one machine or many, as one campaign: each computes its share, and all get all results.
 
-What JAX's own runtime does (finding the others, collectives, noticing that one is gone) is left to it; here is what a
-campaign needs besides: steps that the first process takes before the others, and one line when a process is lost.
+JAX's runtime lets the processes meet, exchange arrays and notice a lost one. This module adds what a campaign needs
+besides: steps that the first process takes before the others, and one line when a process is lost.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ T = TypeVar("T")
 PATIENCE = 120
 """Seconds to wait for all processes at the start."""
 HEARTBEAT = 30
-"""Seconds without a sign of life after which a process is taken for lost."""
+"""Seconds without a heartbeat after which a process counts as lost."""
 LONGEST_MESSAGE = 2000
 
 
@@ -33,7 +33,7 @@ class LostProcess(ExperimentError):  # noqa: N818
 
 
 class FailedElsewhere(ExperimentError):  # noqa: N818
-    """The first process failed, and says why."""
+    """The first process failed; the message is its reason."""
 
 
 def join(coordinator: str | None = None, processes: int | None = None, process: int | None = None) -> None:
@@ -42,7 +42,7 @@ def join(coordinator: str | None = None, processes: int | None = None, process: 
     Args:
         coordinator: ``HOST:PORT`` where the first process listens.
         processes: how many there are.
-        process: which of them this is, from 0. Without all three, the cluster's own environment tells them (Slurm,
+        process: which of them this is, from 0. Without all three, the cluster's environment gives them (Slurm,
             Open MPI, …: :func:`jax.distributed.initialize`).
 
     Raises:
@@ -68,7 +68,7 @@ def join(coordinator: str | None = None, processes: int | None = None, process: 
 
 
 def leave() -> None:
-    """Wait for the others and part from them."""
+    """Wait for the others and disconnect."""
     jax.distributed.shutdown()
 
 
@@ -78,7 +78,7 @@ def several() -> bool:
 
 
 def is_first() -> bool:
-    """Whether this process speaks for all."""
+    """Whether this is the first process, which prints and writes for all."""
     return jax.process_index() == 0
 
 
@@ -127,7 +127,7 @@ def in_turn(action: Callable[[], T]) -> T:
 
 
 def agree(what: str, value: Any) -> None:
-    """See that all processes have the same value.
+    """Check that all processes have the same value.
 
     Raises:
         ExperimentError: the first process has another.
@@ -159,7 +159,7 @@ def local_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Keep the transport's own greetings from standard output."""
+    """Keep the transport's messages from standard output."""
     sys.stdout.flush()
     standard_output, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)

@@ -1,4 +1,4 @@
-"""The engines of a trial behind one door: by sums over blocks, sample by sample, or on Gram sums.
+"""The engines of a trial behind one interface: by sums over blocks, sample by sample, or on Gram sums.
 
 :mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes what sums over samples cannot express,
 :mod:`uq.trials.collapsed` is for white normal noise and offsets alone. Each is held against the trial that
@@ -41,7 +41,7 @@ def prepare_any(
     """Return what a trial needs: sums where they express all that the sources do, else every sample.
 
     Raises:
-        ExperimentError: the sums are to be drawn, and their moments do not tell what the sources do.
+        ExperimentError: the sums are to be drawn, and their moments do not hold the effect of a source.
     """
     if sampling == "collapsed" and needs_samples(sources, mixing):
         raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")

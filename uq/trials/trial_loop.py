@@ -1,4 +1,4 @@
-"""The Monte Carlo loop: trials batched, sharded over devices and processes, resumable, the same however they are cut.
+"""The Monte Carlo loop: batches of trials over devices and processes, resumable; the same numbers for any split.
 
 Whatever is repeated with other draws runs here: campaigns and budgets (:mod:`uq.trials.engines`), systematic errors of
 recorded runs (:mod:`uq.identification.systematic_errors`), redraws of a model's inputs (:mod:`uq.sensitivity.redraws`),
@@ -34,7 +34,7 @@ class RunTrials(Protocol):
     """Runs a batch of trials on one device; a pure function at the top of a module, so that it is compiled once.
 
     Where it calls LAPACK in batches (eigenvalues, decompositions), give the loop one device: on several of one
-    processor these calls wait for one another for ever.
+    processor these calls deadlock.
     """
 
     def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /, *, at_once: bool) -> Any:
@@ -42,7 +42,7 @@ class RunTrials(Protocol):
 
 
 class TrialLoop:
-    """The trials of one problem so far, and more of them when they are asked for: any tree of arrays."""
+    """The trials of one problem so far, as any tree of arrays; more are run on request."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class TrialLoop:
                 progress(min(self.count, asked), asked)
 
     def begin(self, asked: int) -> None:
-        """Set the devices to work on the next segment, that :meth:`reach` waits for, while others are prepared."""
+        """Start the next segment on the devices without waiting; :meth:`reach` waits for it."""
         if self.count < asked and not several():
             self.pending = self._begin(self._segment(asked))
 
@@ -190,7 +190,7 @@ def _sharded(
 
 
 def _in_batches(run: Callable[[jax.Array], Any], mine: jax.Array, batch: int) -> Any:
-    """Run one batch after the other; the last is filled up with trials that nobody asked for."""
+    """Run one batch after the other; the last is filled up with repeated trials, which are dropped."""
     size = min(batch, len(mine))
     count = -(-len(mine) // size)
     results = jax.lax.map(run, jnp.resize(mine, (count, size)))

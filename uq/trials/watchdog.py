@@ -1,7 +1,7 @@
-"""A process that watches over another: where the runtime of several processes aborts, one line says why.
+"""A process that watches another: where the runtime of several processes aborts, one line gives the reason.
 
 JAX's runtime ends a process at once, with a page of its own, when it finds the first process of a campaign gone. So the
-command divides before it loads anything: one process computes, the other waits for its end and says what it meant.
+command divides before it loads anything: one process computes, the other waits for its end and prints the reason.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 def divide() -> int | None:
     """Divide into a process that goes on (None) and one that waits for it; return the latter's exit status.
 
-    The process that goes on ends when the other is killed, and keeps the runtime's own words from standard error.
+    The process that goes on ends when the other is killed, and keeps the runtime's messages from standard error.
     """
     sys.stdout.flush()
     sys.stderr.flush()
