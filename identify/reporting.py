@@ -143,7 +143,7 @@ class Result:
 
     def __repr__(self) -> str:
         tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
-        return "\n".join(part for part in (self.title(), tables, *self.notes()) if part)
+        return "\n".join(text for text in (self.title(), tables, *self.notes()) if text)
 
     def _repr_html_(self) -> str:
         caption = self.title()

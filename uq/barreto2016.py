@@ -79,8 +79,8 @@ class PaperResult(Result):
             return float(np.mean(self.campaign[trajectory, estimator].groups[group].three_sigma))
 
         return {
-            name: 100 * (effect(one, group) / effect(other, group) - 1)
-            for name, (group, one, other, _) in PRINTED_EFFECTS.items()
+            name: 100 * (effect(trajectory, group) / effect(other, group) - 1)
+            for name, (group, trajectory, other, _) in PRINTED_EFFECTS.items()
         }
 
     def comparison_table(self, estimator: str) -> Table:

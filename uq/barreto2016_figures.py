@@ -128,7 +128,7 @@ def averages(
 
 
 def _printed(axes: Axes, x: np.ndarray, names: list[str], values: Mapping[str, float], label: bool) -> None:
-    known = [(place, values[name]) for place, name in zip(x, names, strict=True) if name in values]
-    if known:
+    points = [(place, values[name]) for place, name in zip(x, names, strict=True) if name in values]
+    if points:
         style: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.8, "markersize": 4}
-        axes.plot(*zip(*known, strict=True), "D", linestyle="none", label="source" if label else None, **style)
+        axes.plot(*zip(*points, strict=True), "D", linestyle="none", label="source" if label else None, **style)
