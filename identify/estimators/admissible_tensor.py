@@ -46,11 +46,14 @@ class Admissible(NamedTuple):
     """Its interval, of the components that are determined; NaN for the others."""
     reason: str
     """Why it was done."""
+    distance: float
+    """From the plain estimate to the nearest body, in standard uncertainties (Mahalanobis); 0: it is a body's."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it; what is infinite or unknown is None."""
         return {
             "reason": self.reason,
+            "distance": self.distance,
             "determined": dict(zip(COMPONENTS, map(bool, self.determined), strict=True)),
             "plain_inertia": dict(zip(COMPONENTS, map(float, self.plain), strict=True)),
             "plain_interval95": {
@@ -130,6 +133,33 @@ def margin(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]
     return float((values / spread).min())
 
 
+def distance_from_bodies(
+    inertia: Float[np.ndarray, "6"],
+    covariance: Float[np.ndarray, "6 6"],
+    seen: Float[np.ndarray, "k 6"] | None = None,
+) -> float:
+    """Return how far the nearest body is, ``sqrt Q`` in standard uncertainties (Mahalanobis); 0 for a body's tensor.
+
+    Args:
+        inertia: a tensor [kg·m²].
+        covariance: of it [(kg·m²)²]; a millionth of the tensor's size is added to what is exact.
+        seen: orthonormal directions in the space of packed tensors that the data determine; None: all.
+    """
+    seen = np.eye(6) if seen is None else seen
+    if len(seen) == 6 and np.linalg.eigvalsh(second_moment(inertia)).min() >= 0:
+        return 0.0
+    data = _data(inertia, _not_exact(inertia, covariance), seen)
+    return float(np.sqrt(max(data.distance(nearest(data)), 0.0)))
+
+
+def _not_exact(inertia: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    return covariance + (1e-6 * np.abs(inertia).max()) ** 2 * np.eye(6)
+
+
+def _data(inertia: np.ndarray, covariance: np.ndarray, seen: np.ndarray) -> Data:
+    return Data(inertia, seen.T @ np.linalg.inv(seen @ covariance @ seen.T) @ seen)
+
+
 def admissible(
     inertia: Float[np.ndarray, "6"],
     covariance: Float[np.ndarray, "6 6"],
@@ -145,12 +175,11 @@ def admissible(
         seen: orthonormal directions in the space of packed tensors that the data determine; None: all.
     """
     seen = np.eye(6) if seen is None else seen
-    exact = 1e-6 * np.abs(inertia).max()
-    covariance = covariance + exact**2 * np.eye(6)
+    covariance = _not_exact(inertia, covariance)
     inside = margin(inertia, covariance)
     if len(seen) == 6 and inside >= NEAR:
         return None
-    data = Data(inertia, seen.T @ np.linalg.inv(seen @ covariance @ seen.T) @ seen)
+    data = _data(inertia, covariance, seen)
     least = data.distance(nearest(data))
     if least > CONTRADICTED**2:
         return None
@@ -161,7 +190,8 @@ def admissible(
     value = inertia if well_inside else fit(log_cholesky, inertia, data.information, free_of(_inner(data)))
     interval = ends(data, least + coverage_factor**2)
     interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
-    return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside))
+    distance = 0.0 if well_inside else float(np.sqrt(max(least, 0.0)))
+    return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside), distance)
 
 
 def _inner(data: Data) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identify.estimators.admissible_tensor import distance_from_bodies
 from identify.exceptions import RunError
 from identify.reporting import Result, Section, plain
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
@@ -17,6 +18,8 @@ from uq.files.document import ExperimentError
 
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
+FAR = 3.0
+"""Standard uncertainties from the data beyond which the nearest body is not exported."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,7 +72,9 @@ class Exported(Result):
         return {name: of.file for name, of in self.formats.items()}
 
 
-def export(result: Any, formats: str | Sequence[str], folder: str | Path | None = None) -> Exported:
+def export(
+    result: Any, formats: str | Sequence[str], folder: str | Path | None = None, *, force: bool = False
+) -> Exported:
     """Export mass, centre of gravity and tensor in the formats of simulators, ROS and robot controllers.
 
     The frame is the result's declared datum; without one the body frame B with its origin at Q, the load cell's centre.
@@ -79,14 +84,16 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
         result: an :class:`identify.Identification`, or :class:`identify.InertialParameters`.
         formats: names of :mod:`uq.bodies.export_formats`, or one string of them with commas.
         folder: where to write them, all or none; None: they are only made.
+        force: export a tensor that no body has, or a fit to bodies that is far from the data, with a warning.
 
     Raises:
         ExperimentError: no format, or one that there is not.
-        RunError: the mass is not known, or no body has this tensor.
+        RunError: the mass is not known; or, unless forced, no body has this tensor or it is a fit to bodies all of
+            which are farther than three standard uncertainties from the data.
         OSError: the folder cannot be written.
     """
     wanted = {name: export_format(name) for name in formats_of(formats)}
-    body, warnings = _body(result)
+    body, warnings = _body(result, force=force)
     contents = {of.file: of.text(body) for of in wanted.values()}
     made = Exported(contents, wanted, warnings, getattr(result, "provenance", {}))
     if folder is not None:
@@ -94,12 +101,19 @@ def export(result: Any, formats: str | Sequence[str], folder: str | Path | None 
     return made
 
 
-def _body(result: Any) -> tuple[ExportedBody, tuple[str, ...]]:
+def _body(result: Any, *, force: bool) -> tuple[ExportedBody, tuple[str, ...]]:
     """What is to be exported, and warnings."""
     parameters, frame = _parameters(result)
-    _refuse_unfit(parameters)
+    _refuse_unknown(parameters)
     weak, tare = getattr(result, "admissible", None), getattr(result, "tare", None)
-    warnings = () if weak is None else (f"the data are weak and the exported tensor is a fit to bodies: {weak.reason}",)
+    doubt = _doubt(parameters, 0.0 if weak is None else weak.distance)
+    if doubt and not force:
+        raise RunError(
+            f"{doubt}, so it is not exported: check signs, frames and r_CG, or record a motion that tells more; "
+            "if it is wanted all the same: --force exports it"
+        )
+    fitted = () if weak is None else (f"the data are weak and the exported tensor is a fit to bodies: {weak.reason}",)
+    warnings = (*([doubt] if doubt else []), *fitted)
     runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
     runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
     notes = tuple(_notes(parameters, frame, runs, warnings))
@@ -129,17 +143,23 @@ def _parameters(result: Any) -> tuple[InertialParameters, str]:
     return result.parameters, "body, origin Q (load cell's centre)"
 
 
-def _refuse_unfit(parameters: InertialParameters) -> None:
+def _refuse_unknown(parameters: InertialParameters) -> None:
     if not parameters.mass > 0:
         raise RunError("the mass is not known, and an export needs it: state body.mass, or give --centre")
     if not np.isfinite(parameters.values).all():
         raise RunError("mass, centre of gravity or tensor are not finite: identify them before they are exported")
+
+
+def _doubt(parameters: InertialParameters, distance_of_fit: float) -> str | None:
+    """Why the tensor should not be exported; None: it is a body's, near to the data."""
     low, middle, high = principal_axes(parameters.inertia)[0]
     if low <= 0 or low + middle < high * (1 - ROUNDING):
-        raise RunError(
-            f"no body has this tensor (principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m²), so it is not "
-            "exported: check signs, frames and r_CG, or record a motion that tells more"
-        )
+        far = distance_from_bodies(parameters.inertia, np.nan_to_num(parameters.covariance[4:, 4:]))
+        moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m²"
+        return f"no body has this tensor ({moments}; the nearest body lies {far:.1f} standard uncertainties from it)"
+    if distance_of_fit > FAR:
+        return f"the nearest body lies {distance_of_fit:.1f} standard uncertainties from what the data say"
+    return None
 
 
 def _notes(

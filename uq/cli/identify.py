@@ -57,6 +57,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
     formats = ", ".join(export_formats.names())
     parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {formats}")
+    parser.add_argument("--force", action="store_true", help="export a tensor that is no body's, with a warning")
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 
@@ -65,6 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     if arguments.export is not None and arguments.out is None:
         raise ExperimentError("--export has no folder: add --out DIR")
+    if arguments.force and arguments.export is None:
+        raise ExperimentError("--force is for --export, which is not given: add --export FORMATS")
     formats = None if arguments.export is None else formats_of(arguments.export)
     experiment = Experiment.load(arguments.experiment)
     reference = None if arguments.expected is None else load_reference(arguments.expected)
@@ -90,5 +93,6 @@ def run(arguments: argparse.Namespace) -> int:
             tare_centre=arguments.tare_centre,
         )
         more = [] if reference is None else [compare(result, reference)]
-        finish(Certificate(result), out, *more, *([] if formats is None else [export(result, formats)]))
+        exported = [] if formats is None else [export(result, formats, force=arguments.force)]
+        finish(Certificate(result), out, *more, *exported)
     return 0

@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import minimize
 
 from identify.estimators.admissible_range import Data, ends, nearest
-from identify.estimators.admissible_tensor import admissible, fit, margin
+from identify.estimators.admissible_tensor import admissible, distance_from_bodies, fit, margin
 from identify.rigid_body.inertia import parallel_axis, unpack
 from identify.rigid_body.principal_axes import is_admissible
 from identify.rigid_body.pseudo_inertia import free_of, log_cholesky, of_second_moment, pseudo_inertia, second_moment
@@ -80,6 +80,20 @@ def test_a_contradiction_is_not_weak_data():
     wrong = CUBE * [-1, 1, 1, 1, 1, 1]
     assert admissible(wrong, np.eye(6) * 1e-6, np.full(6, 1.96)) is None
     assert margin(wrong, np.eye(6) * 1e-6) < -100
+
+
+@pytest.mark.parametrize("off", [0.5, 2.5, 6.0])
+def test_the_distance_from_every_body(off):
+    """From diag(a, b, a + b + d) to the triangle's plane it is d / √3; equal standard uncertainties."""
+    sigma = 1e-3
+    outside = np.array([0.1, 0, 0, 0.2, 0, 0.3 + np.sqrt(3) * off * sigma])
+    assert distance_from_bodies(outside, sigma**2 * np.eye(6)) == pytest.approx(off, rel=1e-3)
+    weak = admissible(outside, sigma**2 * np.eye(6), np.full(6, 1.96))
+    assert weak is None if off > 4 else weak.distance == pytest.approx(off, rel=1e-3)
+
+
+def test_a_body_is_at_no_distance():
+    assert distance_from_bodies(CUBE, 1e-6 * np.eye(6)) == 0
 
 
 def test_the_fit_leaves_alone_what_is_known_and_rounds_what_is_not():

@@ -234,7 +234,8 @@ def test_in_the_declared_datums_frame():
 def test_an_admissible_fit_is_exported_with_a_warning():
     made = export(
         result(
-            BODIES["general"], admissible=SimpleNamespace(reason="no body has the plain estimate, I33 is 2 g·m² high")
+            BODIES["general"],
+            admissible=SimpleNamespace(reason="no body has the plain estimate, I33 is 2 g·m² high", distance=2.9),
         ),
         "kuka,json",
     )
@@ -244,6 +245,37 @@ def test_an_admissible_fit_is_exported_with_a_warning():
         in made.contents["body.kuka.dat"]
     )
     assert "warning" in repr(made)
+
+
+def test_a_tensor_far_from_every_body_is_exported_by_force_only(tmp_path):
+    """Nearest to diag(a, b, a + b + d) is a flat plate: d / √3 away, in units of equal standard uncertainties."""
+    far = body([0.1, 0, 0, 0.2, 0, 0.3 + np.sqrt(3) * 5e-3])
+    with pytest.raises(
+        RunError, match=r"nearest body lies 5\.0 standard uncertainties .*: --force exports it"
+    ) as caught:
+        export(far, "urdf", tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+    made = export(far, names(), tmp_path / "out", force=True)
+    assert "no body has this tensor" in made.warnings[0]
+    assert "5.0 standard uncertainties" in made.warnings[0]
+    assert "warning: no body has this tensor" in made.contents["body.urdf"]
+    assert json.loads(made.contents["body.json"])["warnings"] == list(made.warnings)
+    assert float(re.search(r'izz="([^"]+)"', made.contents["body.urdf"])[1]) == far.inertia[5]
+
+
+def test_a_fit_far_from_what_the_data_say_is_exported_by_force_only(tmp_path):
+    fitted = result(BODIES["general"], admissible=SimpleNamespace(reason="no body has it", distance=3.4))
+    with pytest.raises(RunError, match=r"nearest body lies 3\.4 standard uncertainties .*: --force exports it"):
+        export(fitted, "urdf", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert "3.4 standard uncertainties" in export(fitted, "urdf", force=True).warnings[0]
+
+
+@pytest.mark.parametrize("parameters", [body([0.1, 0, 0, 0.2, 0, 0.2], mass=np.nan), body([np.nan, 0, 0, 0.2, 0, 0.2])])
+def test_force_does_not_export_what_is_not_known(parameters):
+    with pytest.raises(RunError):
+        export(parameters, "urdf", force=True)
 
 
 def test_all_files_or_none(tmp_path, monkeypatch):
@@ -262,7 +294,7 @@ def test_all_files_or_none(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("parameters", "formats", "words"),
     [
-        (body([0.1, 0, 0, 0.2, 0, 0.31]), "urdf", r"no body has this tensor .*0.31 kg·m²\), so it is not exported"),
+        (body([0.1, 0, 0, 0.2, 0, 0.31]), "urdf", r"no body has this tensor .*0.31 kg·m²;.*\), so it is not exported"),
         (body([-0.1, 0, 0, 0.2, 0, 0.2]), "json", "no body has this tensor"),
         (body([0.2, 0.19, 0.19, 0.2, -0.19, 0.2]), "ur", "no body has this tensor"),
         (body([0.1, 0, 0, 0.2, 0, 0.2], mass=np.nan), "urdf", "mass is not known.* state body.mass, or give --centre"),

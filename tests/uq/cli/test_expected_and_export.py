@@ -129,6 +129,15 @@ def test_without_a_mass_or_of_a_tensor_that_no_body_has_nothing_is_written(lab, 
     assert main(command(lab, "--export", "kuka", "--out", out)) == 2
     said = capsys.readouterr()
     assert "no body has this tensor" in said.err
+    assert "--force exports it" in said.err
     assert said.err.count("\n") == 1
     assert said.out == ""
     assert not out.exists()
+    assert main(command(lab, "--export", "kuka", "--force", "--out", out)) == 0
+    assert "warning: no body has this tensor" in capsys.readouterr().out
+    assert "no body has this tensor" in (out / "body.kuka.dat").read_text()
+
+
+def test_force_without_an_export(lab, capsys):
+    assert main(command(lab, "--force")) == 2
+    assert capsys.readouterr().err == "error: --force is for --export, which is not given: add --export FORMATS\n"

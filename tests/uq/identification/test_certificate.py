@@ -121,7 +121,9 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
         (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
                         of_tensor(weak).expanded)  # fmt: skip
         assert one.outcome == "undecided"
-    why = Admissible(weak.inertia, interval, np.arange(6) % 2 == 0, plain.inertia, plain.interval95, "data too weak")
+    why = Admissible(
+        weak.inertia, interval, np.arange(6) % 2 == 0, plain.inertia, plain.interval95, "data too weak", 0.0
+    )
     (table,) = bodies(dataclasses.replace(weak, admissible=why))
     assert [row[3] for row in table.rows] == ["yes", "no"] * 3
     assert table.rows[0][1] == of_tensor(plain).rows(1e3)[0][1]
