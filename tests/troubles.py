@@ -70,12 +70,15 @@ def _flexible(size, rng):
 CELL = np.array([1, 1, 1, 0.03, 0.03, 0.03])
 """A newton, and the moment that goes with it."""
 TROUBLES = {
-    "still missed": Trouble("m", 1e-3, 0.05, vector("still_miss"), ("still missed",), still=True),
+    "still missed": Trouble(
+        "m", 1e-3, 0.05, vector("still_miss"), ("still missed",), still=True,
+        sources=axes("still", "r_cg_from_omb", "bias"),
+    ),
     "still on a lever": Trouble(
         "m", 0.11, 0.11, lambda size, rng: {"still_miss": tuple(size * LEVER / np.linalg.norm(LEVER))},
         ("still missed",), still=True, sizes=(0.03, 0.11),
     ),
-    "tilt": Trouble("rad", 0.01, 0.1, vector("tilt")),
+    "tilt": Trouble("rad", 0.01, 0.1, vector("tilt"), sources=axes("tilt", "tilt", "bias")),
     "vibration": Trouble("m/s²", 1.0, 5.0, same("vibration")),
     "shaking": Trouble("rad/s²", 5.0, 100.0, same("shaking")),
     "flexible mounting": Trouble("(25 Hz/f0)²", 1.0, 6.0, _flexible, ("flexible mounting",)),
