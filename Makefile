@@ -35,13 +35,14 @@ check: env
 
 # Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
 # `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. What is compiled is kept for
-# the next run; a worker that has nothing left takes tests from the other.
+# the next run. A file's tests run in one worker, which makes what they share once; the notebooks, the longest, start first.
 unit: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
 unit: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false \
     --xla_llvm_disable_expensive_passes=true --xla_cpu_parallel_codegen_split_count=1
 
 unit: env
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not study and not optimised" tests notebooks
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
+	    -m "not study and not optimised" notebooks tests
 	XLA_FLAGS= $(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
 
 bench: env

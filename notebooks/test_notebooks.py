@@ -12,7 +12,6 @@ from nbclient import NotebookClient
 from uq.files.compilation_cache import cache_folder
 
 NOTEBOOKS = sorted(Path(__file__).parent.glob("*.ipynb"))
-FEW = 20
 
 
 def client(notebook, folder):
@@ -23,23 +22,31 @@ def client(notebook, folder):
     return made
 
 
-def with_trials(notebook, most):
-    """The notebook with no more than so many trials in each call."""
+SHORTER = {
+    r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
+    r"SAMPLES = 72_000": "SAMPLES = 12_000",
+}
+"""What a brief run replaces: few trials, a part of the samples."""
+
+
+def shortened(notebook):
+    """The notebook with less to compute."""
     for cell in notebook.cells:
-        cell.source = re.sub(r"trials=(\d+)", lambda found: f"trials={min(int(found[1]), most)}", cell.source)
+        for pattern, less in SHORTER.items():
+            cell.source = re.sub(pattern, less, cell.source)
     return notebook
 
 
-@pytest.mark.parametrize("most", [FEW, pytest.param(10**9, marks=pytest.mark.study)], ids=["brief", "whole"])
+@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.study)], ids=["brief", "whole"])
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_runs(path, most, tmp_path, monkeypatch):
-    """With a few trials; in the study as it stands."""
+def test_notebook_runs(path, brief, tmp_path, monkeypatch):
+    """With less to compute; in the study as it stands."""
     if "INERTIA_CACHE" in os.environ:  # what the other tests have compiled
         monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
         monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     before = path.read_bytes()
     notebook = nbformat.reads(before.decode(), as_version=4)
-    client(with_trials(notebook, most), tmp_path).execute()
+    client(shortened(notebook) if brief else notebook, tmp_path).execute()
     assert path.read_bytes() == before
 
 

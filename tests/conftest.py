@@ -1,6 +1,7 @@
 """Settings of the tests: float64 on, two devices, nothing promoted in silence; a short experiment."""
 
 import dataclasses
+import gc
 import os
 import shutil
 import tempfile
@@ -21,6 +22,12 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_num_cpu_devices", 2)
+
+
+def pytest_collection_finish():
+    """What was imported lives until the end: the collector of garbage, which JAX makes slow, need not look at it again."""
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_unconfigure():

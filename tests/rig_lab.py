@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +31,7 @@ options = {{ rate = 400 }}
 """
 
 
-def ramp_run(path, seconds=60.0, rate=800.0):
+def ramp_run(path, seconds, rate=800.0):
     """Every value grows with time, so that each sample tells when it is from: force_x = omega_x = t and so on."""
     t = np.arange(round(rate * seconds) + 1) / rate
     rows = np.stack([t, -t, 2 * t], axis=1)
@@ -39,11 +41,20 @@ def ramp_run(path, seconds=60.0, rate=800.0):
     runs.write(path, wrench=wrench, imu=imu)
 
 
+@cache
+def ramp_file(seconds):
+    """The bytes of such a run, which takes seconds to write."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "ramp.mcap"
+        ramp_run(path, seconds)
+        return path.read_bytes()
+
+
 class Bench:
     """Emulated Bota and Xsens, playing a ramp from the start; ``tell`` sends a command, such as ``unplug imu``."""
 
-    def __init__(self, folder, *, seconds=60.0, loop=False):
-        ramp_run(folder / "ramp.mcap", seconds)
+    def __init__(self, folder, *, seconds=30.0, loop=False):
+        (folder / "ramp.mcap").write_bytes(ramp_file(seconds))
         eye = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]
         common = {"run": str(folder / "ramp.mcap"), "matrix": eye, "loop": loop}
         specs = [

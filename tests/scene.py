@@ -66,8 +66,10 @@ def record(experiment, rng, *, noise: float = 1.0, name: str = "T1") -> Recorded
         r_cg_from_still=jnp.zeros(3), gravity=experiment.gravity,
     )  # fmt: skip
     body = experiment.body
-    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(body, motion.omega, motion.alpha, motion.specific_force_cg)
-    lever = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-body.r_cg_from_q, motion.omega, motion.alpha)
+    true = jax.jit(jax.vmap(wrench, in_axes=(None, 1, 1, 1)))(
+        body, motion.omega, motion.alpha, motion.specific_force_cg
+    )
+    lever = jax.jit(jax.vmap(acceleration_at, in_axes=(None, 1, 1)))(-body.r_cg_from_q, motion.omega, motion.alpha)
     signals = [np.array(s) for s in (true.force, true.moment, motion.omega.T, motion.specific_force_cg.T + lever)]
     times = np.asarray(t)
     _mount(times, *signals, rng)

@@ -28,6 +28,7 @@ def test_the_largest_mean_square_by_excursions():
     assert excursion_mean_square(3.307) == pytest.approx(0.797, abs=1e-3)
 
 
+@pytest.mark.study
 def test_motions_that_repeat_have_a_bound_of_their_own(preset):
     """Above the general one, and the nearer to it the more of the run is ramps; T1 does not repeat, nor does a slow motion."""
     given = on_a_platform(preset, {"needs_of": "T1", "bandwidth": "3 Hz"})

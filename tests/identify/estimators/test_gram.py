@@ -22,7 +22,7 @@ R = jnp.array([0.01, -0.02, 0.053])
 
 def test_sums_solve_as_qr_does(samples):
     omega, alpha, force, moment = samples
-    rows = jax.vmap(omega_r, in_axes=1)(omega, alpha)
+    rows = jax.jit(jax.vmap(omega_r, in_axes=1))(omega, alpha)
     by_qr = ordinary(rows, (moment - jnp.cross(R[:, None], force, axis=0)).T)
     by_sums = solve(accumulate(*samples), R)
     np.testing.assert_allclose(by_sums.inertia, by_qr.value, rtol=1e-10)
@@ -56,7 +56,7 @@ def test_offsets_act_on_sums_as_on_samples(samples, generator):
 
 def test_normal_equations_are_those_of_the_rows(samples):
     omega, alpha, force, moment = samples
-    rows = np.asarray(jax.vmap(omega_r, in_axes=1)(omega, alpha)).reshape(-1, 6)
+    rows = np.asarray(jax.jit(jax.vmap(omega_r, in_axes=1))(omega, alpha)).reshape(-1, 6)
     matrix, right = normal_equations(accumulate(*samples), R)
     y = np.asarray(moment - jnp.cross(R[:, None], force, axis=0)).T.ravel()
     np.testing.assert_allclose(matrix, rows.T @ rows, atol=1e-9)
@@ -68,7 +68,7 @@ def test_what_cannot_be_solved_is_nan_and_not_ok_and_spares_its_neighbours(sampl
     one_axis = jnp.array([[1.0], [0.0], [0.0]])
     good, bad = accumulate(*samples), accumulate(omega * one_axis, alpha * one_axis, force, moment)
     both = Sums(*(jnp.stack(pair) for pair in zip(good, bad, strict=True)))
-    estimate = jax.vmap(solve, in_axes=(0, None))(both, R)
+    estimate = jax.jit(jax.vmap(solve, in_axes=(0, None)))(both, R)
     assert estimate.ok.tolist() == [True, False]
     assert jnp.isfinite(estimate.inertia[0]).all()
     assert jnp.isnan(estimate.inertia[1]).all()
@@ -80,7 +80,7 @@ def test_conditioning_of_the_sums_is_enough_for_the_presets_motion(preset):
 
     motion = true_motion(preset, preset.trajectories["T1"])
     tensor = preset.body.inertia
-    rows = jax.vmap(omega_r, in_axes=1)(motion.omega, motion.alpha)
+    rows = jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega, motion.alpha)
     moment = (rows @ jnp.asarray(tensor)).T
     estimate = solve(accumulate(motion.omega, motion.alpha, jnp.zeros_like(moment), moment), R)
     np.testing.assert_allclose(estimate.inertia, tensor, atol=1e-11 * tensor.max())

@@ -13,7 +13,7 @@ from identify.rigid_body.regressor import omega_r
 @pytest.fixture
 def rows(generator):
     omega, alpha = (jnp.asarray(generator.normal(size=(400, 3))) for _ in range(2))
-    return jax.vmap(omega_r)(omega, alpha)
+    return jax.jit(jax.vmap(omega_r))(omega, alpha)
 
 
 TRUE = jnp.array([0.38, 0.01, -0.02, 0.02, 0.005, 0.37])
@@ -63,7 +63,7 @@ def test_rotation_about_one_axis_leaves_three_components_unseen(axis, blind):
     t = jnp.linspace(0, 20, 2001)
     unit_axis = jnp.zeros((1, 3)).at[0, axis].set(1.0)
     omega, alpha = jnp.sin(t)[:, None] * unit_axis, jnp.cos(t)[:, None] * unit_axis
-    rows = np.asarray(jax.vmap(omega_r)(omega, alpha)).reshape(-1, 6)
+    rows = np.asarray(jax.jit(jax.vmap(omega_r))(omega, alpha)).reshape(-1, 6)
     verdict = excitation(jnp.asarray(rows.T @ rows), jnp.zeros((6, 6)))
     assert set(verdict.unidentifiable) == blind
     assert verdict.identifiable.sum() == 3

@@ -140,16 +140,16 @@ def test_installed_platforms_are_at_home_where_they_are_drawn():
 def test_a_multisine_turns_as_its_rotation_vector_says(multisine):
     t = jnp.arange(0.0, 20.0, 1 / 400)
     rotation = attitude(multisine.omega, t)[::400]
-    vectors = jax.vmap(multisine.coordinates)(t)[::400, 3:]
+    vectors = jax.jit(jax.vmap(multisine.coordinates))(t)[::400, 3:]
     np.testing.assert_allclose(rotation, Rotation.from_rotvec(np.array(vectors)).as_matrix(), atol=1e-9)
 
 
 def test_a_multisine_rests_at_both_ends(multisine):
     ends = jnp.array([0.0, 20.0])
     for values in (
-        jax.vmap(multisine.coordinates)(ends),
-        jax.vmap(multisine.omega)(ends),
-        jax.vmap(multisine.alpha)(ends),
+        jax.jit(jax.vmap(multisine.coordinates))(ends),
+        jax.jit(jax.vmap(multisine.omega))(ends),
+        jax.jit(jax.vmap(multisine.alpha))(ends),
     ):
         np.testing.assert_allclose(values, 0, atol=1e-30)
 
@@ -158,7 +158,7 @@ def test_a_multisines_specific_force_is_that_of_its_path(multisine):
     """Second differences of where the centre of gravity is, against the campaign's own motion."""
     rate, offset = 2000.0, np.array([0.01, -0.02, 0.11])
     t = jnp.arange(6.0, 8.0, 1 / rate)
-    coordinates = np.array(jax.vmap(multisine.coordinates)(t))
+    coordinates = np.array(jax.jit(jax.vmap(multisine.coordinates))(t))
     rotation = Rotation.from_rotvec(coordinates[:, 3:])
     place = coordinates[:, :3] + rotation.apply(offset)
     acceleration = (place[2:] - 2 * place[1:-1] + place[:-2]) * rate**2

@@ -52,11 +52,11 @@ def test_one_stage_is_the_sum_of_sines_times_the_window(staged):
     t = jnp.linspace(0, DURATION, 97)
     angle = 2 * np.pi * np.asarray(t)[:, None] * staged.frequency
     shape = np.cos(angle) @ staged.cosine.T + np.sin(angle) @ staged.sine.T
-    ends = np.asarray(jax.vmap(swell)(t / RAMP) * jax.vmap(swell)((DURATION - t) / RAMP))
+    ends = np.asarray(jax.jit(jax.vmap(swell))(t / RAMP) * jax.jit(jax.vmap(swell))((DURATION - t) / RAMP))
     expected = ends[:, None] * shape
     for start in (None, np.zeros(6)):
         single = dataclasses.replace(staged, start=start)
-        np.testing.assert_allclose(jax.vmap(single.coordinates)(t), expected, atol=1e-15)
+        np.testing.assert_allclose(jax.jit(jax.vmap(single.coordinates))(t), expected, atol=1e-15)
 
 
 def test_each_stage_moves_alone(staged):
@@ -65,7 +65,9 @@ def test_each_stage_moves_alone(staged):
     assert staged.stages == 3
     first = dataclasses.replace(only(staged, 0.0), duration=np.array(3.0))
     t = jnp.linspace(0, 3, 61)
-    np.testing.assert_allclose(jax.vmap(staged.coordinates)(t), jax.vmap(first.coordinates)(t), atol=1e-16)
+    np.testing.assert_allclose(
+        jax.jit(jax.vmap(staged.coordinates))(t), jax.jit(jax.vmap(first.coordinates))(t), atol=1e-16
+    )
     for at in (0.0, 3.0, 7.0, DURATION):
         np.testing.assert_allclose(staged.coordinates(jnp.array(at)), 0, atol=1e-30)
         np.testing.assert_allclose(staged.omega(jnp.array(at)), 0, atol=1e-30)
@@ -77,7 +79,7 @@ def test_a_swell_asks_for_little_on_its_way():
 
     waves = [lambda u, wave=wave: swell(u) * wave(4 * jnp.pi * u) for wave in (jnp.cos, jnp.sin)]
     largest = (
-        float(jnp.hypot(*(jax.vmap(jax.grad(jax.grad(windowed_wave)))(t) for windowed_wave in waves)).max())
+        float(jnp.hypot(*(jax.jit(jax.vmap(jax.grad(jax.grad(windowed_wave))))(t) for windowed_wave in waves)).max())
         / (4 * np.pi) ** 2
     )
     assert 1.0 <= largest < 1.03
@@ -87,11 +89,11 @@ def test_a_swell_asks_for_little_on_its_way():
 def test_rates_are_those_of_the_attitude_through_the_stages(staged):
     """Attitude integrated from omega, and alpha by differences."""
     t = jnp.linspace(0.0, 5.0, 5001)
-    turns = jax.vmap(exponential)(jax.vmap(staged.coordinates)(t)[:, 3:])
+    turns = jax.jit(jax.vmap(exponential))(jax.jit(jax.vmap(staged.coordinates))(t)[:, 3:])
     np.testing.assert_allclose(attitude(staged.omega, t), turns, atol=1e-9)
-    omega, h = jax.vmap(staged.omega), 1e-5
+    omega, h = jax.jit(jax.vmap(staged.omega)), 1e-5
     difference = (omega(t[::50] + h) - omega(t[::50] - h)) / (2 * h)
-    np.testing.assert_allclose(jax.vmap(staged.alpha)(t[::50]), difference, atol=1e-7)
+    np.testing.assert_allclose(jax.jit(jax.vmap(staged.alpha))(t[::50]), difference, atol=1e-7)
 
 
 # --- files ---
@@ -142,7 +144,7 @@ def test_exports_hold_all_stages(preset, tmp_path, staged):
     exported = export_motion(experiment, spec, amplitude=0.5)
     assert exported.seconds == DURATION
     table = np.genfromtxt(exported.contents["motion.csv"].decode().splitlines(), delimiter=",", names=True)
-    place = jax.vmap(spec.trajectory.coordinates)(jnp.asarray(table["t_s"]))
+    place = jax.jit(jax.vmap(spec.trajectory.coordinates))(jnp.asarray(table["t_s"]))
     np.testing.assert_allclose(table["x_m"], 0.5 * place[:, 0], atol=2e-9)
     seam = np.abs(table["t_s"] - 3.5) < 0.4
     assert np.abs(table["roll_rad"][seam]).max() > 1e-4
@@ -193,7 +195,7 @@ def test_stages_move_as_their_trajectory(platform, stages, generator):
         np.testing.assert_allclose(ours, theirs, atol=1e-7)
     body = sample(trajectory, whole, r_cg_from_still=offset, gravity=gravity)
     np.testing.assert_allclose(moved.body.specific_force_cg, body.specific_force_cg[:, at], atol=1e-7)
-    jerk = jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
+    jerk = jax.jit(jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1))(t)
     np.testing.assert_allclose(moved.jerk, jerk, atol=1e-7)
 
 
@@ -219,7 +221,8 @@ def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
     whole, short = stages.multisine(unknowns), stages.multisine(unknowns, short=True)
     assert float(short.duration) == pytest.approx(4 + 2 * 2.8, abs=1.0)
     largest = [
-        np.abs(jax.vmap(one.omega)(jnp.arange(0, float(one.duration), 1 / 100))).max(axis=0) for one in (whole, short)
+        np.abs(jax.jit(jax.vmap(one.omega))(jnp.arange(0, float(one.duration), 1 / 100))).max(axis=0)
+        for one in (whole, short)
     ]
     np.testing.assert_allclose(*largest, rtol=1e-9)
 
@@ -228,7 +231,7 @@ def test_instants_stand_for_the_whole_run(platform, stages, generator):
     """The mean square of alpha over the run, by 400 samples a second: what is left out next to rest is little."""
     unknowns = 0.2 * generator.normal(size=stages.unknowns)
     moved = stages.moved(platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
-    alpha = jax.vmap(stages.multisine(unknowns).alpha)(jnp.arange(0, 21, 1 / 400))
+    alpha = jax.jit(jax.vmap(stages.multisine(unknowns).alpha))(jnp.arange(0, 21, 1 / 400))
     ours = np.einsum("n,in,jn->ij", stages.seconds, moved.body.alpha, moved.body.alpha)
     theirs = np.einsum("ni,nj->ij", alpha, alpha) / 400
     np.testing.assert_allclose(ours, theirs, atol=2e-2 * np.trace(theirs))

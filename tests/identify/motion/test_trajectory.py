@@ -24,21 +24,21 @@ def trajectory(request, preset):
 def test_starts_and_ends_at_rest_with_its_derivatives(trajectory):
     ends = jnp.array([0.0, float(trajectory.duration)])
     for function in (trajectory.omega, trajectory.alpha, jax.jacfwd(trajectory.alpha)):
-        np.testing.assert_allclose(jax.vmap(function)(ends), 0, atol=1e-12)
+        np.testing.assert_allclose(jax.jit(jax.vmap(function))(ends), 0, atol=1e-12)
 
 
 def test_alpha_is_the_derivative_of_omega(trajectory):
     t = jnp.linspace(1.0, float(trajectory.duration) - 1, 501)
     h = 1e-4
-    difference = (jax.vmap(trajectory.omega)(t + h) - jax.vmap(trajectory.omega)(t - h)) / (2 * h)
+    difference = (jax.jit(jax.vmap(trajectory.omega))(t + h) - jax.jit(jax.vmap(trajectory.omega))(t - h)) / (2 * h)
     # central difference: error (Ω h)²/6 · A = 6e-7 rad/s²
-    np.testing.assert_allclose(jax.vmap(trajectory.alpha)(t), difference, atol=2e-6)
+    np.testing.assert_allclose(jax.jit(jax.vmap(trajectory.alpha))(t), difference, atol=2e-6)
 
 
 def test_omega_and_alpha_trace_their_spheres(preset):
     trajectory = preset.trajectories["T1"].trajectory
     t = jnp.linspace(30.0, 150.0, 4001)  # between the ramps
-    omega, alpha = jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
+    omega, alpha = jax.jit(jax.vmap(trajectory.omega))(t), jax.jit(jax.vmap(trajectory.alpha))(t)
     # the precession shifts the spiral's two frequencies by ε/Ω = 3.7 %
     np.testing.assert_allclose(jnp.linalg.norm(omega, axis=1), W, rtol=0.04)
     np.testing.assert_allclose(jnp.linalg.norm(alpha, axis=1), A, rtol=1e-9)
@@ -50,7 +50,7 @@ def test_omega_and_alpha_trace_their_spheres(preset):
 def test_simple_motions_turn_about_one_axis_at_a_time(preset):
     trajectory = preset.trajectories["T3"].trajectory
     t = jnp.linspace(0.0, 180.0, 3601)
-    omega = np.asarray(jax.vmap(trajectory.omega)(t))
+    omega = np.asarray(jax.jit(jax.vmap(trajectory.omega))(t))
     segment = np.minimum((t / 60.0).astype(int), 2)
     for axis in range(3):
         np.testing.assert_allclose(omega[segment != axis, axis], 0, atol=1e-12)
@@ -59,8 +59,8 @@ def test_simple_motions_turn_about_one_axis_at_a_time(preset):
 
 def test_the_step_is_flat_finite_and_differentiable_everywhere():
     u = jnp.array([-1.0, 0.0, 1e-12, 1e-3, 0.5, 1 - 1e-12, 1.0, 2.0])
-    np.testing.assert_allclose(jax.vmap(step)(u), [0, 0, 0, 0, 0.5, 1, 1, 1], atol=1e-12)
-    slopes = jax.vmap(jax.grad(step))(u)
+    np.testing.assert_allclose(jax.jit(jax.vmap(step))(u), [0, 0, 0, 0, 0.5, 1, 1, 1], atol=1e-12)
+    slopes = jax.jit(jax.vmap(jax.grad(step)))(u)
     assert jnp.isfinite(slopes).all()
     np.testing.assert_allclose(slopes[jnp.array([0, 1, 2, 5, 6, 7])], 0)
 
@@ -87,7 +87,7 @@ def test_the_platforms_closed_form_is_the_double_integral_of_12(preset, name):
     trajectory, offset = preset.trajectories[name].trajectory, jnp.array([0.0, 0.0, 0.11])
     t = jnp.arange(0.0, 180.0, 1 / 400)
     motion = sample(trajectory, t, r_cg_from_still=np.zeros(3), gravity=np.array(9.81))
-    in_body = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-offset, motion.omega, motion.alpha)
+    in_body = jax.jit(jax.vmap(acceleration_at, in_axes=(None, 1, 1)))(-offset, motion.omega, motion.alpha)
     acceleration = np.einsum("nij,nj->ni", motion.rotation, in_body)
     velocity = cumulative_simpson(acceleration, x=np.asarray(t), axis=0, initial=0)
     position = cumulative_simpson(velocity, x=np.asarray(t), axis=0, initial=0)

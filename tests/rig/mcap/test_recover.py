@@ -15,11 +15,11 @@ from uq.cli.main import main
 METADATA = {"rig.run": {"note": "a run"}}
 
 
-def written(path, compression="zstd", n=1000):
+def written(path, compression="zstd", n=200):
     """A run of 2 n messages in small chunks, one known row a message."""
     wrench, imu = wrench_channel(n), imu_channel(n)
     with open(path, "wb") as stream:
-        writer = new_writer(stream, compression=compression, chunk_size=8000)
+        writer = new_writer(stream, compression=compression, chunk_size=1600)
         for name, facts in METADATA.items():
             writer.add_metadata(name, runs.seal(name, facts))
         streams = []
@@ -83,9 +83,9 @@ def test_an_intact_file_comes_back_whole(tmp_path):
     assert "nothing was lost" in str(result)
 
 
-@pytest.mark.parametrize("step", [97 * 23, pytest.param(97, marks=pytest.mark.study)])
+@pytest.mark.parametrize("step", [19 * 23, pytest.param(19, marks=pytest.mark.study)])
 def test_every_cut_gives_every_whole_chunk(tmp_path, step):
-    """A file of 2,000 messages cut at every 97th byte; by default at every 23rd of those places."""
+    """A file of 400 messages cut at every 19th byte; by default at every 23rd of those places."""
     path, broken, output = tmp_path / "run.mcap", tmp_path / "broken.mcap", tmp_path / "new.mcap"
     whole = written(path)
     data = path.read_bytes()

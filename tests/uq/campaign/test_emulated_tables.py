@@ -56,7 +56,7 @@ def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
     """On T2 by hand: y - r̂ × F instead of y - r × F adds -δ × F, fitted to Ω (a smoother's gain is off by 1e-4)."""
     motion = true_motion(short, short.trajectories["T2"])
     wrench = np.asarray(Columns.of(()).sampled(short.body, motion))
-    rows = jax.vmap(omega_r, in_axes=1)(motion.omega, motion.alpha)
+    rows = jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega, motion.alpha)
     for repeat in range(3):
         delta = np.asarray(shared_error(centre_of(short), jax.random.key(0), repeat))
         extra = -np.cross(delta, wrench[:3].T)
@@ -66,7 +66,9 @@ def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
 
 def test_the_centres_error_has_the_size_of_table_1(short):
     """2,000 repeats: a standard error of 1.6 % of the standard deviation; five of them are 8 %."""
-    drawn = jax.vmap(lambda repeat: shared_error(centre_of(short), jax.random.key(0), repeat))(jnp.arange(2000))
+    drawn = jax.jit(jax.vmap(lambda repeat: shared_error(centre_of(short), jax.random.key(0), repeat)))(
+        jnp.arange(2000)
+    )
     np.testing.assert_allclose(1e3 * np.std(drawn, axis=0), [0.15, 0.13, 0.16], rtol=0.08)
 
 

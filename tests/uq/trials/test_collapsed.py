@@ -12,7 +12,7 @@ from uq.campaign.statistics import Statistics
 from uq.experiment.experiment import ExperimentError
 from uq.sources.distributions import StudentT
 
-TRIALS = 20_000
+TRIALS = 4_000  # the trials by samples, a tenth of them, decide the tests' sharpness
 
 
 @pytest.fixture(scope="module")
