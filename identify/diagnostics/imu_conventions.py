@@ -1,6 +1,7 @@
 """Units and axes of an IMU by itself: gravity must turn in the body frame as the gyro says, dg/dt = -ω × g.
 
-Judged only where the accelerometer shows gravity and little else.
+Judged only where the accelerometer shows gravity and little else: not in free fall, where the specific force is that of
+the IMU's lever from a centre that falls.
 """
 
 import numpy as np
@@ -8,25 +9,56 @@ from jaxtyping import Float
 
 from identify.diagnostics.convention_sums import ImuSignal
 from identify.diagnostics.conventions import signed_axes
+from identify.rigid_body import regressor
+from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
 
 LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
 UNLIKE = 15.0  # ratio of the turn by the gyro to that by the accelerometer; a lever arm or a filter makes two or three
 STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
 LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
 WITHIN = 5.0  # seconds: slower turns may be a gyro's bias
+GRAVITY_IN_G = (0.8, 1.25)  # less than this is no gravity in any unit
+WITHOUT_GRAVITY = (
+    0.13  # of the specific force: throws leave less, runs under gravity more than 0.16, in wrong units too
+)
+LARGEST_LEVER, LARGEST_ZERO = 1.0, 2.0  # of a thrown IMU: metres, m/s², as standard deviations
+SMOOTHED = 0.01  # seconds
 
 
 def wrong_units(imu: ImuSignal) -> dict[str, float]:
     """The units that seem to be used instead, with the figure that tells: median acceleration, ratio of the turns."""
     wrong = {}
     specific_force = float(np.nanmedian(np.linalg.norm(imu.specific_force, axis=1)))
-    if 0.8 < specific_force < 1.25:
+    if in_free_fall(imu):
+        return {}
+    if GRAVITY_IN_G[0] < specific_force < GRAVITY_IN_G[1]:
         wrong["g"] = specific_force
     if _gravity_shows(imu):
         by_gyro, by_accelerometer = _turns(imu)
         if by_gyro > LEAST_TURN and by_gyro > UNLIKE * by_accelerometer:
             wrong["deg/s"] = by_gyro / by_accelerometer if by_accelerometer > 0 else np.inf
     return wrong
+
+
+def in_free_fall(imu: ImuSignal) -> bool:
+    """Whether a lever explains the specific force without gravity: ``f = α × r + ω × (ω × r) + zero``.
+
+    By least squares with priors on lever and zero; what it leaves over and what the priors cost is judged together.
+    """
+    time, omega, specific_force = imu
+    if len(time) < 10 or time[-1] <= time[0]:
+        return False
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    width = max(1, round(SMOOTHED / step))
+    omega, force = _average(omega, width), _average(specific_force, width)[::width]
+    motion = regressor.features(omega.T, np.gradient(omega, step, axis=0).T)[:, ::width]
+    of_lever = np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)
+    columns = np.concatenate([of_lever, np.broadcast_to(np.eye(3), of_lever.shape)], axis=2)
+    power = max(float((force**2).sum()), 1e-12)
+    priors = np.repeat([LARGEST_LEVER, LARGEST_ZERO], 3) ** -2.0
+    normal = np.einsum("nij,nik->jk", columns, columns) / power + np.diag(priors)
+    right = np.einsum("nij,ni->j", columns, force) / power
+    return bool(1 - right @ np.linalg.solve(normal, right) < WITHOUT_GRAVITY)
 
 
 def accelerometer_axes(imu: ImuSignal) -> Float[np.ndarray, "3 3"] | None:
@@ -75,7 +107,8 @@ def _gravity_shows(imu: ImuSignal) -> bool:
     """Whether the accelerometer shows gravity and little else, so that its turning can be compared with the gyro."""
     magnitude = np.linalg.norm(imu.specific_force, axis=1)
     middle = float(np.median(magnitude))
-    return float(np.median(np.abs(magnitude - middle))) < STEADY * middle
+    steady = float(np.median(np.abs(magnitude - middle))) < STEADY * middle
+    return steady and middle > GRAVITY_IN_G[0] and not in_free_fall(imu)
 
 
 def _correlation(imu: ImuSignal, axes: np.ndarray) -> float:

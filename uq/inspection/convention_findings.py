@@ -24,7 +24,7 @@ from identify.diagnostics.convention_sums import (
     convention_sums,
 )
 from identify.diagnostics.conventions import DECISIVE, Hypothesis, Scales, best_axes, misalignment, scales
-from identify.diagnostics.imu_conventions import accelerometer_axes, wrong_units
+from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
 from identify.diagnostics.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
 from identify.rigid_body.rotation import exponential
 from rig.inspection.channel_health import Finding
@@ -35,7 +35,7 @@ MOMENT_UNITS = {"N*mm": 1e-3, "N*cm": 1e-2, "lbf*inch": 0.11298483, "lbf*ft": 1.
 MASS_TOLERANCE = 0.15  # departure of the rest force from the weight: a gain error or a zero is smaller
 UNIT_TOLERANCE = 0.1  # departure of a ratio from that of a unit
 LEAST_TURN = np.radians(0.5)
-LEAST_GRAVITY = 2.0  # m/s² of mean specific force: in flight, or without accelerometer, nothing is judged
+LEAST_GRAVITY = 2.0  # m/s² of mean specific force: without accelerometer nothing is judged
 TURNED = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
 LEAST_SHIFT = 3e-3  # metres
 SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
@@ -97,7 +97,7 @@ def wrench_findings(
     if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
         return []
     sums = convention_sums(wrench, _in_si(imu))
-    if sums is None or float(np.linalg.norm(sums.mean(SPECIFIC))) < LEAST_GRAVITY:
+    if sums is None or float(np.linalg.norm(sums.mean(SPECIFIC))) < LEAST_GRAVITY or in_free_fall(imu):
         return []
     if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
         return []

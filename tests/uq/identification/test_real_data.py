@@ -11,6 +11,7 @@ from identify.rigid_body.inertia import COMPONENTS
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.identification.systematic_errors import with_declared_sources
+from uq.inspection.inspect_run import inspect_run
 from uq.recorded.load_run import load_run
 
 ROOT = Path(__file__).parents[3]
@@ -61,6 +62,13 @@ def test_intervals_of_thrown_bodies_hold_their_geometry(thrown, experiment):
     assert (np.mean(covered, axis=0) >= 0.9).all()
     low, high = result.interval95.T
     assert ((low <= truth) & (truth <= high)).all()
+
+
+def test_of_thrown_bodies_nothing_is_suspected(thrown, experiment):
+    for file in thrown[0]:
+        assert inspect_run(file).findings == []
+        assert inspect_run(file, experiment).findings == []
+    assert not [text for text in thrown[2].warnings if "suspicious" in text]
 
 
 def test_thrown_bodies_scatter_about_as_their_residuals_predict(thrown):

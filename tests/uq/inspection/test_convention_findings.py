@@ -7,10 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from identify.diagnostics.convention_sums import WrenchSignal
 from tests.spoiled_runs import SPOILED, T1, declared, other_body, sensors
+from tests.thrown_bodies import throw
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
+from uq.inspection.convention_findings import Declared, wrench_findings
 from uq.inspection.experiment_findings import experiment_findings
 from uq.inspection.inspect_run import inspect_run
 from uq.recorded.load_run import load_run
@@ -97,6 +100,18 @@ def test_hands_on_the_body_are_not_judged(tmp_path, generator):
 def test_without_an_accelerometer_nothing_is_found(tmp_path):
     run = SPOILED["opposite sign"][1](good()).of_imu(np.eye(3), 0 * np.eye(3))
     assert judged(run.write(tmp_path / "run.mcap"), T1) == []
+
+
+def test_of_a_long_free_flight_nothing_is_said(generator):
+    """Four seconds: an orbit, a parabola. The force is zero, the moment a flywheel's; the lever alone makes 2 m/s²."""
+    judged_flights = 0
+    for seed in range(12):
+        imu = throw(seed, seconds=(4.0, 4.0), rate=200.0)
+        moment = np.gradient(imu.angular_velocity, imu.time, axis=0) * [0.1, 0.2, 0.25]
+        wrench = WrenchSignal(imu.time, 0.01 * generator.normal(size=moment.shape), moment)
+        judged_flights += float(np.linalg.norm(imu.specific_force.mean(axis=0))) > 2
+        assert wrench_findings(wrench, imu, Declared(mass=1.0), wrench_topic="w", imu_topic="i") == []
+    assert judged_flights > 3
 
 
 def test_the_command_takes_an_experiment(tmp_path, capsys):

@@ -1,0 +1,31 @@
+"""An IMU by itself: in free fall its units and axes are not judged; under gravity wrong ones are named (test_inspect)."""
+
+import numpy as np
+import pytest
+
+from identify.diagnostics.convention_sums import ImuSignal
+from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
+from tests.spoiled_runs import other_body
+from tests.thrown_bodies import throw
+
+
+def test_of_thrown_bodies_nothing_is_said():
+    """Forty, whose specific force is steady, or turns, or happens to be of the size of g, in one unit or another."""
+    for seed in range(40):
+        imu = throw(seed)
+        assert wrong_units(imu) == {}, seed
+        assert accelerometer_axes(imu) is None, seed
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("gyro", "accelerometer"), [(1.0, 1.0), (np.degrees(1.0), 1.0), (1.0, 1 / 9.80665)])
+def test_a_body_that_is_held_does_not_fall_whatever_its_units(seed, gyro, accelerometer):
+    imu = other_body(seed).imu
+    time = (imu.stamp - imu.stamp[0]) * 1e-9
+    assert not in_free_fall(ImuSignal(time, gyro * imu.angular_velocity, accelerometer * imu.linear_acceleration))
+
+
+def test_a_body_at_rest_does_not_fall():
+    still = np.zeros((1000, 3))
+    for size in (9.81, 1.0):
+        assert not in_free_fall(ImuSignal(np.arange(1000) / 200, still, still + [0.0, 0.0, size]))
