@@ -1,6 +1,6 @@
 """From runs to the tensor with its standard uncertainty."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import numpy as np
@@ -8,9 +8,11 @@ import numpy as np
 from identify.choices import CgMotion, OffsetChoice
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import ConstantError
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
 from identify.results.identification_result import Identification
+from identify.results.known_bias import covering_bias
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
@@ -30,6 +32,7 @@ def identify(
     cg_motion: CgMotion | None = None,
     gravity: float = 9.80665,
     mass_uncertainty: float | None = None,
+    errors: Mapping[str, ConstantError] | None = None,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
@@ -52,6 +55,8 @@ def identify(
             accelerometer tells the specific force, or nothing does.
         gravity: local gravity [m/s²] (``joint``).
         mass_uncertainty: standard uncertainty of ``mass`` [kg] (``joint``); None: it counts as exact.
+        errors: declared constant errors of load cell, gyro and rig, by the name of their source (``joint``); see
+            :class:`identify.joint.priors.ConstantError`. None: none.
 
     Raises:
         RunError: no run, a run too short for the estimator, or a motion that identifies nothing.
@@ -64,8 +69,10 @@ def identify(
     problem = Problem(
         *_checked(runs, r_cg, sigma_r_cg), estimator=estimator, offsets=offsets, mass=mass,
         mass_uncertainty=mass_uncertainty, centre=centre, alignment=alignment, cg_motion=cg_motion, gravity=gravity,
+        errors=errors or {},
     )  # fmt: skip
-    return estimator_of(method).fit(problem)
+    result = estimator_of(method).fit(problem)
+    return covering_bias(result, result.bias)
 
 
 def _checked(

@@ -6,6 +6,8 @@ load cell's frame. The specific force f at the centre of gravity comes from one 
 - ``still``: the centre of gravity is at rest, f is opposite to gravity, whose direction follows from the gyro;
 - ``accelerometer``: f is what the accelerometer reads, carried to the centre of gravity;
 - ``none``: f is not measured; (5) alone counts, with the measured force in it.
+
+Beside the body and the alignment there are the sensors' constant errors. All are zero unless a prior leaves them free.
 """
 
 from typing import Literal, NamedTuple
@@ -29,6 +31,7 @@ WANDER = 3
 SIZES = {
     "inertia": 6, "mass": 1, "r_cg": 3, "force_offset": 3, "moment_offset": 3, "gyro_bias": 3, "tilt": 2, "delay": 1,
     "rotation": 3, "accelerometer_bias": 3, "force_drift": 3, "moment_drift": 3, "wander": 3 * WANDER,
+    "cg_from_still": 3, "gravity": 1, "gyro_scale": 3, "gyro_drift": 3, "cell_matrix": 36,
 }  # fmt: skip
 """The unknowns in their order, and how many numbers each is."""
 _ENDS = np.cumsum(list(SIZES.values()))
@@ -66,6 +69,17 @@ class Unknowns(NamedTuple):
     """The same of the moment's [N·m]."""
     wander: Float[Array, "9"]
     """Amplitudes of the gyro's slow noise, three axes of each term [rad/s^0.5]; as its white noise's density."""
+    cg_from_still: Float[Array, "3"]
+    """The centre of gravity from the point that is at rest, in B [m], where it is declared still."""
+    gravity: Float[Array, "1"]
+    """Local gravity less what is stated [m/s²]."""
+    gyro_scale: Float[Array, "3"]
+    """Relative error of each axis' scale factor."""
+    gyro_drift: Float[Array, "3"]
+    """Slope of the gyro's bias, from the run's middle, in its own axes [rad/s²]."""
+    cell_matrix: Float[Array, "36"]
+    """``D`` row by row, the load cell reading ``(1 + D)`` times the wrench (force, moment): scale factors, cross-talk
+    and a small misalignment [1, N per N·m, N·m per N]."""
 
 
 class Model(eqx.Module):
@@ -102,12 +116,14 @@ def kinematics(model: Model, x: Unknowns) -> Kinematics:
     rows, turn = model.rows, exponential(x.rotation)
     t = rows.t + x.delay[0]
     value, slope, _ = evaluate(rows.motion, rows.step, t)
-    omega, alpha = turn @ (value[:3] - slow_terms(rows, rows.t, x)), turn @ slope[:3]
+    scale = (1 + x.gyro_scale)[:, None]
+    omega = turn @ ((value[:3] - slow_terms(rows, rows.t, x)) / scale)
+    alpha = turn @ ((slope[:3] - x.gyro_drift[:, None]) / scale)
     if model.specific_force == "none":
         return Kinematics(omega, alpha, None)
     if model.specific_force == "still":
-        up = _vertical(model, x, t)
-        return Kinematics(omega, alpha, model.gravity * (turn @ up))
+        weight = (model.gravity + x.gravity[0]) * (turn @ _vertical(model, x, t))
+        return Kinematics(omega, alpha, weight + _carried(omega, alpha, x.cg_from_still))
     at_imu = turn @ (value[3:] - x.accelerometer_bias[:, None])
     return Kinematics(omega, alpha, at_imu + _carried(omega, alpha, x.r_cg - model.imu_position))
 
@@ -121,11 +137,16 @@ def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "ro
     along = progress(rows)
     force = rows.force - x.force_offset[:, None] - jnp.outer(x.force_drift, along)
     moment = rows.moment - x.moment_offset[:, None] - jnp.outer(x.moment_drift, along)
-    moment = moment - moment_about_cg(x.inertia, motion.omega, motion.alpha)
+    spin = moment_about_cg(x.inertia, motion.omega, motion.alpha)
+    error = x.cell_matrix.reshape(6, 6)
     if motion.specific_force is None:
-        return rows.used[None] * (moment - levered(x.r_cg, force))
-    predicted = x.mass[0] * motion.specific_force
-    return rows.used[None] * jnp.concatenate([force - predicted, moment - levered(x.r_cg, predicted)])
+        true = force - error[:3] @ jnp.concatenate([force, moment])
+    else:
+        true = x.mass[0] * motion.specific_force
+    # the error acts on what is predicted: on what is measured it would scale the noise, which the fit then makes small
+    wrench = jnp.concatenate([true, spin + levered(x.r_cg, true)])
+    left = jnp.concatenate([force, moment]) - wrench - error @ wrench
+    return rows.used[None] * (left[3:] if motion.specific_force is None else left)
 
 
 def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
@@ -143,16 +164,15 @@ def _carried(omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], arm: Float[
 
 
 def slow_basis(rows: InBand, t: Float[Array, " n"]) -> Float[Array, "terms n"]:
-    """Return one and the rates of the Karhunen–Loève terms of a random walk over the run."""
+    """Return one, time from the middle, and the rates of the Karhunen–Loève terms of a random walk over the run."""
     half_waves = jnp.asarray((np.arange(WANDER) + 0.5) * np.pi / rows.duration, t.dtype)
-    return jnp.concatenate(
-        [jnp.ones_like(t)[None], float(np.sqrt(2 / rows.duration)) * jnp.cos(jnp.outer(half_waves, t))]
-    )
+    walk = float(np.sqrt(2 / rows.duration)) * jnp.cos(jnp.outer(half_waves, t))
+    return jnp.concatenate([jnp.ones_like(t)[None], (t - 0.5 * rows.duration)[None], walk])
 
 
 def slow_terms(rows: InBand, t: Float[Array, " n"], x: Unknowns) -> Float[Array, "3 n"]:
-    """Return the gyro's bias and slow noise [rad/s], in its own axes."""
-    return jnp.concatenate([x.gyro_bias[None], x.wander.reshape(WANDER, 3)]).T @ slow_basis(rows, t)
+    """Return the gyro's bias, drift and slow noise [rad/s], in its own axes."""
+    return jnp.concatenate([x.gyro_bias[None], x.gyro_drift[None], x.wander.reshape(WANDER, 3)]).T @ slow_basis(rows, t)
 
 
 def _vertical(model: Model, x: Unknowns, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
@@ -186,7 +206,8 @@ def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> 
         value = rows.motion[0, cell, :3]
         for piece in rows.motion[1:, :, :3]:
             value = value * (fraction * since)[:, None] + piece[cell]
-        return value - slow_terms(rows, rows.step * cell.astype(since.dtype) + fraction * since, x).T
+        slow = slow_terms(rows, rows.step * cell.astype(since.dtype) + fraction * since, x).T
+        return (value - slow) / (1 + x.gyro_scale)[None]
 
     first, second = omega(0.5 - np.sqrt(3) / 6), omega(0.5 + np.sqrt(3) / 6)
     return magnus_turn(first, second, since)

@@ -31,6 +31,10 @@ class Pooled(NamedTuple):
     """How much more the runs scatter than their noise predicts; 1 for one run."""
     degrees_of_freedom: float
     """Of the scatter; infinite for one run."""
+    by_prior: np.ndarray
+    """Derivative of the unknowns of the first run by the prior mean of each shared one, (count, count)."""
+    beforehand: np.ndarray
+    """Covariance of the prior, (count, count); zero for what has none."""
 
 
 def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
@@ -40,10 +44,13 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
         runs: their estimates, made with the same prior.
         shared: names of the unknowns that are the same in all.
     """
+    root, counted = np.asarray(runs[0].prior.root), np.asarray(runs[0].prior.counted)
+    back = np.linalg.pinv(root)
     if len(runs) == 1:
         covariance, prior_covariance = runs[0].posterior()
-        return Pooled([runs[0].theta], covariance, prior_covariance, 1.0, np.inf)
-    root, counted = np.asarray(runs[0].prior.root), np.asarray(runs[0].prior.counted)
+        inverse = np.linalg.inv(np.asarray(runs[0].fit.information) + np.diag(counted))
+        by_prior = root @ inverse @ np.diag(counted) @ back
+        return Pooled([runs[0].theta], covariance, prior_covariance, 1.0, np.inf, by_prior, runs[0].prior.covariance)
     common = np.abs(root[indices(shared)]).max(axis=0) > 0
     reduced = [_eliminated(run, common) for run in runs]
     total, right = sum(equations.matrix for equations in reduced), sum(equations.right for equations in reduced)
@@ -63,7 +70,8 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
     covariance = root @ carried @ spread @ carried.T @ root.T
     covariance += root[:, ~common] @ first.local_covariance @ root[:, ~common].T
     prior_covariance = root @ carried @ inverse @ precision @ inverse @ carried.T @ root.T
-    return Pooled(theta, covariance, prior_covariance, scatter, freedom)
+    by_prior = root @ carried @ inverse @ precision @ back[common]
+    return Pooled(theta, covariance, prior_covariance, scatter, freedom, by_prior, runs[0].prior.covariance)
 
 
 class _Eliminated(NamedTuple):

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
@@ -13,14 +14,16 @@ from identify.estimators.offsets import Offsets
 from identify.estimators.residual_trace import Trace, trace
 from identify.joint.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, Pooled, pool
-from identify.joint.priors import STATIC
-from identify.joint.single_run import JointRun, Setting, noise_in_alpha
+from identify.joint.prior_departure import departures
+from identify.joint.priors import STATIC, indices
+from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
-from identify.rigid_body.dynamics import moment_about_cg
+from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import cross_matrix
+from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
 
 FORCE_ASSUMPTION = {
@@ -40,15 +43,17 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         setting: that they were estimated with.
         offsets: where they come from, for the result.
     """
-    pooled = pool(joint_runs, ALIGNED + (CALIBRATED if STATIC in setting.blocks else ()))
+    shared_errors = {error.unknown for error in setting.errors.values() if error.shared} | {"cg_from_still"}
+    pooled = pool(joint_runs, (*ALIGNED, *(CALIBRATED if STATIC in setting.blocks else ()), *sorted(shared_errors)))
     factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
     inertia = value[tensor]
     half = factor * np.sqrt(np.diag(covariance)[tensor])
-    bias = _bias(joint_runs, inertia, covariance[tensor, tensor])
+    bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
-    warnings = [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
+    warnings = departures(value, np.asarray(joint_runs[0].prior.mean), pooled.beforehand)
+    warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     warnings += alignment_warnings(delay, rotation)
     warnings += _warnings(pooled, bias, half / factor)
     return Identification(
@@ -59,8 +64,35 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         _assumptions(setting.specific_force, len(joint_runs)), _diagnostics(joint_runs, pooled, factor),
         mass_uncertainty=float(np.sqrt(covariance[mass, mass])), cg_inertia_covariance=covariance[cg, tensor],
         cg_covariance=covariance[cg, cg], method="joint", delay=delay, rotation=rotation,
-        offsets=offsets,
+        offsets=offsets, mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
+        budget=_budget(pooled, setting),
     )  # fmt: skip
+
+
+GROUPS = {
+    "mass": ("mass",), "centre of gravity": ("r_cg",), "offsets": ("force_offset", "moment_offset"),
+    "alignment": ("delay", "rotation", "accelerometer_bias"), "still centre of gravity": ("cg_from_still",),
+}  # fmt: skip
+"""Priors that a budget names, beside those of declared errors."""
+
+
+def _budget(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
+    """Contributions to the standard uncertainty of each component [kg·m²]: residuals, priors, declared errors."""
+    tensor, declared = SLICES["inertia"], {error.unknown for error in setting.errors.values()}
+
+    def of(names: Sequence[str], covariance: np.ndarray) -> np.ndarray:
+        gain = pooled.by_prior[tensor][:, indices(names)]
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gain, covariance, gain), 0.0))
+
+    grouped = dict.fromkeys(("mass", "centre of gravity", "offsets"), ()) | {"static poses": STATIC}
+    named = GROUPS | (grouped if STATIC in setting.blocks else {})
+    groups = {name: [unknown for unknown in members if unknown not in declared] for name, members in named.items()}
+    rows = {name: of(group, pooled.beforehand[np.ix_(indices(group), indices(group))])
+            for name, group in groups.items() if group}  # fmt: skip
+    rows |= {name: of([error.unknown], error.covariance) for name, error in setting.errors.items() if error.shared}
+    total = np.diag(pooled.covariance)[tensor]
+    residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
+    return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}
 
 
 def _aligned(pooled: Pooled, name: str, factor: float) -> Aligned:
@@ -81,17 +113,47 @@ def _freedom(runs: Sequence[JointRun]) -> float:
     return max(bins / 2 - sum(len(run.fit.z) for run in runs), 1.0)
 
 
-def _bias(runs: Sequence[JointRun], inertia: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Expected mean error from the gyro's noise in alpha, which dilutes the tensor to first order."""
-    noise = np.sum([_gyro_noise_information(run) for run in runs], axis=0)
-    return -covariance @ noise @ inertia
+def _bias(runs: Sequence[JointRun], pooled: Pooled) -> np.ndarray:
+    """Expected error of the first run's unknowns from the gyro's noise in alpha, to first order, (count,).
+
+    What is predicted is ``A(theta) alpha``. Noise n of alpha adds ``-A n`` to the residuals and ``dA/dtheta n`` to
+    their derivatives, so that their product has an expectation: errors in variables.
+    """
+    score = np.sum([_noise_score(run, theta) for run, theta in zip(runs, pooled.theta, strict=True)], axis=0)
+    return -pooled.covariance / pooled.scatter**2 @ score
 
 
-def _gyro_noise_information(run: JointRun) -> np.ndarray:
-    """What the gyro's noise alone adds to the information on the tensor, (6, 6)."""
+def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
+    """Expectation of what alpha's noise adds to the gradient of half the weighted squares, (count,)."""
     rows = run.model.rows
-    weight = np.linalg.inv(run.noise[-3:, -3:] / rows.factor)
-    return float(rows.used.sum()) * noise_in_alpha(run.run.rate, rows, run.gyro_noise, weight)
+    variance = run.gyro_noise**2 * alpha_noise_gain(run.run.rate, rows)
+    weight = np.linalg.inv(run.noise / rows.factor)
+    matrix, slope = (np.asarray(array) for array in _by_alpha(jnp.asarray(theta), jnp.asarray(run.model.imu_position),
+                                                              run.model.specific_force))  # fmt: skip
+    return float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
+
+
+@eqx.filter_jit
+def _by_alpha(
+    theta: Float[Array, " count"], imu_position: Float[Array, "3"], specific_force: SpecificForce
+) -> tuple[Array, Array]:
+    """How the predicted rows change with alpha in the IMU's axes, (rows, 3), and the derivative of that by theta."""
+
+    def matrix(theta: Array) -> Array:
+        x = unknowns(theta)
+        turn, zero = exponential(x.rotation), jnp.zeros(3)
+        arm = {"still": x.cg_from_still, "accelerometer": x.r_cg - imu_position, "none": zero}[specific_force]
+
+        def predicted(measured: Array) -> Array:
+            alpha = turn @ (measured / (1 + x.gyro_scale))
+            force = x.mass[0] * acceleration_at(arm, zero, alpha)
+            spin = moment_about_cg(x.inertia, zero[:, None], alpha[:, None])[:, 0]
+            wrench = jnp.concatenate([force, spin + jnp.cross(x.r_cg, force)])
+            return (wrench + x.cell_matrix.reshape(6, 6) @ wrench)[3 if specific_force == "none" else 0 :]
+
+        return jax.jacfwd(predicted)(zero)
+
+    return matrix(theta), jax.jacfwd(matrix)(theta)
 
 
 def _warnings(pooled: Pooled, bias: np.ndarray, sigma: np.ndarray) -> list[str]:

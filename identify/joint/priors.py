@@ -26,6 +26,31 @@ class PriorBlock(NamedTuple):
     covariance: np.ndarray
 
 
+class ConstantError(NamedTuple):
+    """A declared constant error of the rig: the same in all runs, unless it is drawn for each of them."""
+
+    unknown: str
+    """Which unknown of :class:`identify.joint.joint_model.Unknowns` it changes."""
+    mean: np.ndarray
+    covariance: np.ndarray
+    shared: bool = True
+    """Whether all runs have the same."""
+
+
+def error_blocks(errors: Mapping[str, ConstantError]) -> dict[tuple[str, ...], PriorBlock]:
+    """Return the prior of the unknowns that declared errors change; errors of one unknown add.
+
+    Args:
+        errors: by the name of their source.
+    """
+    blocks: dict[tuple[str, ...], PriorBlock] = {}
+    for error in errors.values():
+        zero = PriorBlock(np.zeros_like(error.mean), np.zeros_like(error.covariance))
+        before = blocks.get((error.unknown,), zero)
+        blocks[error.unknown,] = PriorBlock(before.mean + error.mean, before.covariance + error.covariance)
+    return blocks
+
+
 class Prior(eqx.Module):
     """The prior of all unknowns of one run."""
 

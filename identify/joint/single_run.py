@@ -1,7 +1,7 @@
 """One run's joint estimate from its samples: start, noise, solution."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
 from identify.joint.gauss_newton import ROUGH, TOLERANCE, Fit, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
-from identify.joint.priors import Prior, PriorBlock, prior
+from identify.joint.priors import ConstantError, Prior, PriorBlock, prior
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
@@ -42,6 +42,8 @@ class Setting:
     """Order of magnitude of the tensor [kg·m²]."""
     noise: np.ndarray | None = None
     """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: from the residuals."""
+    errors: Mapping[str, ConstantError] = field(default_factory=dict)
+    """Declared constant errors by the name of their source; ``blocks`` hold them too."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,10 @@ class JointRun:
     def theta(self) -> np.ndarray:
         """The most probable unknowns, flat."""
         return np.asarray(self.prior.theta(self.fit.z))
+
+    def prior_sigma(self, name: str) -> np.ndarray:
+        """Return the standard uncertainties of an unknown beforehand; zero where it has no prior or is exact."""
+        return np.sqrt(np.diag(self.prior.covariance)[SLICES[name]])
 
     def posterior(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the covariance of the unknowns and the part of it that the priors' errors cause."""
@@ -109,7 +115,7 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     """Return the run's model, the prior of its unknowns, and its gyro's noise [rad/s]."""
     alignment, kind = setting.alignment, setting.specific_force
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
-    rows = in_band(run, setting.band, reach=reach, accelerometer=kind == "accelerometer")
+    rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
     gyro = np.maximum(noise_level(*(run.omega[segment] for segment in run.used())), LEAST_NOISE * _size(run.omega))
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
@@ -145,10 +151,16 @@ def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.n
 
 def noise_in_alpha(rate: float, rows: InBand, gyro_noise: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Return what white noise of the gyro adds to ``Ωᵀ W Ω`` of one row, expected, through alpha alone, (6, 6)."""
+    rows_of_alpha = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
+    variance = gyro_noise**2 * alpha_noise_gain(rate, rows)
+    return np.einsum("k,kji,jl,kle->ie", variance, rows_of_alpha, weight, rows_of_alpha)
+
+
+def alpha_noise_gain(rate: float, rows: InBand) -> float:
+    """Return the variance of a row's alpha over that of a sample of the angular velocity, its noise white [s⁻²]."""
     taps = low_pass(rate, rows.band, rows.factor)
     slope = np.gradient(taps) * rate if len(taps) > 1 else np.array([rate / 2] * 2)
-    rows_of_alpha = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
-    return np.einsum("k,kji,jl,kle->ie", gyro_noise**2 * (slope**2).sum(), rows_of_alpha, weight, rows_of_alpha)
+    return float((slope**2).sum())
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:

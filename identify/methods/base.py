@@ -1,7 +1,8 @@
 """The estimators' interface: the problem that they are given, and their abstract class."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import ClassVar
 
@@ -11,6 +12,7 @@ from identify.choices import CgMotion, OffsetChoice
 from identify.estimators.run_information import longest
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import ConstantError
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import motion_band
@@ -43,6 +45,8 @@ class Problem:
     cg_motion: CgMotion | None = None
     gravity: float = 9.80665
     """[m/s²]"""
+    errors: Mapping[str, ConstantError] = field(default_factory=dict)
+    """Declared constant errors by the name of their source, for an estimator that takes them along."""
 
     def band(self) -> float:
         """Return the band of the fastest motion [Hz].
@@ -67,7 +71,7 @@ class Estimator(ABC):
     """How it evaluates type A from the runs, in a sentence for a certificate."""
     estimates: ClassVar[frozenset[str]] = frozenset()
     """What it estimates along with the tensor, so that its covariance holds their uncertainty: ``mass``, and constant
-    errors by their names (``cell_bias``, ``cell_misalignment``, ``gyro_bias``, ``gyro_misalignment``, ``gyro_delay``).
+    errors by their names (``cell_bias``, ``gyro_scale``, ``gyro_delay`` …).
     """
 
     @abstractmethod

@@ -9,11 +9,15 @@ from identify.floating_point import check_precision
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
 from identify.joint.joint_result import joint_result
-from identify.joint.priors import STATIC, PriorBlock
+from identify.joint.priors import STATIC, PriorBlock, error_blocks
 from identify.joint.single_run import Setting, joint_run
+from identify.joint.still_check import check_still
 from identify.methods.base import Estimator, Problem
 from identify.results.identification_result import Identification
 from identify.signals.run import Run
+
+STILL_WITHIN = 0.003
+"""Standard uncertainty of the point that is at rest, from the centre of gravity, where none is declared [m]."""
 
 
 class JointEstimator(Estimator):
@@ -23,7 +27,10 @@ class JointEstimator(Estimator):
         "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
         "noise and from what was declared of them beforehand; where the runs scatter more, that counts."
     )
-    estimates = frozenset({"mass", "cell_bias", "cell_misalignment", "gyro_bias", "gyro_misalignment", "gyro_delay"})
+    estimates = frozenset(
+        {"mass", "cell_bias", "cell_scale", "cell_cross_talk", "cell_misalignment", "cell_drift",
+         "gyro_bias", "gyro_drift", "gyro_scale", "gyro_misalignment", "gyro_delay"}
+    )  # fmt: skip
 
     def fit(self, problem: Problem) -> Identification:
         """Return the tensor with its uncertainty.
@@ -40,11 +47,23 @@ class JointEstimator(Estimator):
             )
         declared_band = None if problem.estimator is None else problem.estimator.band
         band = problem.band() if declared_band is None else declared_band
+        specific_force = specific_force_source(problem)
         setting = Setting(
-            static_prior(problem), problem.alignment or Alignment(), band, specific_force_source(problem),
-            problem.gravity, tensor_scale(problem.runs, band),
+            prior_blocks(problem, specific_force), problem.alignment or Alignment(), band, specific_force,
+            problem.gravity, tensor_scale(problem.runs, band), errors=problem.errors,
         )  # fmt: skip
-        return joint_result([joint_run(run, setting) for run in problem.runs], setting, problem.offsets)
+        fitted = [joint_run(run, setting) for run in problem.runs]
+        if specific_force == "still":
+            for run in fitted:
+                check_still(run)
+        return joint_result(fitted, setting, problem.offsets)
+
+
+def prior_blocks(problem: Problem, specific_force: SpecificForce) -> dict[tuple[str, ...], PriorBlock]:
+    """Return the prior of body, offsets and declared errors."""
+    still = PriorBlock(np.zeros(3), STILL_WITHIN**2 * np.eye(3))
+    assumed = {("cg_from_still",): still} if specific_force == "still" else {}
+    return static_prior(problem) | assumed | error_blocks(problem.errors)
 
 
 def static_prior(problem: Problem) -> dict[tuple[str, ...], PriorBlock]:

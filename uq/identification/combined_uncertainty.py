@@ -31,10 +31,10 @@ class Systematic(NamedTuple):
 
 def widened_by_sources(result: Identification, systematic: Systematic) -> Identification:
     """Return a result without type A's pooling with its ends moved out by the sources' errors, in squares."""
-    estimate = np.sqrt(np.diag(result.covariance))
+    estimate = result.budget or {"estimate": np.sqrt(np.diag(result.covariance))}
     alone = {name: errors.std(axis=0) for name, errors in systematic.alone.items()}
     if not systematic.sources:
-        return replace(result, budget={"estimate": estimate})
+        return replace(result, budget=estimate)
     ends = np.quantile(systematic.common, [0.975, 0.025], axis=0).T
     middle, mean = result.inertia[:, None], systematic.common.mean(axis=0)
     out = np.hypot(result.interval95 - middle, ends - mean[:, None])
@@ -43,7 +43,7 @@ def widened_by_sources(result: Identification, systematic: Systematic) -> Identi
         covariance=result.covariance + np.cov(systematic.common.T, ddof=1),
         interval95=middle - mean[:, None] + out * [-1, 1],
         bias=result.bias + mean,
-        budget={"estimate": estimate, **alone},
+        budget={**estimate, **alone},
     )
 
 

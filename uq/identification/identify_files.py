@@ -21,6 +21,7 @@ from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
+from uq.identification.estimated_errors import estimated_errors
 from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
 from uq.inspection.experiment_findings import convention_warnings
@@ -74,6 +75,7 @@ def identify_files(
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
+    duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
     result = identify(
         runs,
         r_cg=experiment.stated_r_cg,
@@ -87,6 +89,7 @@ def identify_files(
         cg_motion=experiment.recording.cg_motion,
         gravity=experiment.gravity,
         mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
+        errors=estimated_errors(experiment, duration, experiment.recording.drawn_by_mounting),
     )
     estimates = estimator_of(result.method).estimates
     if prior is None and experiment.scale is not None and "mass" not in estimates:

@@ -20,6 +20,7 @@ from identify.estimators.gram import normal_equations, solve_normal
 from identify.methods.base import estimator_of
 from identify.motion.trajectory import Trajectory
 from identify.results.identification_result import Identification
+from identify.results.known_bias import covering_bias
 from identify.rigid_body.inertia import Body
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
@@ -125,7 +126,7 @@ def with_declared_sources(
     low, high = combined_interval(together, systematic.common, seed)
     of_sources = np.cov(systematic.common.T, ddof=1)
     covariance = together.covariance + of_sources
-    return replace(
+    with_sources = replace(
         result,
         covariance=covariance,
         interval95=result.inertia[:, None] - np.stack([high, low], axis=1),
@@ -138,6 +139,7 @@ def with_declared_sources(
             "declared_sources": {"trials": trials, "seed": seed},
         },
     )
+    return covering_bias(with_sources, result.bias)
 
 
 def propagate_constants(

@@ -1,0 +1,96 @@
+"""Declared errors as unknowns with a prior, the size of a still centre of gravity, and estimates that leave their prior.
+
+The judge is the laboratory of tests/laboratory.py, which shares no code with the packages.
+"""
+
+import numpy as np
+import pytest
+
+from identify.joint.priors import ConstantError
+from identify.results.known_bias import covering_bias
+from identify.signals.run import RunError
+from tests.laboratory import FULL_SCALE, measure
+from tests.laboratory_runs import identified, identified_files, source
+
+SHORT = {"seconds": 15.0}
+
+
+def distances(result, measured):
+    """Errors of the six components in standard uncertainties."""
+    return (result.inertia - measured.truth) / result.standard_uncertainty
+
+
+def test_a_missed_still_point_is_estimated_and_no_news_within_its_prior():
+    measured = measure(1, still=True, still_miss=(2e-3, -3e-3, 2e-3), **SHORT)
+    result = identified(measured, "joint")
+    assert np.abs(distances(result, measured)).max() < 3
+    assert not result.warnings
+
+
+def test_a_miss_beyond_its_prior_is_said_first_and_still_right():
+    measured = measure(1, still=True, still_miss=(14e-3, 0, 0), **SHORT)
+    result = identified(measured, "joint")
+    assert result.warnings[0].startswith(
+        "the distance of the centre of gravity from the point at rest on axis 1 comes to 14"
+    )
+    assert np.abs(distances(result, measured)).max() < 3
+
+
+def test_an_accelerometer_that_contradicts_a_still_centre_of_gravity_stops_the_identification():
+    measured = measure(1, still=False, declared_still=True, **SHORT)
+    with pytest.raises(RunError, match=r'contradicts cg_motion = "still".* 11\d mm from the point at rest'):
+        identified(measured, "joint")
+
+
+def test_declared_errors_act_through_the_joint_estimate(tmp_path):
+    """Undeclared, they move components by tens of standard uncertainties; they are told apart by their sizes alone."""
+    talk = 5e-3 * np.random.default_rng(3).standard_normal((6, 6)) * (1 - np.eye(6))
+    measured = measure(
+        1, gyro_scale=(3e-3, -4e-3, 2e-3), cell_gain=(4e-3, -6e-3, 2e-3, 5e-3, -3e-3, 6e-3),
+        cell_turn=(3e-3, 4e-3, -2e-3), cross_talk=talk * FULL_SCALE[:, None] / FULL_SCALE, **SHORT,
+    )  # fmt: skip
+    declared = [
+        source("g", "omega", "scale", [0.3] * 3), source("f", "F", "scale", [0.5] * 3),
+        source("m", "M", "scale", [0.5] * 3), source("a", "wrench", "misalignment", [3e-3] * 3),
+        source("c", "wrench", "cross_talk", 5e-3),
+    ]  # fmt: skip
+    without = identified_files(measured, tmp_path, "joint")
+    result = identified_files(measured, tmp_path, "joint", declared)
+    assert np.abs(distances(without, measured)).max() > 10
+    assert np.abs(distances(result, measured)).max() < 3
+    total = np.sqrt(sum(row**2 for row in result.budget.values()))
+    assert set(result.budget) >= {"residuals", *(table["name"] for table in declared)}
+    np.testing.assert_allclose(total, result.standard_uncertainty, rtol=1e-6)
+    assert np.linalg.eigvalsh(result.parameters.covariance).min() >= -1e-18
+
+
+def test_a_declared_gain_reaches_the_mass():
+    """The weight tells the mass within the gain of the force, its moment within r_CG: both together."""
+    gain_of_force, of_r = 2.5e-3, 1.5e-4 / 0.053
+    measured = measure(2, cell_gain=(gain_of_force, gain_of_force, gain_of_force, 0, 0, 0), still=True, **SHORT)
+    common = np.diag(np.repeat([1.0, 0.0], [3, 3])).ravel()
+    gain = ConstantError("cell_matrix", np.zeros(36), gain_of_force**2 * np.outer(common, common))
+    result = identified(measured, "joint", mass_uncertainty=1.0, errors={"gain": gain})
+    both = (gain_of_force**-2 + of_r**-2) ** -0.5
+    assert result.mass_uncertainty == pytest.approx(both * measured.mass, rel=0.05)
+    assert abs(result.mass - measured.mass) < 2 * result.mass_uncertainty
+
+
+def test_an_estimate_that_leaves_its_prior_is_said_first():
+    measured = measure(1, cell_turn=(0, 0, np.pi / 4), **SHORT)
+    result = identified(measured, "joint")
+    assert any(text.startswith("the rotation vector of the IMU on axis 3 comes to -4") for text in result.warnings[:2])
+
+
+def test_an_interval_reaches_further_by_an_expected_error():
+    run = identified(measure(1, **SHORT))
+    wider = covering_bias(run, np.array([1.0, -2.0, 0.0, np.nan, 0.0, 0.0]))
+    np.testing.assert_allclose(run.interval95 - wider.interval95, [[1, 0], [0, -2], [0, 0], [0, 0], [0, 0], [0, 0]])
+
+
+def test_errors_of_one_unknown_add():
+    measured = measure(1, **SHORT)
+    whole = ConstantError("gyro_scale", np.zeros(3), 1e-6 * np.eye(3))
+    halves = ConstantError("gyro_scale", np.zeros(3), 0.5e-6 * np.eye(3))
+    a, b = (identified(measured, "joint", errors=errors) for errors in ({"a": whole}, {"a": halves, "b": halves}))
+    np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-6, atol=1e-14)
