@@ -108,7 +108,12 @@ RECORDER = about(
 )
 
 
-@pytest.mark.parametrize("metadata", [SAID, RECORDER], ids=["simulated", "recorded"])
+@pytest.fixture(scope="module", params=[SAID, RECORDER], ids=["simulated", "recorded"])
+def declared_run(request, folder, signals):
+    """A run whose metadata says how it was recorded."""
+    return write(folder / "contradiction.mcap", signals, metadata=request.param)
+
+
 @pytest.mark.parametrize(
     ("declared", "words"),
     [
@@ -121,10 +126,9 @@ RECORDER = about(
         ({"wrench_point": ["0 m", "0 m", "1 mm"]}, "its moment is taken about Q, recording.wrench_point in the exp"),
     ],
 )
-def test_a_contradiction_names_both(folder, short, signals, metadata, declared, words):
-    path = write(folder / "contradiction.mcap", signals, metadata=metadata)
+def test_a_contradiction_names_both(declared_run, short, declared, words):
     with pytest.raises(RunError, match=words) as caught:
-        load_run(path, declare(short, **declared).recording)
+        load_run(declared_run, declare(short, **declared).recording)
     assert "\n" not in str(caught.value)
 
 
