@@ -35,8 +35,10 @@ check: env
 
 # Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
 # `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. What is compiled is kept for
-# the next run. A file's tests run in one worker, which makes what they share once; the notebooks, the longest, start first.
+# the next run. Matrices are small here: two threads of BLAS would wait for each other. A file's tests run in one worker,
+# which makes once what they share; the notebooks, the longest, start first.
 unit: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
+unit: export OPENBLAS_NUM_THREADS = 1
 unit: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false \
     --xla_llvm_disable_expensive_passes=true --xla_cpu_parallel_codegen_split_count=1
 
