@@ -15,6 +15,7 @@ from identify.reporting import Drawing, Result, Section
 from identify.results import identification_figures
 from identify.results.alignment import Aligned, alignment_notes
 from identify.results.contributions import contributions
+from identify.results.discordance import Discordance
 from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -83,6 +84,8 @@ class Identification(Result):
     """Directions in the space of packed tensors that the motion determines, one a row; None: all."""
     admissible: Admissible | None = None
     """The estimate within physical bodies beside the plain one, where the data are weak; None: they are not."""
+    discordance: Discordance | None = None
+    """Runs that leave the others; None: none does, or it was not looked at."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -165,6 +168,7 @@ class Identification(Result):
                 for run in self.runs
             ],
             "pooling": None if self.pooling is None else self.pooling.to_dict(),
+            "discordance": None if self.discordance is None else self.discordance.to_dict(),
             "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
             "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),

@@ -74,11 +74,12 @@ class Certificate(Result):
         return self.identification.to_dict()
 
     def details(self) -> list[Table]:
-        """Return budget, scatter, alignment, tare, checks, other points and frames, runs, sources."""
+        """Return budget, scatter, discordant runs, alignment, tare, checks, other points and frames, runs, sources."""
         result = self.identification
         return [
             *certificate_tables.budget(result),
             *certificate_tables.scatter(result),
+            *certificate_tables.discordance(result),
             *certificate_tables.bodies(result),
             *certificate_tables.alignment(result),
             *certificate_tables.tare(result),

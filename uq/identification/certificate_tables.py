@@ -111,6 +111,35 @@ def scatter(result: Identification) -> list[Table]:
     return [Table("Repeatability: standard deviations, g·m²", ["", *COMPONENTS], rows)]
 
 
+def discordance(result: Identification) -> list[Table]:
+    """Return the runs that leave the others, and the pool with and without them, where there are any."""
+    found = result.discordance
+    if found is None:
+        return []
+    rows = [
+        [
+            d.name,
+            d.component,
+            *_with_u(np.array([d.difference, d.standard_uncertainty]), np.full(2, d.standard_uncertainty), GRAM_METRE),
+        ]
+        for d in found.departures
+    ]
+    pools = [("with them", found.whole), *([] if found.without is None else [("without them", found.without)])]
+    compared = [
+        row
+        for name, pool in pools
+        for row in (
+            [f"{name}: {pool.runs} runs", *_with_u(pool.inertia, pool.standard_uncertainty, GRAM_METRE)],
+            ["u", *_two_digits(pool.standard_uncertainty)],
+        )
+    ]
+    head = ["", "component", "difference from the others", "u"]
+    return [
+        Table("Runs that leave the others, g·m²", head, rows, DISCORDANCE_NOTE),
+        Table("The pool with and without the runs that leave the others, g·m²", ["", *COMPONENTS], compared),
+    ]
+
+
 def alignment(result: Identification) -> list[Table]:
     """Return delay and rotation between load cell and IMU, where they were estimated."""
     named = [("delay of the IMU, ms", result.delay, 1e3), ("rotation vector of the IMU, deg", result.rotation, DEGREE)]
@@ -198,6 +227,10 @@ TENSOR_NOTE = (
 PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
 CONFORMITY_NOTE = "probability within: that the value lies within the limits, from a normal distribution of its u."
 PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data say nothing."
+DISCORDANCE_NOTE = (
+    "The component that departs most. Runs that all belong are named with a chance of 1 %. With a fixture: all that "
+    "stood on the load cell."
+)
 TARE_NOTE = "Each tensor about its own centre of gravity; figures to two digits of their standard uncertainty."
 BUDGET_NOTE = (
     "A: from the data; B: declared. Correlated sources make the combined one differ from the root sum of squares."

@@ -16,11 +16,13 @@ from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
+from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
+from uq.identification.discordant_pool import with_discordance
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
@@ -75,6 +77,32 @@ def identify_files(
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
+
+    def estimated(runs: list[Run]) -> Identification:
+        return _estimated(runs, experiment, spec, prior, method)
+
+    result = with_discordance(estimated(runs), runs, estimated)
+    followed = [verdict for run in runs for verdict in _followed(run, result)]
+    causes = [verdict.text for verdict in followed]
+    repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
+    suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
+    noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
+    assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
+    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
+    return replace(
+        result,
+        warnings=(*differing, *result.warnings, *suspicious, *noisy, *causes, *cautions(experiment.report, inputs)),
+        consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
+        assumptions=(*assumed, *result.assumptions),
+        provenance=provenance(**declared_inputs, inputs=inputs),
+        datum=experiment.datum,
+    )
+
+
+def _estimated(
+    runs: list[Run], experiment: Experiment, spec: EstimatorSpec, prior: Centre | None, method: str | None
+) -> Identification:
+    """The tensor of some runs, with what is declared of them."""
     duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
     result = identify(
         runs,
@@ -94,22 +122,7 @@ def identify_files(
     estimates = estimator_of(result.method).estimates
     if prior is None and experiment.scale is not None and "mass" not in estimates:
         result = replace(result, mass_uncertainty=experiment.scale[1])
-    result = with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
-    followed = [verdict for run in runs for verdict in _followed(run, result)]
-    causes = [verdict.text for verdict in followed]
-    repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
-    suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
-    noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
-    assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
-    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
-    return replace(
-        result,
-        warnings=(*differing, *result.warnings, *suspicious, *noisy, *causes, *cautions(experiment.report, inputs)),
-        consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
-        assumptions=(*assumed, *result.assumptions),
-        provenance=provenance(**declared_inputs, inputs=inputs),
-        datum=experiment.datum,
-    )
+    return with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
 
 
 def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:

@@ -1,0 +1,152 @@
+"""Runs, or mountings, that leave the others of a pool, and the pool with and without them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from identify.estimators.discordant import LEAST, discordant
+from identify.results.run_estimate import RunEstimate
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertial_parameters import by_component
+from identify.text_tables import rounded
+
+
+class Discordant(NamedTuple):
+    """A run, or a mounting with its runs, that leaves the others, in the component that departs most."""
+
+    indices: tuple[int, ...]
+    """Of its runs in the result's."""
+    files: tuple[str, ...]
+    mounting: str | None
+    """None: the run leaves the other runs of its mounting."""
+    component: str
+    difference: float
+    """From the weighted mean of those that belong [kg·m²]."""
+    standard_uncertainty: float
+    """Of the difference, from residuals and sources that each mounting draws anew [kg·m²]."""
+
+    @property
+    def name(self) -> str:
+        """The run's file, or the mounting with its runs."""
+        files = ", ".join(self.files)
+        return files if self.mounting is None else f"mounting {self.mounting} ({files})"
+
+    @property
+    def text(self) -> str:
+        """What departs, and by how much."""
+        size, u = abs(self.difference), self.standard_uncertainty
+        figures = f"{rounded(GRAM_METRE * size, GRAM_METRE * u)} ± {rounded(GRAM_METRE * u, GRAM_METRE * u)} g·m²"
+        return f"{self.component} is {figures} ({size / u:.0f} u) {'above' if self.difference > 0 else 'below'} theirs"
+
+
+class PoolEstimate(NamedTuple):
+    """A pooled tensor of all that stood on the load cell. SI units."""
+
+    runs: int
+    inertia: np.ndarray
+    standard_uncertainty: np.ndarray
+    interval95: np.ndarray
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of result.json, in kg·m²."""
+        return {
+            "runs": self.runs,
+            "inertia": by_component(self.inertia),
+            "standard_uncertainty": by_component(self.standard_uncertainty),
+            "interval95": dict(zip(COMPONENTS, self.interval95.tolist(), strict=True)),
+        }
+
+
+@dataclass(frozen=True)
+class Discordance:
+    """The runs that leave the others, and the pool with and without them."""
+
+    departures: tuple[Discordant, ...]
+    whole: PoolEstimate
+    """Of all runs: the result."""
+    without: PoolEstimate | None
+    """Of the runs that belong; None: these alone do not determine the tensor."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of result.json, in kg·m²."""
+        return {
+            "departures": [
+                {
+                    "runs": list(departure.files),
+                    "mounting": departure.mounting,
+                    "component": departure.component,
+                    "difference": departure.difference,
+                    "standard_uncertainty": departure.standard_uncertainty,
+                }
+                for departure in self.departures
+            ],
+            "with": self.whole.to_dict(),
+            "without": None if self.without is None else self.without.to_dict(),
+        }
+
+    @property
+    def warnings(self) -> list[str]:
+        """A line for each run or mounting that leaves the others."""
+        return [f"{d.name} leaves the others: {d.text}{self._of_pool(d)}; {CURE}" for d in self.departures]
+
+    def _of_pool(self, departure: Discordant) -> str:
+        if self.without is None:
+            return ""
+        at = COMPONENTS.index(departure.component)
+        left, whole = (
+            f"{rounded(GRAM_METRE * pool.inertia[at], GRAM_METRE * u)} ± {rounded(GRAM_METRE * u, GRAM_METRE * u)}"
+            for pool in (self.without, self.whole)
+            for u in [pool.standard_uncertainty[at]]
+        )
+        return f", and the pool's {departure.component} is {left} without {self._them()} instead of {whole} g·m²"
+
+    def _them(self) -> str:
+        return "it" if len(self.departures) == 1 else f"these {len(self.departures)}"
+
+
+CURE = "find what was different there, and leave it out only for a reason"
+
+
+def discordant_runs(runs: Sequence[RunEstimate], redrawn: np.ndarray) -> tuple[Discordant, ...]:
+    """Return the mountings that leave the others, and the runs that leave the others of their mounting.
+
+    Only runs that identify the whole tensor by themselves are judged; where fewer than two mountings are named, all
+    runs are of one.
+
+    Args:
+        runs: of a result.
+        redrawn: standard uncertainty of one mounting's tensor from sources that each mounting draws anew [kg·m²].
+    """
+    alone = [index for index, run in enumerate(runs) if run.alone]
+    labels = list(dict.fromkeys(runs[index].mounting for index in alone))
+    clusters = [[index for index in alone if runs[index].mounting == label] for label in labels]
+    means = [_weighted_mean(runs, cluster) for cluster in clusters]
+    departing = []
+    if len(clusters) >= LEAST:
+        values, u = (np.array(columns) for columns in zip(*means, strict=True))
+        for at, component, difference, uncertainty in discordant(values, np.hypot(u, redrawn)):
+            cluster = clusters[at]
+            files = tuple(runs[index].file for index in cluster)
+            departing.append(
+                Discordant(tuple(cluster), files, labels[at], COMPONENTS[component], difference, uncertainty)
+            )
+    for cluster in clusters:
+        values, u = (np.array([getattr(runs[index], name) for index in cluster]) for name in COLUMNS)
+        for at, component, difference, uncertainty in discordant(values, np.maximum(u, 1e-300)):
+            index = cluster[at]
+            departing.append(
+                Discordant((index,), (runs[index].file,), None, COMPONENTS[component], difference, uncertainty)
+            )
+    return tuple(departing)
+
+
+COLUMNS = ("inertia", "standard_uncertainty")
+
+
+def _weighted_mean(runs: Sequence[RunEstimate], cluster: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean tensor of some runs and its standard uncertainty from their residuals [kg·m²]."""
+    weight = np.array([np.maximum(runs[index].standard_uncertainty, 1e-300) ** -2 for index in cluster])
+    values = np.array([runs[index].inertia for index in cluster])
+    return (weight * values).sum(axis=0) / weight.sum(axis=0), weight.sum(axis=0) ** -0.5
