@@ -30,7 +30,7 @@ def runs(*, strange=None):
     return [run(seed, **({"gyro_scale": RANGE} if seed == strange else {})) for seed in range(4)]
 
 
-@pytest.mark.parametrize("method", ["source", "gls"])
+@pytest.mark.parametrize("method", ["source", "gls", "joint"])
 def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(method, tmp_path):
     result = identified_files(runs(strange=2), tmp_path, method)
     (departure,) = result.discordance.departures
