@@ -1,23 +1,29 @@
 """Generalised least squares: each frequency and axis counts by the noise that the residuals show there.
 
-    i = (Σ Xᵀ S⁻¹ X)⁻¹ Σ Xᵀ S⁻¹ y        over the lines of the cosine transform (:mod:`identify.signals.spectrum`)
+    i = (Σ Xᵀ W X)⁻¹ Σ Xᵀ W y,    W = (S + L Σ Lᵀ)⁻¹
 
-Ordinary least squares (10) takes all errors for white and equal; those of ``M - r × F`` are neither: the force's noise
-reaches it through r and joins the axes; filters, drift and vibration colour it. ``S`` is estimated from the residuals
-and the fit repeated (feasible generalised least squares; Aitken 1936, doi:10.1017/S0370164600014346). Only lines that
-the motion reaches take part: beyond them rows hold nothing but the gyro's noise, which weights could only bring out.
+over the lines of the cosine transform (:mod:`identify.signals.spectrum`). Ordinary least squares (10) takes all errors
+for white and equal; those of ``M - r × F`` are neither: the force's noise reaches it through r and joins the axes;
+filters, drift and vibration colour it; and the error of r itself follows the force, ``L``, by as much as is stated of
+it, ``Σ``. ``S`` is estimated from the residuals, less what r's error explains of them, and the fit repeated (feasible
+generalised least squares; Aitken 1936, doi:10.1017/S0370164600014346). Only lines that the motion reaches take part:
+beyond them rows hold nothing but the gyro's noise, which weights could only bring out. Where these are too few to learn
+weights from, the run is fitted by ordinary least squares.
 """
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
 from identify.estimators.least_squares import excitation
+from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.regressor_rows import rows_of
 from identify.estimators.residual_trace import trace
-from identify.estimators.run_information import Information, alpha_noise, gain_error, longest
+from identify.estimators.run_information import Information, alpha_noise, gain_error, information, longest
+from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
@@ -33,9 +39,36 @@ REACH = 3.0
 WIDER = 3
 """Windows of the weights over those of the uncertainty: weights that follow their own residuals promise too much."""
 FEWEST = 24
-"""Lines that take part, at least."""
+"""Lines from which weights can be learnt, at least."""
+COLLINEAR = 1e-4
+"""Part of a column that is no other's, below which it counts as made up of others."""
 HALF = 0.5
 """Gain of the filter on both sides down to which lines take part."""
+
+
+class Equations(NamedTuple):
+    """Normal equations of the tensor."""
+
+    normal: np.ndarray
+    """(6, 6)."""
+    right: np.ndarray
+    """(6,)."""
+    right_by_centre: np.ndarray
+    """Derivative of ``right`` with respect to r_CG, (6, 3)."""
+
+
+class Weighed(NamedTuple):
+    """A run's equations with weights, and those of two other estimates that tell whether these are to be trusted."""
+
+    weighted: Information
+    plain: Information
+    """Of ordinary least squares."""
+    extended: Equations
+    """With weights, and with unknowns for what follows the motion (:mod:`identify.estimators.motion_columns`)."""
+    scores: np.ndarray
+    """Covariance of the three right sides from noise, (18, 18): by what the unknowns for such moments leave."""
+    enough: bool
+    """Whether there were lines enough for weights; else all three are those of ordinary least squares."""
 
 
 class Fit(NamedTuple):
@@ -45,53 +78,132 @@ class Fit(NamedTuple):
     """(p,)."""
     inverse: np.ndarray
     """Of the normal equations: the covariance of ``value``, (p, p)."""
+    normal: np.ndarray
+    """Normal equations, with what is known beforehand, (p, p)."""
     weights: np.ndarray
     """``S⁻¹`` of the lines that take part, (k, 3, 3)."""
+    left: np.ndarray
+    """Residuals of all lines, (m, 3)."""
     spectrum: Spectrum
 
 
-def whitened(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice) -> Information:
-    """Return a run's normal equations with weights by its errors' spectrum.
+def whitened(
+    run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice, sigma_r_cg: np.ndarray
+) -> Weighed:
+    """Return a run's normal equations with weights by its errors' covariance, beside those of other estimates.
 
-    Arguments and errors are those of :func:`identify.estimators.run_information.information`.
+    Arguments and errors are those of :func:`identify.estimators.run_information.information`; ``sigma_r_cg`` is the
+    centre of gravity's standard uncertainty on each axis [m].
     """
+    plain = information(run, estimator, r_cg, offsets=offsets)
     rows = rows_of(run, estimator)
     lines, matrix = Lines.of(rows.segments, run.rate), rows.matrix
+    passed = response(estimator.filter_taps(run.rate), run.rate, lines.frequency)
+    inside = _inside(run, lines, passed)
+    if inside < lines.constants + FEWEST:
+        return _unweighed(plain)
     force, moment, motion = np.asarray(rows.force).T, np.asarray(rows.moment).T, np.asarray(rows.phi)
     mean_force = force.mean(axis=0)
     if offsets == "still":
         force, moment = force - resting(run).force, moment - resting(run).moment
-    passed = response(estimator.filter_taps(run.rate), run.rate, lines.frequency)
-    x, y = lines.transform(matrix), lines.transform(moment - np.cross(r_cg, force))
-    constants = lines.constant[:, None, None] * np.eye(3)
-    columns = np.concatenate([x, constants], axis=2) if offsets == "estimate" else x
-    inside = _inside(run, lines, passed)
-    fit = fitted(columns, y, inside, lines.constants, passed**2)
-    lever = np.cross(lines.transform(force)[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
-    sides = np.concatenate([y[:, :, None], lever], axis=2)[:inside]
-    normal, right = _without_constants(*_equations(columns[:inside], fit.weights, sides))
-    spread = np.linalg.pinv(normal, hermitian=True)
     about_cg = moment - np.cross(r_cg, force)
-    residuals = about_cg - matrix @ fit.value[:6]
-    weighed = np.einsum("mab,mbp->map", fit.weights, x[:inside])
-    scores, removed = fit.spectrum.scores(weighed), None
+    x, y, pushes = lines.transform(matrix), lines.transform(about_cg), lines.transform(force)
+    lever = np.cross(pushes[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
+    constants = lines.constant[:, None, None] * np.eye(3)
+    free = constants if offsets == "estimate" else constants[:, :, :0]
+    columns = np.concatenate([x, free, lever * sigma_r_cg], axis=2)
+    prior = np.append(np.zeros(6 + free.shape[2]), np.ones(3))
+    fit = fitted(columns, y, inside, lines.constants, passed**2, prior)
+    shape = _shape(run, estimator, lines.frequency)[:inside]
+    sides = (y[:inside], lever[:inside])
+    weighed = _reduced(columns[:inside], fit)
+    weighted = _equations_of(weighed, x[:inside], *sides)
+    noise_of_fit = np.outer(
+        shape, np.asarray(unpack(jnp.asarray(fit.value[:6]))) ** 2 @ alpha_noise(run, estimator) ** 2
+    )
+    angle = lines.transform(angle_turned(motion[OMEGA].T, rows.segments, run.rate))
+    follows = motion_columns(
+        x[:inside] @ fit.value[:6], pushes[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit
+    )
+    roomy, left, freedom = _with_room(weighed, columns[:inside], follows, fit)
+    centred = matrix - matrix.mean(axis=0) if offsets == "estimate" else matrix
+    longer = ((0, len(x) - inside), (0, 0), (0, 0))
+    every = np.concatenate([np.pad(weighed, longer), lines.transform(centred), np.pad(roomy, longer)], axis=2)
+    scores = spectrum(left, freedom, lines.constants, passed**2).scores(every)
+    of_weighted = fit.spectrum.scores(weighed)
+    residuals, removed = about_cg - matrix @ fit.value[:6], None
     if offsets == "estimate":
-        removed = Offsets(fit.value[6:], fit.inverse[6:, 6:], mean_force)
+        removed = Offsets(fit.value[6:9], fit.inverse[6:9, 6:9], mean_force)
         residuals, about_cg = residuals - removed.moment, about_cg - removed.moment
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
-        by_constant = _equations(x[:inside], fit.weights, constants[:inside])[1]
-        scores = scores + by_constant @ removed.covariance @ by_constant.T
-    noise = _noise(alpha_noise(run, estimator), fit.weights, _shape(run, estimator, lines.frequency)[:inside])
-    return Information(
-        run, normal, right[:, 0], right[:, 1:], noise, spread @ right[:, 0], scores, excitation(normal, noise), removed,
+        by_constant = _times(every, constants)
+        of_constant = by_constant @ removed.covariance @ by_constant.T
+        scores, of_weighted = scores + of_constant, of_weighted + of_constant[:6, :6]
+    noise, spread = (
+        _noise(alpha_noise(run, estimator), fit.weights, shape),
+        np.linalg.pinv(weighted.normal, hermitian=True),
+    )
+    of_run = Information(
+        run, *weighted, noise, spread @ weighted.right, of_weighted, excitation(weighted.normal, noise), removed,
         residuals.std(axis=0), correlation_time(residuals), len(residuals), gain_error(run, estimator),
         fit.spectrum.degrees_of_freedom(weighed @ spread),
         trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T),
     )  # fmt: skip
+    return Weighed(of_run, plain, _equations_of(roomy, x[:inside], *sides), scores, True)
 
 
-def fitted(columns: np.ndarray, values: np.ndarray, inside: int, constants: int, gain: np.ndarray | float = 1.0) -> Fit:
+def _unweighed(plain: Information) -> Weighed:
+    """Ordinary least squares in place of all three."""
+    weight = plain.weight
+    extended = Equations(weight * plain.normal, weight * plain.right, weight * plain.right_by_centre)
+    factors = np.array([1, 1, weight])
+    return Weighed(plain, plain, extended, np.kron(np.outer(factors, factors), plain.scores), False)
+
+
+def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.ndarray) -> Equations:
+    normal = _times(weighed, x)
+    return Equations((normal + normal.T) / 2, np.tensordot(weighed, y, axes=((0, 1), (0, 1))), _times(weighed, lever))
+
+
+def _times(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """``Σ rowsᵀ columns``."""
+    return np.tensordot(rows, columns, axes=((0, 1), (0, 1)))
+
+
+def _reduced(columns: np.ndarray, fit: Fit) -> np.ndarray:
+    """Rows whose products with the values are the equations of the tensor alone, what follows it eliminated."""
+    share = np.linalg.solve(fit.normal[6:, 6:], fit.normal[6:, :6])
+    return np.einsum("mab,mbp->map", fit.weights, columns[:, :, :6] - columns[:, :, 6:] @ share)
+
+
+def _with_room(
+    weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: Fit
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same rows, more columns eliminated; and what these leave of the residuals, and of degrees of freedom.
+
+    What of them the others nearly make up stays out.
+    """
+    share = fit.inverse @ _times(np.einsum("mab,mbp->map", fit.weights, columns), more)
+    beside = more - columns @ share
+    weighed_beside = np.einsum("mab,mbz->maz", fit.weights, beside)
+    scale = 1 / np.sqrt(np.maximum(np.einsum("maz,mab,mbz->z", more, fit.weights, more, optimize=True), 1e-300))
+    information = _times(weighed_beside, more) * np.outer(scale, scale)
+    inverse = np.linalg.pinv((information + information.T) / 2, rcond=COLLINEAR, hermitian=True) * np.outer(
+        scale, scale
+    )
+    rows = weighed - weighed_beside @ inverse @ _times(weighed, more).T
+    left = fit.left.copy()
+    left[: len(more)] -= beside @ inverse @ np.einsum("maz,ma->z", weighed_beside, fit.left[: len(more)])
+    free = fit.spectrum.free.copy()
+    free[: len(more)] -= np.einsum("maz,zy,may->ma", beside, inverse, weighed_beside, optimize=True)
+    return rows, left, np.clip(free, 0, 1)
+
+
+def fitted(
+    columns: np.ndarray, values: np.ndarray, inside: int, constants: int, gain: np.ndarray | float = 1.0,
+    prior: np.ndarray | float = 0.0,
+) -> Fit:  # fmt: skip
     """Return the generalised fit of transformed values by transformed columns.
 
     Args:
@@ -100,12 +212,14 @@ def fitted(columns: np.ndarray, values: np.ndarray, inside: int, constants: int,
         inside: how many lines, the first ones, take part.
         constants: how many lines, the first ones, are those of constants.
         gain: power gain of a filter that both have passed, at each line.
+        prior: inverse of the variance of each unknown about zero, known beforehand.
     """
+    before = np.diag(np.broadcast_to(prior, columns.shape[2]))
     taking = columns[:inside]
     weights = np.broadcast_to(np.eye(3), (inside, 3, 3))
     for _ in range(ROUNDS):
         normal, right = _equations(taking, weights, values[:inside, :, None])
-        inverse = np.linalg.pinv(normal, hermitian=True)
+        inverse = np.linalg.pinv(normal + before, hermitian=True)
         value = inverse @ right[:, 0]
         free = np.ones(values.shape)
         taken = np.einsum("map,pq,mbq,mba->ma", taking, inverse, taking, weights, optimize=True)
@@ -113,8 +227,9 @@ def fitted(columns: np.ndarray, values: np.ndarray, inside: int, constants: int,
         left = values - columns @ value
         weights = np.linalg.inv(spectrum(left, free, constants, gain, wider=WIDER).values[:inside])
     normal, right = _equations(taking, weights, values[:inside, :, None])
+    normal = normal + before
     inverse = np.linalg.pinv(normal, hermitian=True)
-    return Fit(inverse @ right[:, 0], inverse, weights, spectrum(left, free, constants, gain))
+    return Fit(inverse @ right[:, 0], inverse, normal, weights, left, spectrum(left, free, constants, gain))
 
 
 def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,19 +238,10 @@ def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> t
     return np.tensordot(weighed, columns, axes=((0, 1), (0, 1))), np.tensordot(weighed, sides, axes=((0, 1), (0, 1)))
 
 
-def _without_constants(normal: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The equations of the tensor alone, what follows it eliminated."""
-    if len(normal) == 6:
-        return normal, right
-    solved = np.linalg.solve(normal[6:, 6:], np.concatenate([normal[6:, :6], right[6:]], axis=1))
-    return normal[:6, :6] - normal[:6, 6:] @ solved[:, :6], right[:6] - normal[:6, 6:] @ solved[:, 6:]
-
-
 def _inside(run: Run, lines: Lines, passed: np.ndarray) -> int:
     """How many lines the motion reaches, and the filter lets through."""
     reached = lines.frequency <= REACH * motion_band(longest(run), run.rate)
-    count = int((reached & (passed >= HALF)).sum())
-    return min(max(count, lines.constants + FEWEST), len(lines.frequency))
+    return int((reached & (passed >= HALF)).sum())
 
 
 def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:

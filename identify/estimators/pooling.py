@@ -29,6 +29,8 @@ class Pooled(NamedTuple):
     """The part of it that the residuals say."""
     by_centre: np.ndarray
     """Derivative of the tensor with respect to r_CG, (6, 3)."""
+    by_right: np.ndarray
+    """Derivative of the tensor with respect to each run's right side, (k, 6, 6)."""
     together: Pooling
     """Type A: what residuals and the scatter between runs and mountings say."""
     half_width: np.ndarray
@@ -92,6 +94,7 @@ def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
         covariance,
         residual,
         by_centre,
+        weights[:, None, None] * inverse,
         together,
         half,
         np.clip(freedom, 1, 1e9),

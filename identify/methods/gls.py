@@ -1,13 +1,22 @@
-"""Generalised least squares: r_CG as stated, rows weighed by their residuals' covariance."""
+"""Generalised least squares: r_CG as stated, rows weighed by their errors' covariance, where weights can be trusted."""
 
-from identify.estimators.generalised_least_squares import whitened
+from collections.abc import Sequence
+
+import numpy as np
+
+from identify.estimators.generalised_least_squares import Weighed, whitened
+from identify.estimators.pooling import pool
+from identify.estimators.specification_test import Difference, differences, reaching
 from identify.methods.base import Estimator, Problem
-from identify.methods.source import pooled_result
+from identify.methods.source import estimator_for, result_of
 from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import COMPONENTS
+
+OTHERS = ("by ordinary least squares", "if moments that follow the motion have unknowns of their own")
 
 
 class GeneralisedLeastSquares(Estimator):
-    """Least squares on Omega_R, weighed by the residuals' covariance across axes and in time."""
+    """Least squares on Omega_R, weighed by the errors' covariance across axes and in time."""
 
     type_a = (
         "What the runs show is evaluated as type A: generalised least squares with the residuals' covariance across "
@@ -15,5 +24,43 @@ class GeneralisedLeastSquares(Estimator):
     )
 
     def fit(self, problem: Problem) -> Identification:
-        """Return the tensor with its uncertainty."""
-        return pooled_result(problem, whitened, "gls")
+        """Return the tensor with its uncertainty.
+
+        Where other estimates from the same runs differ by more than chance, it is that of ordinary least squares, the
+        interval wide enough for all of them; runs too brief for weights are fitted by ordinary least squares.
+
+        Raises:
+            RunError: a run too short for the estimator, or a motion that identifies nothing.
+        """
+        spec, sigma = estimator_for(problem), problem.sigma_r_cg
+        of_runs = [whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma) for run in problem.runs]
+        weighted, plain = ([getattr(run, name) for run in of_runs] for name in ("weighted", "plain"))
+        with_weights, without = pool(weighted, sigma), pool(plain, sigma)
+        of_centre = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]
+        every = differences(of_runs, with_weights, without, of_centre)
+        clear = [difference for difference in every if difference.clear]
+        warnings = _too_brief(of_runs)
+        if not clear:
+            return result_of(problem, spec, weighted, with_weights, "gls", warnings)
+        answer = reaching(without, with_weights, clear)
+        return result_of(problem, spec, plain, answer, "gls", [*warnings, _disagreement(every)])
+
+
+def _too_brief(of_runs: Sequence[Weighed]) -> list[str]:
+    names = [of_run.plain.run.name for of_run in of_runs if not of_run.enough]
+    if not names:
+        return []
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return [f"{names[0]}{more}: too brief to learn weights from: ordinary least squares, as with method source"]
+
+
+def _disagreement(every: Sequence[Difference]) -> str:
+    """What is said of the difference that is least by chance."""
+    k = int(np.argmin([difference.chance for difference in every]))
+    at, other = every[k].largest, every[k]
+    value, sigma = 1e3 * other.value[at], 1e3 * np.sqrt(other.covariance[at, at])
+    return (
+        f"weights are not to be trusted: {OTHERS[k]}, {COMPONENTS[at]} differs by {value:.2g} g·m², where {sigma:.1g} "
+        "g·m² is to be expected; the answer is ordinary least squares', its interval wide enough for both. Something "
+        "follows the motion: usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
+    )

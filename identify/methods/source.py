@@ -38,24 +38,51 @@ def pooled_result(problem: Problem, run_information: Callable[..., Information],
     Raises:
         RunError: a run too short for the estimator, or a motion that identifies nothing.
     """
-    warned = check_precision("float64")
-    spec = problem.estimator or _estimator_for_band(problem)
+    spec = estimator_for(problem)
     informations = [run_information(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
-    pooled = pool(informations, problem.sigma_r_cg)
+    return result_of(problem, spec, informations, pool(informations, problem.sigma_r_cg), method)
+
+
+def result_of(
+    problem: Problem,
+    spec: EstimatorSpec,
+    informations: Sequence[Information],
+    pooled: Pooled,
+    method: str,
+    warnings: Sequence[str] = (),
+) -> Identification:
+    """Return the tensor of pooled runs as a result.
+
+    Args:
+        problem: runs, and priors.
+        spec: differentiator and filter that were used.
+        informations: each run's normal equations.
+        pooled: what they say together.
+        method: name of the estimator.
+        warnings: what the estimator has to say.
+    """
+    warned = check_precision("float64")
     sigma, inertia, half, seen = problem.sigma_r_cg, pooled.inertia, pooled.half_width, pooled.excitation.identifiable
     result = Identification(
         inertia, pooled.bias, pooled.covariance, np.stack([inertia - half, inertia + half], axis=1), problem.r_cg,
         sigma, problem.mass, spec,
         tuple(run_estimate(run, problem.r_cg, problem.mass) for run in informations),
-        (*warned, *_warnings(informations, pooled)), _assumptions(problem.offsets), _diagnostics(problem, spec, pooled),
+        (*warned, *warnings, *_warnings(informations, pooled)), _assumptions(problem.offsets),
+        _diagnostics(problem, spec, pooled),
         offsets=problem.offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
         pooling=pooled.together, seen=None if seen.all() else pooled.seen,
     )  # fmt: skip
     return within_bodies(with_centre(result, problem.centre) if problem.centre else result, problem.runs)
 
 
-def _estimator_for_band(problem: Problem) -> EstimatorSpec:
-    """A differentiator for the band of the fastest motion."""
+def estimator_for(problem: Problem) -> EstimatorSpec:
+    """Return the differentiator that is named, or that for the band of the fastest motion.
+
+    Raises:
+        RunError: a run is too short for it.
+    """
+    if problem.estimator is not None:
+        return problem.estimator
     band = problem.band()
     return EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
 

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 from scipy.linalg import toeplitz
 
 from identify.estimators.generalised_least_squares import fitted
@@ -47,6 +48,20 @@ def test_white_noise_of_known_covariance_is_gauss_markovs(generator):
     sigma = np.sqrt(np.diag(oracle.covariance))
     assert np.abs((fit.value - np.asarray(oracle.value)) / sigma).max() < 1.0
     np.testing.assert_allclose(np.sqrt(np.diag(fit.inverse)), sigma, rtol=0.25)
+
+
+def test_what_is_stated_of_an_unknown_is_a_covariance_of_the_errors(generator):
+    """Dense Gauss–Markov with ``S + L Lᵀ``, ``S`` the fit's: an unknown of unit variance is an error along its column."""
+    rows, lever = rows_of(lab.swing(1.0)), generator.normal(size=(100, 3, 2))
+    values = rows @ BODY + 0.1 * generator.normal(size=(100, 3)) + lever @ [0.5, -1.0]
+    lines = Lines.of([slice(0, 100)], lab.RATE)
+    x, along, y = (lines.transform(signal) for signal in (rows, lever, values))
+    fit = fitted(np.concatenate([x, along], axis=2), y, 80, 1, prior=np.array([0, 0, 0, 0, 0, 0, 1.0, 1.0]))
+    along, x = along[:80].reshape(-1, 2), x[:80].reshape(-1, 6)
+    dense = scipy.linalg.block_diag(*np.linalg.inv(fit.weights)) + along @ along.T
+    covariance = np.linalg.inv(x.T @ np.linalg.solve(dense, x))
+    np.testing.assert_allclose(fit.inverse[:6, :6], covariance, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(fit.value[:6], covariance @ x.T @ np.linalg.solve(dense, y[:80].ravel()), rtol=1e-6)
 
 
 def test_coloured_noise_across_axes_reaches_the_dense_bound():

@@ -1,0 +1,125 @@
+"""Whether an estimate with weights is to be trusted: against others that the same errors would move otherwise.
+
+Where the errors are what the weights take them for, two estimates from one run differ by no more than the covariance
+of their difference allows; a moment that the model lacks moves them apart (Hausman 1978, doi:10.2307/1913827). Weights
+are compared with ordinary least squares, and with the same weights and unknowns for what follows the motion.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from identify.estimators.generalised_least_squares import Weighed
+from identify.estimators.pooling import Pooled
+from identify.estimators.type_a import PROBABILITY
+
+CHANCE = 3e-3
+"""Probability of a difference as large by chance, from which on it counts."""
+SMALL = 0.2
+"""Difference over the standard uncertainty that is no news."""
+
+
+class Difference(NamedTuple):
+    """What another estimate says beside that with weights."""
+
+    value: np.ndarray
+    """The other less this, (6,) [kg·m²]."""
+    covariance: np.ndarray
+    """That is expected of it, (6, 6) [(kg·m²)²]."""
+    half_width: np.ndarray
+    """Half the interval of 95 % of the other, from noise and r_CG, (6,) [kg·m²]."""
+    chance: float
+    """Probability of one as large."""
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is more than chance."""
+        return self.chance < CHANCE
+
+    @property
+    def largest(self) -> int:
+        """The component that differs most for what is expected."""
+        return int(np.argmax(np.abs(self.value) / np.sqrt(np.diag(self.covariance))))
+
+
+def differences(
+    of_runs: Sequence[Weighed], weighted: Pooled, plain: Pooled, of_centre: np.ndarray
+) -> tuple[Difference, ...]:
+    """Return the differences of ordinary least squares, and of the estimate with more unknowns, from weighted runs.
+
+    Args:
+        of_runs: the runs.
+        weighted: their tensor with weights.
+        plain: by ordinary least squares.
+        of_centre: covariance of r_CG, (3, 3) [m²].
+
+    Returns:
+        Both; none where the motion does not determine the whole tensor.
+    """
+    if not (weighted.excitation.identifiable.all() and plain.excitation.identifiable.all()):
+        return ()
+    spread = np.linalg.inv(np.sum([of_run.extended.normal for of_run in of_runs], axis=0))
+    extended = spread @ np.sum([of_run.extended.right for of_run in of_runs], axis=0)
+    extended_by_centre = spread @ np.sum([of_run.extended.right_by_centre for of_run in of_runs], axis=0)
+    zero = np.zeros((6, 6))
+    of_weighted, of_plain = weighted.by_right, plain.by_right
+    return (
+        _difference(
+            of_runs, weighted, plain.inertia, plain.by_centre - weighted.by_centre, plain.by_centre,
+            [np.hstack([-g, o, zero]) for g, o in zip(of_weighted, of_plain, strict=True)],
+            [np.hstack([zero, o, zero]) for o in of_plain], of_centre,
+        ),
+        _difference(
+            of_runs, weighted, extended, extended_by_centre - weighted.by_centre, extended_by_centre,
+            [np.hstack([-g, zero, spread]) for g in of_weighted],
+            [np.hstack([zero, zero, spread])] * len(of_runs), of_centre,
+        ),
+    )  # fmt: skip
+
+
+def _difference(
+    of_runs: Sequence[Weighed], weighted: Pooled, other: np.ndarray, apart_by_centre: np.ndarray,
+    by_centre: np.ndarray, apart: Sequence[np.ndarray], alone: Sequence[np.ndarray], of_centre: np.ndarray,
+) -> Difference:  # fmt: skip
+    """One difference, from the derivatives of it and of the other estimate by each run's right sides."""
+
+    def covariance(by_right: Sequence[np.ndarray], centre: np.ndarray) -> np.ndarray:
+        noise = np.sum([j @ of_run.scores @ j.T for j, of_run in zip(by_right, of_runs, strict=True)], axis=0)
+        return noise + centre @ of_centre @ centre.T
+
+    value = other - weighted.inertia
+    no_news = SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
+    expected = covariance(apart, apart_by_centre) + no_news
+    freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
+    square = value @ np.linalg.solve(expected, value) * (freedom - len(value) + 1) / (freedom * len(value))
+    factor = scipy.stats.t.ppf(PROBABILITY, freedom)
+    return Difference(
+        value, expected, factor * np.sqrt(np.diag(covariance(alone, by_centre))),
+        float(scipy.stats.f.sf(square, len(value), freedom - len(value) + 1)),
+    )  # fmt: skip
+
+
+def reaching(plain: Pooled, weighted: Pooled, clear: Sequence[Difference]) -> Pooled:
+    """Return ordinary least squares with an interval that holds those of the other estimates, too.
+
+    What residuals say of its uncertainty is widened for it, which declared sources then join as ever.
+    """
+    apart = weighted.inertia - plain.inertia
+    needed = np.maximum(plain.half_width, np.abs(apart) + weighted.half_width)
+    for difference in clear:
+        needed = np.maximum(needed, np.abs(apart + difference.value) + difference.half_width)
+    of_centre = np.diag(plain.covariance - plain.together.covariance)
+    normal = scipy.stats.norm.ppf(PROBABILITY)
+    together = plain.together
+    of_noise = np.sqrt(np.maximum(needed**2 - normal**2 * of_centre, together.half_width**2))
+    student = scipy.stats.t.ppf(PROBABILITY, together.residual_degrees_of_freedom)
+    wider = of_noise / (student * np.sqrt(np.diag(together.from_residuals)))
+    residual = together.from_residuals * np.outer(wider, wider)
+    together = replace(together, from_residuals=residual)
+    return plain._replace(
+        covariance=together.covariance + plain.covariance - plain.together.covariance, residual=residual,
+        together=together, half_width=np.hypot(together.half_width, normal * np.sqrt(of_centre)),
+    )  # fmt: skip
