@@ -102,14 +102,14 @@ def _difference(
     )  # fmt: skip
 
 
-def reaching(plain: Pooled, weighted: Pooled, clear: Sequence[Difference]) -> Pooled:
+def reaching(plain: Pooled, weighted: Pooled, every: Sequence[Difference]) -> Pooled:
     """Return ordinary least squares with an interval that holds those of the other estimates, too.
 
     What residuals say of its uncertainty is widened for it, which declared sources then join as ever.
     """
     apart = weighted.inertia - plain.inertia
     needed = np.maximum(plain.half_width, np.abs(apart) + weighted.half_width)
-    for difference in clear:
+    for difference in every:
         needed = np.maximum(needed, np.abs(apart + difference.value) + difference.half_width)
     of_centre = np.diag(plain.covariance - plain.together.covariance)
     normal = scipy.stats.norm.ppf(PROBABILITY)

@@ -38,11 +38,10 @@ class GeneralisedLeastSquares(Estimator):
         with_weights, without = pool(weighted, sigma), pool(plain, sigma)
         of_centre = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]
         every = differences(of_runs, with_weights, without, of_centre)
-        clear = [difference for difference in every if difference.clear]
         warnings = _too_brief(of_runs)
-        if not clear:
+        if not any(difference.clear for difference in every):
             return result_of(problem, spec, weighted, with_weights, "gls", warnings)
-        answer = reaching(without, with_weights, clear)
+        answer = reaching(without, with_weights, every)
         return result_of(problem, spec, plain, answer, "gls", [*warnings, _disagreement(every)])
 
 
