@@ -1,5 +1,6 @@
 """Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
@@ -66,15 +67,21 @@ LARGEST_LEVER = 0.5  # metres between IMU and centre of gravity, as a standard d
 OFFSET = 0.1  # of the mean force that may be the load cell's zero, as a standard deviation
 
 
-def scales(sums: ConventionSums, *, weight: bool, terms: Terms = MOMENT_TERMS_WITH_WEIGHT) -> Scales:
+def scales(
+    sums: ConventionSums,
+    *,
+    weight: bool,
+    terms: Terms = MOMENT_TERMS_WITH_WEIGHT,
+    candidates: Sequence[Hypothesis] | None = None,
+) -> Scales:
     """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
-    candidates = [hypothesis.applied(sums) for hypothesis in hypotheses()]
-    force = min(convention_fit.variance_left(turned, FORCE_TERMS, FORCE) for turned in candidates)
+    tried = [hypothesis.applied(sums) for hypothesis in candidates or hypotheses()]
+    force = min(convention_fit.variance_left(turned, FORCE_TERMS, FORCE) for turned in tried)
     mean = float(np.linalg.norm(sums.mean(FORCE)))
     mass = mean / max(float(np.linalg.norm(sums.mean(SPECIFIC))), 1e-9)
     priors = (max(OFFSET * mean, sums.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
     given = Scales(force, np.inf, *priors, terms)
-    quiet = [_fitted_force(turned, given)[1] for turned in candidates]
+    quiet = [_fitted_force(turned, given)[1] for turned in tried]
     return replace(given, moment=min(convention_fit.variance_left(turned, terms, MOMENT) for turned in quiet))
 
 
@@ -119,7 +126,7 @@ def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray,
     """
     turn, hessian = np.zeros(3), np.eye(3)
     for _ in range(4):
-        gradient, hessian = _derivatives(sums, given, turn)
+        gradient, hessian = derivatives(sums, given, turn)
         if np.linalg.eigvalsh(hessian)[0] <= 0:
             return np.zeros(3), 0.0
         change = np.linalg.solve(hessian, gradient)
@@ -131,7 +138,7 @@ def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray,
     return turn, min(gain, float(turn @ hessian @ turn) / 2)
 
 
-def _derivatives(
+def derivatives(
     sums: ConventionSums, given: Scales, at: np.ndarray, step: float = 2e-3
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
     """Gradient and Hessian of chi-square by the rotation vector, by central differences."""

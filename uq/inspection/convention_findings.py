@@ -23,23 +23,31 @@ from identify.diagnostics.convention_sums import (
     WrenchSignal,
     convention_sums,
 )
-from identify.diagnostics.conventions import DECISIVE, Hypothesis, Scales, best_axes, misalignment, scales
+from identify.diagnostics.conventions import DECISIVE, Hypothesis, Scales, best_axes, derivatives, misalignment, scales
+from identify.diagnostics.free_rotation import FreeRotation
 from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
 from identify.diagnostics.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
 from identify.rigid_body.rotation import exponential
 from rig.inspection.channel_health import Finding
+from uq.inspection.rotation_findings import (
+    LEAST_TURN,
+    TURNED,
+    axes_text,
+    compound,
+    explains,
+    oblique_rotation,
+    rotation_text,
+    small_turn_text,
+)
 
 STANDARD_GRAVITY = 9.80665  # m/s²
 FORCE_UNITS = {"lbf": 4.4482216, "kgf": 9.80665, "kN": 1000.0}  # N in the unit
 MOMENT_UNITS = {"N*mm": 1e-3, "N*cm": 1e-2, "lbf*inch": 0.11298483, "lbf*ft": 1.3558179, "kgf*cm": 0.0980665}
 MASS_TOLERANCE = 0.15  # departure of the rest force from the weight: a gain error or a zero is smaller
 UNIT_TOLERANCE = 0.1  # departure of a ratio from that of a unit
-LEAST_TURN = np.radians(0.5)
 LEAST_GRAVITY = 2.0  # m/s² of mean specific force: without accelerometer nothing is judged
-TURNED = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
 LEAST_SHIFT = 3e-3  # metres
 SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
-UNEXPLAINED = 0.15  # of the changes, or three times white noise: more left over is no rigid body
 ZERO_LEVER = 5e-3  # metres: times the weight, the moment that may be the load cell's zero
 
 Vector = Float[np.ndarray, "3"]
@@ -86,7 +94,7 @@ def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Finding]:
             "axes",
             topic,
             "gravity turns as the gyro says only if the accelerometer's axes are the gyro's "
-            f"({_axes_text(axes)[1:-1]}): swapped axes",
+            f"({axes_text(axes)[1:-1]}): swapped axes",
         )
 
 
@@ -121,9 +129,14 @@ class _Examination:
     def findings(self) -> Iterator[Finding]:
         """All findings, the gravest first."""
         weight = apparent_mass(self.sums, self.declared.mass)
-        given = scales(self.sums, weight=self.declared.weighed and not weight.missing)
-        force, moment = self._explained(FORCE, given.force), self._explained(MOMENT, given.moment)
-        if force or moment:
+        weighed = self.declared.weighed and not weight.missing
+        given = scales(self.sums, weight=weighed)
+        rotation = oblique_rotation(self.sums, given, weighed=weighed)
+        if rotation is not None:
+            yield self._rotated(rotation)
+            given = rotation.given
+        force, moment = explains(self.sums, FORCE, given.force), explains(self.sums, MOMENT, given.moment)
+        if rotation is None and (force or moment):
             yield from self._axes(best_axes(self.sums, given))
         if not self.declared.weighed or not (force and moment):
             return
@@ -138,12 +151,6 @@ class _Examination:
         yield from self._turned(scales(self.sums, weight=True, terms=MOMENT_TERMS))
         yield from self._point()
 
-    def _explained(self, columns: slice, left: float) -> bool:
-        """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
-        white = self.sums.noise[columns.start // 3] ** 2 * self.sums.white
-        changes = float(np.trace(self.sums.covariance(columns))) / 3
-        return bool(left < max(9 * white, UNEXPLAINED**2 * changes))
-
     # Axes and signs
 
     def _axes(self, fits: list[Hypothesis]) -> Iterator[Finding]:
@@ -155,7 +162,7 @@ class _Examination:
             yield Finding(
                 "mirror",
                 self.imu,
-                f"the IMU's axes are left-handed: only ({_axes_text(best.matrix)[1:-1]}) of them fit the wrench: "
+                f"the IMU's axes are left-handed: only ({axes_text(best.matrix)[1:-1]}) of them fit the wrench: "
                 "correct order and signs of its channels where they are recorded; no rotation in [recording] can",
             )
         elif np.array_equal(best.matrix, -np.eye(3)):
@@ -166,7 +173,7 @@ class _Examination:
                 'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
             )
         elif np.linalg.det(best.matrix) < 0:
-            turn = _axes_text(_compound(-best.matrix, self.declared.wrench_rotation))
+            turn = axes_text(compound(-best.matrix, self.declared.wrench_rotation))
             yield Finding(
                 "mirror",
                 self.wrench,
@@ -177,19 +184,34 @@ class _Examination:
         else:
             yield self._turned_axes(before, fits)
 
-    def _turned_axes(self, before: ConventionSums, fits: list[Hypothesis]) -> Finding:
-        matrix = fits[0].matrix
-        cell = f"wrench_rotation_to_body = {_axes_text(_compound(matrix, self.declared.wrench_rotation))}"
-        imu = f"imu_rotation_to_body = {_axes_text(_compound(matrix.T, self.declared.imu_rotation))}"
+    def _rotated(self, rotation: FreeRotation) -> Finding:
+        """Any rotation, and what is reversed besides."""
+        before, undone = rotation.reversed.applied(self.sums), rotation.matrix.T
+        sensor, cure = self._rotation_cure(before, undone)
+        self.sums = before.turned(wrench=undone) if sensor == "wrench" else before.turned(imu=rotation.matrix)
+        return Finding(*rotation_text(rotation, self._topic(sensor), cure))
+
+    def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
+        """The sensor that is turned, where that is decided, and the line or lines that undo it."""
+        cell = f"wrench_rotation_to_body = {axes_text(compound(matrix, self.declared.wrench_rotation))}"
+        imu = f"imu_rotation_to_body = {axes_text(compound(matrix.T, self.declared.imu_rotation))}"
         sensor = self._turned_sensor(before, matrix)
         cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} where the IMU is the one turned, or else {cell},")
-        others = [_axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
+        return sensor, cure
+
+    def _topic(self, sensor: str) -> str:
+        return self.wrench if sensor == "wrench" else self.imu
+
+    def _turned_axes(self, before: ConventionSums, fits: list[Hypothesis]) -> Finding:
+        matrix = fits[0].matrix
+        sensor, cure = self._rotation_cure(before, matrix)
+        others = [axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
         doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
         return Finding(
             "axes",
-            self.wrench if sensor == "wrench" else self.imu,
+            self._topic(sensor),
             "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
-            f"are the IMU's ({_axes_text(matrix.T)[1:-1]}){doubt}: set {cure} in [recording]",
+            f"are the IMU's ({axes_text(matrix.T)[1:-1]}){doubt}: set {cure} in [recording]",
         )
 
     def _turned_sensor(self, before: ConventionSums, matrix: Matrix) -> str:
@@ -266,16 +288,13 @@ class _Examination:
     def _turned(self, given: Scales) -> Iterator[Finding]:
         turn, chi_square = misalignment(self.sums, given)
         if chi_square > TURNED and float(np.linalg.norm(turn)) > LEAST_TURN:
-            matrix = _compound(exponential(turn), self.declared.imu_rotation)
-            self.sums = self.sums.turned(imu=exponential(turn))
-            x, y, z = np.degrees(turn)
-            yield Finding(
-                "turned",
-                self.imu,
-                f"the IMU is turned against the load cell by ({x:.1f}, {y:.1f}, {z:.1f}) deg about x, y, z, or its "
-                f"stamps are late: set imu_rotation_to_body = {_axes_text(matrix)} in [recording], or correct the "
-                "clock",
-            )
+            before, self.sums = self.sums, self.sums.turned(imu=exponential(turn))
+            sensor, cure = self._rotation_cure(before, exponential(turn).T)
+            vector = small_turn_text(turn, derivatives(self.sums, given, np.zeros(3))[1])
+            if sensor == "wrench":
+                self.sums = before.turned(wrench=exponential(turn).T)
+            text = f"only a turn of the IMU's axes into the load cell's by {vector} fits both, or its stamps are late"
+            yield Finding("turned", self._topic(sensor), f"{text}: set {cure} in [recording], or correct the clock")
 
     def _centre(self, sums: ConventionSums) -> CentreFit:
         offset = ZERO_LEVER * float(np.linalg.norm(sums.mean(FORCE))) + sums.noise[1] / 2
@@ -324,15 +343,3 @@ class _Examination:
             f"declared one: moment taken at another point than Q? set wrench_point = [{where}] in [recording]"
             f"{unknown}, or correct body.r_cg_from_q",
         )
-
-
-def _compound(matrix: Matrix, before: Matrix | None) -> Matrix:
-    return matrix if before is None else matrix @ before
-
-
-def _axes_text(matrix: Matrix) -> str:
-    """A signed permutation as ``"-y, z, x"``, any other matrix as rows of numbers with five decimals."""
-    if np.allclose(np.abs(matrix).max(axis=1), 1, atol=1e-9):
-        columns = np.abs(matrix).argmax(axis=1)
-        return '"' + ", ".join(("-" if matrix[i, j] < 0 else "") + "xyz"[j] for i, j in enumerate(columns)) + '"'
-    return "[" + ", ".join("[" + ", ".join(f"{x:.5f}" for x in row) + "]" for row in matrix) + "]"
