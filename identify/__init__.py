@@ -14,7 +14,7 @@ Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transfor
 - ``joint``: joint_model, gauss_newton.
 
 All others take and return NumPy arrays on the host, some around a kernel of these: runs, segments, spectra, pooling,
-diagnostics, results and static poses.
+diagnostics, the model check, results and static poses.
 """
 
 from importlib import import_module

@@ -11,6 +11,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import ConstantError
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
+from identify.model_check.judge import judged
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
 from identify.signals.estimator_spec import EstimatorSpec
@@ -72,7 +73,7 @@ def identify(
         errors=errors or {},
     )  # fmt: skip
     result = estimator_of(method).fit(problem)
-    return covering_bias(result, result.bias)
+    return judged(covering_bias(result, result.bias), problem)
 
 
 def _checked(

@@ -105,7 +105,7 @@ def prior(
     for names, block in blocks.items():
         where = indices(names)
         mean[where] = block.mean
-        spread[np.ix_(where, where)] = _root(block.covariance)
+        spread[np.ix_(where, where)] = root_of(block.covariance)
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
     counted = (free >= SIZES["inertia"]).astype(float)
     return Prior(jnp.asarray(mean), jnp.asarray(spread[:, free]), jnp.asarray(counted))
@@ -116,8 +116,8 @@ def indices(names: Iterable[str]) -> np.ndarray:
     return np.concatenate([np.arange(COUNT)[SLICES[name]] for name in names])
 
 
-def _root(covariance: np.ndarray) -> np.ndarray:
-    """A matrix whose product with its transpose is a covariance that may be singular; zero columns where it is."""
+def root_of(covariance: np.ndarray) -> np.ndarray:
+    """Return a matrix whose product with its transpose is a covariance, zero columns where that is singular."""
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     positive = values > 1e-12

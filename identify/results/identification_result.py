@@ -61,6 +61,8 @@ class Identification(Result):
     """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
     consistency: tuple[Verdict, ...] = ()
     """What the residuals follow, run by run."""
+    misfit: np.ndarray | None = None
+    """Shift by what the runs contradict, which counts as a standard uncertainty [kg·m²]; None: none."""
     mass_uncertainty: float | None = None
     """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
     cg_inertia_covariance: np.ndarray | None = None

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.residual_causes import Verdict, consistency
+from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.offsets import rest_of
 from identify.identification import identify
 from identify.methods.base import estimator_of
@@ -82,8 +82,6 @@ def identify_files(
         return _estimated(runs, experiment, spec, prior, method)
 
     result = with_discordance(estimated(runs), runs, estimated)
-    followed = [verdict for run in runs for verdict in _followed(run, result)]
-    causes = [verdict.text for verdict in followed]
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
@@ -91,8 +89,8 @@ def identify_files(
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*differing, *result.warnings, *suspicious, *noisy, *causes, *cautions(experiment.report, inputs)),
-        consistency=(*followed, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
+        warnings=(*differing, *result.warnings, *suspicious, *noisy, *cautions(experiment.report, inputs)),
+        consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**declared_inputs, inputs=inputs),
         datum=experiment.datum,
@@ -123,13 +121,6 @@ def _estimated(
     if prior is None and experiment.scale is not None and "mass" not in estimates:
         result = replace(result, mass_uncertainty=experiment.scale[1])
     return with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
-
-
-def _followed(run: Run, result: Identification) -> tuple[Verdict, ...]:
-    """What the run's residuals follow; not of a method that turns and delays the signals before it fits them."""
-    if estimator_of(result.method).estimates or result.seen is not None:
-        return ()
-    return consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
 
 
 def _repeatability(repeats: ScatterVerdict) -> Verdict:

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float, Int, Key
 from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.methods.base import estimator_of
+from identify.model_check.judge import with_misfit
 from identify.motion.trajectory import Trajectory
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
@@ -122,7 +123,8 @@ def with_declared_sources(
         return widened_by_sources(result, systematic)
     together = replace(result.pooling, from_redrawn_sources=systematic.by_mounting.std(axis=0))
     if not systematic.sources:
-        return replace(result, budget=budget_of(together, {}))
+        misfit = {} if result.misfit is None else {"model misfit": np.abs(result.misfit)}
+        return replace(result, budget=budget_of(together, misfit))
     low, high = combined_interval(together, systematic.common, seed)
     of_sources = np.cov(systematic.common.T, ddof=1)
     covariance = together.covariance + of_sources
@@ -139,7 +141,8 @@ def with_declared_sources(
             "declared_sources": {"trials": trials, "seed": seed},
         },
     )
-    return covering_bias(with_sources, result.bias)
+    with_bias = covering_bias(with_sources, result.bias)
+    return with_bias if result.misfit is None else with_misfit(with_bias, result.misfit)
 
 
 def propagate_constants(

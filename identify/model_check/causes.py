@@ -1,0 +1,198 @@
+"""The causes that are looked for: what each adds to the measured force and moment, and how large it usually is."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.model_check.predicted_wrench import Prediction
+
+
+class Cause(NamedTuple):
+    """Signals that a cause makes, and the size that it may well have."""
+
+    name: str
+    columns: Float[np.ndarray, "n 6 p"]
+    """What a unit of each coefficient adds to the measured wrench."""
+    size: Float[np.ndarray, " p"]
+    """Standard deviation of each coefficient where nobody took care."""
+
+
+def causes(run: Prediction, *, free: frozenset[str]) -> list[Cause]:
+    """Return the causes to look for.
+
+    Args:
+        run: at its best.
+        free: names of unknowns of which nothing is declared: these are no news.
+    """
+    made = [Cause(name, *make(run)) for name, make in MAKERS.items() if OF_UNKNOWN.get(name) not in free]
+    return [cause for cause in map(_acting, made) if len(cause.size)]
+
+
+def _acting(cause: Cause) -> Cause:
+    """A cause without the coefficients that do nothing."""
+    acting = (np.abs(cause.columns).max(axis=(0, 1)) > 0) & (cause.size > 0)
+    return Cause(cause.name, cause.columns[:, :, acting], cause.size[acting])
+
+
+Made = tuple[np.ndarray, np.ndarray]
+"""Columns and sizes."""
+
+
+def _unknown(*parts: tuple[str, float]) -> Callable[[Prediction], Made]:
+    def make(run: Prediction) -> Made:
+        columns = [run.of(unknown) for unknown, _ in parts]
+        sizes = [np.full(block.shape[2], size) for block, (_, size) in zip(columns, parts, strict=True)]
+        return np.concatenate(columns, axis=2), np.concatenate(sizes)
+
+    return make
+
+
+def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[Prediction], Made]:
+    """Elements of the load cell's matrix, each as large as this part of the component's size."""
+
+    def make(run: Prediction) -> Made:
+        size = _largest(np.sqrt((run.wrench**2).mean(axis=0)))
+        chosen = [(i, j) for i in range(6) for j in range(6) if where(i, j)]
+        columns = run.of("cell_matrix")[:, :, [6 * i + j for i, j in chosen]]
+        return columns, np.array([part * size[i] / size[j] for i, j in chosen])
+
+    return make
+
+
+def _wrench(signal: Callable[[Prediction], np.ndarray], part: float) -> Callable[[Prediction], Made]:
+    """Additions to the wrench, (n, 6, p), each as large as this part of the wrench's changes."""
+
+    def make(run: Prediction) -> Made:
+        columns, changes = signal(run), _largest(run.wrench.std(axis=0))
+        rms = np.sqrt((columns**2).mean(axis=0))
+        ratio = np.where(rms > 1e-12 * rms.max(), changes[:, None] / np.maximum(rms, 1e-300), np.inf)
+        size = part * ratio.min(axis=0)
+        return columns, np.where(np.isfinite(size), size, 0.0)
+
+    return make
+
+
+def _largest(of_rows: np.ndarray) -> np.ndarray:
+    """The largest of force and of moment, on each of their rows."""
+    return np.repeat([of_rows[:3].max(), of_rows[3:].max()], 3)
+
+
+def _on_axes(signal: np.ndarray, rows: slice) -> np.ndarray:
+    """Each component of a signal (n, k) on its own row of the wrench, (n, 6, k)."""
+    columns = np.zeros((len(signal), 6, signal.shape[1]))
+    columns[:, np.arange(6)[rows], np.arange(signal.shape[1])] = signal
+    return columns
+
+
+def _cable(run: Prediction) -> np.ndarray:
+    """Force and moment linear in the attitude."""
+    attitude = run.signals.attitude
+    columns = np.zeros((len(attitude), 6, 18))
+    for row in range(6):
+        columns[:, row, 3 * row : 3 * row + 3] = attitude
+    return columns
+
+
+def _air(run: Prediction) -> np.ndarray:
+    omega = run.signals.omega
+    return np.concatenate([_on_axes(omega, slice(3, 6)), _on_axes(np.abs(omega) * omega, slice(3, 6))], axis=2)
+
+
+def _flexible(run: Prediction) -> np.ndarray:
+    """A body that turns on its mounting by −M/k: its angular acceleration has the second derivative of that, too."""
+    return _on_axes(-_derivative(run, run.wrench[:, 3:], 2), slice(3, 6))
+
+
+def _moving(run: Prediction) -> np.ndarray:
+    return run.of("inertia") * run.signals.progress[:, None, None]
+
+
+def _gain_drift(run: Prediction) -> np.ndarray:
+    """Gains that were right at the start."""
+    return _on_axes(run.wrench * (run.signals.progress + 0.5)[:, None], slice(0, 6))
+
+
+def _late(run: Prediction) -> np.ndarray:
+    """Force and moment that come late, each by its own time."""
+    slope = -_derivative(run, run.wrench, 1)
+    columns = np.zeros((len(slope), 6, 2))
+    columns[:, :3, 0], columns[:, 3:, 1] = slope[:, :3], slope[:, 3:]
+    return columns
+
+
+def _derivative(run: Prediction, signal: np.ndarray, order: int) -> np.ndarray:
+    t = run.signals.interval * np.arange(len(signal))
+    return np.asarray(scipy.interpolate.make_interp_spline(t, signal, k=5).derivative(order)(t))
+
+
+def _carried(run: Prediction, force: Float[np.ndarray, "n 3 p"]) -> np.ndarray:
+    """A force at the centre of gravity with its moment about Q, where the accelerometer tells it, (n, 6, p)."""
+    lever = np.cross(run.x["r_cg"], force, axisb=1, axisc=1)
+    return np.concatenate([force, lever], axis=1) * (run.force_from == "accelerometer")
+
+
+def _accelerometer_place(run: Prediction) -> Made:
+    levers = np.stack([run.signals.acceleration(e) for e in np.eye(3)], axis=2)
+    return _carried(run, -run.x["mass"] * levers), np.full(3, 0.01)
+
+
+def _accelerometer_scale(run: Prediction) -> Made:
+    return _carried(run, -run.wrench[:, :3, None] * np.eye(3)), np.full(3, 0.005)
+
+
+def _gyro_g(run: Prediction) -> Made:
+    """Angular velocity that specific force feigns, each axis by each: its slope counts in alpha."""
+    force = run.specific_force
+    slope = _derivative(run, force, 1)
+    omega, alpha = (
+        -np.einsum("nj,ik->nikj", signal, np.eye(3)).reshape(len(signal), 3, 9) for signal in (force, slope)
+    )
+    return run.changed(omega, alpha, np.zeros_like(omega), turning=True), np.full(9, 3e-4)
+
+
+def _clock(run: Prediction) -> Made:
+    return run.of("delay") * run.signals.progress[:, None, None], np.array([0.02])
+
+
+def _jump(run: Prediction) -> np.ndarray:
+    return np.concatenate(
+        [_on_axes(np.repeat((run.signals.progress > at)[:, None], 6, axis=1).astype(float), slice(0, 6))
+         for at in (-0.25, 0.0, 0.25)], axis=2,
+    )  # fmt: skip
+
+
+def _mass(run: Prediction) -> Made:
+    return run.of("mass"), 0.02 * np.abs(run.x["mass"])
+
+
+OF_UNKNOWN = {"delay": "delay", "rotation": "rotation", "mass": "mass", "centre of gravity": "r_cg",
+              "still missed": "cg_from_still"}  # fmt: skip
+"""Causes that are one unknown of the joint model."""
+MAKERS: dict[str, Callable[[Prediction], Made]] = {
+    "delay": _unknown(("delay", 0.005)),
+    "rotation": _unknown(("rotation", 0.03)),
+    "centre of gravity": _unknown(("r_cg", 0.003)),
+    "mass": _mass,
+    "still missed": _unknown(("cg_from_still", 0.02)),
+    "gyro scale": _unknown(("gyro_scale", 0.005)),
+    "gyro bias": _unknown(("gyro_drift", 0.001)),
+    "gyro g-sensitivity": _gyro_g,
+    "gain": _matrix(lambda i, j: i == j, 0.005),
+    "cross-talk": _matrix(lambda i, j: i != j, 0.01),
+    "drift": _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
+    "jump": _wrench(_jump, 0.02),
+    "gain drift": _wrench(_gain_drift, 0.005),
+    "cable": _wrench(_cable, 0.02),
+    "air": _wrench(_air, 0.02),
+    "flexible mounting": _wrench(_flexible, 0.01),
+    "tensor": _wrench(_moving, 0.01),
+    "accelerometer place": _accelerometer_place,
+    "accelerometer scale": _accelerometer_scale,
+    "clock": _clock,
+    "filter": _wrench(_late, 0.02),
+    "nonlinearity": _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
+}
+"""By name, how a cause's signals are made."""

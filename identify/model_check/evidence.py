@@ -1,0 +1,119 @@
+"""How probable a cause is, given the residuals: its coefficients under a prior, against none of it.
+
+The unknowns that a run's fit holds are eliminated under their own priors, so that what a declared uncertainty explains
+is no evidence. The evidence is the logarithm of the Bayes factor of two normal distributions (Kass and Raftery,
+doi:10.1080/01621459.1995.10476572).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.model_check.causes import Cause
+from identify.model_check.run_fit import Lines
+
+SMOOTHED = 10
+"""Lines on each side over which the residuals' spectrum is taken."""
+FEWEST = 4.0
+"""Residuals a coefficient that a cause needs to be judged at all."""
+
+
+class Base(NamedTuple):
+    """What a run's estimate has fitted, line by line."""
+
+    residuals: Float[np.ndarray, "m 6"]
+    """With the unknowns at their best on these lines."""
+    columns: Float[np.ndarray, "m 6 q"]
+    """What a unit of each unknown adds to the residuals, were it not fitted."""
+    precision: Float[np.ndarray, " q"]
+    """Of its prior."""
+
+    def beside(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the base does not absorb of some columns, and by how much the unknowns follow each, (q, p)."""
+        normal = _products(self.columns, self.columns) + np.diag(self.precision)
+        follows = np.linalg.solve(normal, _products(self.columns, columns))
+        return columns - self.columns @ follows, follows
+
+    def taking(self, columns: np.ndarray, coefficients: np.ndarray) -> "Base":
+        """Return the base with a cause in it, its prior of unit size, and the residuals that it leaves."""
+        return Base(
+            self.residuals - self.beside(columns)[0] @ coefficients,
+            np.concatenate([self.columns, columns], axis=2),
+            np.concatenate([self.precision, np.ones(columns.shape[2])]),
+        )
+
+
+class Evidence(NamedTuple):
+    """What the residuals say of a cause."""
+
+    cause: Cause
+    coefficients: Float[np.ndarray, " p"]
+    """In units of the cause's size."""
+    covariance: Float[np.ndarray, "p p"]
+    logarithm: float
+    """Of the Bayes factor for it."""
+    chance: float
+    """Of residuals that follow it as much by accident."""
+    share: float
+    """Part of the residuals' squares that it explains."""
+    shift: Float[np.ndarray, " q"]
+    """By how much the estimate is wrong because of it, each unknown of the base."""
+    columns: Float[np.ndarray, "m 6 p"]
+    """Its lines, for coefficients in units of its size."""
+
+    @property
+    def added(self) -> Float[np.ndarray, "n 6"]:
+        """What it adds to the measured wrench [N], [N·m]."""
+        return np.asarray(self.cause.columns @ (self.cause.size * self.coefficients))
+
+    @property
+    def explained(self) -> Float[np.ndarray, "m 6"]:
+        """Its lines."""
+        return np.asarray(self.columns @ self.coefficients)
+
+
+def evidence(base: Base, cause: Cause, lines: Lines) -> Evidence | None:
+    """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
+
+    Args:
+        base: what is fitted.
+        cause: its signals.
+        lines: the transform.
+    """
+    columns = lines(cause.columns * cause.size)
+    beside, follows = base.beside(columns)
+    normal = _products(beside, columns)
+    values, vectors = np.linalg.eigh((normal + normal.T) / 2)
+    good = values > 1e-6  # a coefficient of its usual size that changes the residuals by less is not seen
+    freedom = base.residuals.size - int(good.sum())
+    if not good.any() or freedom < FEWEST * good.sum():
+        return None
+    basis = vectors[:, good]
+    along = basis.T @ _products(columns, base.residuals[:, :, None])[:, 0] / values[good]
+    after = base.residuals - beside @ (basis @ along)
+    # what the residuals' noise adds to a score, by its spectrum, and what the errors of the priors add
+    scores = (beside @ basis) * np.sqrt(_spectrum(after) * base.residuals.size / freedom)[:, :, None]
+    of_priors = basis.T @ (follows.T * base.precision) @ follows @ basis
+    spread = (_products(scores, scores) + of_priors) / np.outer(values[good], values[good])
+    total = np.eye(len(along)) + spread
+    wald = float(along @ np.linalg.solve(spread, along))
+    logarithm = 0.5 * (
+        wald - float(along @ np.linalg.solve(total, along)) - np.linalg.slogdet(total)[1] + np.linalg.slogdet(spread)[1]
+    )
+    chance = float(scipy.stats.f.sf(wald / len(along), len(along), freedom))
+    before = float((base.residuals**2).sum())
+    share = (before - float((after**2).sum())) / max(before, 1e-300)
+    return Evidence(
+        cause, basis @ along, basis @ spread @ basis.T, logarithm, chance, share, follows @ (basis @ along), columns
+    )
+
+
+def _spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:
+    """Mean squares of the lines about each, each row by itself."""
+    return scipy.ndimage.uniform_filter1d(residuals**2, 2 * SMOOTHED + 1, axis=0, mode="nearest")
+
+
+def _products(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    return np.tensordot(left, right, axes=((0, 1), (0, 1)))

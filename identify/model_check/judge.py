@@ -1,0 +1,215 @@
+"""Every estimator's result, judged by force and moment of its runs: causes are named, intervals widened."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.diagnostics.residual_causes import Verdict, consistency
+from identify.exceptions import RunError
+from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import error_blocks, root_of
+from identify.methods.base import Problem
+from identify.methods.joint import STILL_WITHIN
+from identify.model_check.model_check import Followed, followed
+from identify.model_check.motion_signals import Recorded
+from identify.model_check.predicted_wrench import Force
+from identify.model_check.run_fit import Declared, RunFit, fit_run
+from identify.model_check.verdict_texts import sentence, signed
+from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.signals.filters import noise_level
+from identify.signals.run import Run
+
+MATTERS = 0.5
+"""Shift of a component over its standard uncertainty from which a cause is worth a warning."""
+UNEXPLAINED = 3.0
+"""Residuals in the motion's band over those above it from which something is wrong that has no name."""
+WEIGHT = 0.3
+"""Mean force over the weight, or specific force over gravity, below which it falls: nothing tells the attitude."""
+EQUALLY = 1.2
+"""Residuals about a point at rest over those with the accelerometer, down to which the base does turn about one."""
+LOOSE = 1.0
+"""Standard uncertainty of a point at rest that is not declared [m]."""
+OF_ACCELEROMETER = frozenset({"accelerometer place", "accelerometer scale"})
+
+
+def judged(result: Identification, problem: Problem) -> Identification:
+    """Return a result with what force and moment of its runs say against it.
+
+    A cause that shifts a component by half its standard uncertainty or more is a warning; the shift counts as a
+    standard uncertainty, too, in the covariance, the interval and the budget (``model misfit``).
+
+    Args:
+        result: of an estimator.
+        problem: that it was given.
+    """
+    verdicts: list[Verdict] = []
+    shifts = np.zeros(6)
+    if result.seen is None:
+        for run in problem.runs:
+            of_run, shift = _of_run(run, result, problem)
+            verdicts += of_run
+            shifts += shift / len(problem.runs)
+    texts = tuple(verdict.text for verdict in verdicts)
+    told = replace(result, consistency=(*result.consistency, *verdicts), warnings=(*result.warnings, *texts))
+    return told if result.admissible is not None else with_misfit(told, shifts)
+
+
+def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
+    """Return a result with a shift of its tensor as a further standard uncertainty.
+
+    Args:
+        result: without it.
+        shift: of each component [kg·m²].
+    """
+    if not shift.any():
+        return result
+    middle = result.inertia[:, None]
+    reach = np.hypot(result.interval95 - middle, 2 * np.abs(shift)[:, None])
+    budget = None if result.budget is None else {**result.budget, "model misfit": np.abs(shift)}
+    return replace(
+        result, covariance=result.covariance + np.outer(shift, shift), interval95=middle + reach * [-1, 1],
+        budget=budget, misfit=shift,
+    )  # fmt: skip
+
+
+def _of_run(run: Run, result: Identification, problem: Problem) -> tuple[list[Verdict], np.ndarray]:
+    """Verdicts of one run, and the sum of the shifts that they stand for."""
+    fits = _fits(run, result, problem)
+    if not fits:
+        return _saturated(run) + _by_moment(run, result), np.zeros(6)
+    named: dict[str, Followed] = {}
+    judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
+    for judgement in judgements:
+        for cause in judgement.causes:
+            named.setdefault(cause.evidence.cause.name, cause)
+    if result.method != "joint":
+        named = {name: cause for name, cause in named.items() if name not in OF_ACCELEROMETER}
+    verdicts, total = _saturated(run), np.zeros(6)
+    for cause in named.values():
+        shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
+        ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
+        worst = int(np.argmax(ratio))
+        if ratio[worst] < MATTERS:
+            continue
+        text = (
+            f"{run.name}: {sentence(cause.evidence, cause.rivals)}; it would move {COMPONENTS[worst]} by "
+            f"{signed(GRAM_METRE * shift[worst])} g·m²"
+        )
+        axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[3:]))
+        verdicts.append(Verdict(cause.evidence.cause.name, f"b{axis + 1}", cause.evidence.share, text, run.name))
+        total = total + shift
+    resonances = [v for v in _by_moment(run, result) if v.cause == "resonance"]
+    ratio, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
+    if ratio > UNEXPLAINED:
+        on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
+        text = (
+            f"{run.name}: the {quantity} on {on} leaves {ratio:.1f} times what noise explains "
+            "where the motion is: something that is none of the causes looked for; the interval is that much wider"
+        )
+        verdicts.append(Verdict("unexplained", on, 1 - ratio**-2, text, run.name))
+        total = np.hypot(total, ratio * result.standard_uncertainty)
+    return verdicts + resonances, total
+
+
+FLAT = 10
+"""Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
+
+
+def _saturated(run: Run) -> list[Verdict]:
+    """Channels whose samples stay at an extreme value: the end of the sensor's range."""
+    verdicts = []
+    for quantity in ("force", "moment", "omega"):
+        for axis, values in enumerate(getattr(run, quantity).T, 1):
+            levels, counts = np.unique(values, return_counts=True)
+            for end, beside in ((0, 1), (-1, -2)):
+                if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[beside] + 1):
+                    name = {"omega": "angular velocity"}.get(quantity, quantity)
+                    text = (
+                        f"{run.name}: the {name} on b{axis} stays at {levels[end]:.4g} in {counts[end]} samples: "
+                        "the sensor's range ends there (saturation); move less"
+                    )
+                    verdicts.append(Verdict("saturation", f"b{axis}", counts[end] / len(values), text, run.name))
+    return verdicts
+
+
+def _by_moment(run: Run, result: Identification) -> list[Verdict]:
+    """What the residual moment alone follows: where neither accelerometer nor a point at rest tells the force."""
+    if result.method == "joint":
+        return []
+    verdicts = consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
+    return list(verdicts)
+
+
+def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
+    """The run at its best about a point at rest, if there is one, and with its accelerometer, if it has one."""
+    mass = problem.mass or result.mass
+    if not np.abs(run.force).max() > 0:
+        return []
+    if mass is not None and np.linalg.norm(run.force.mean(axis=0)) < WEIGHT * mass * problem.gravity:
+        return []
+    if run.specific_force is not None and np.linalg.norm(run.specific_force.mean(axis=0)) < WEIGHT * problem.gravity:
+        return []
+    delay = 0.0 if result.delay is None else float(result.delay.value[0])
+    try:
+        recorded = Recorded(run, problem.band(), reach=abs(delay) + 0.005)
+    except RunError:
+        return []
+    if problem.cg_motion == "still":
+        return [fit_run(recorded, _declared(run, result, problem, "still", STILL_WITHIN), "still")]
+    if run.specific_force is None:
+        return []
+    read = fit_run(recorded, _declared(run, result, problem, "accelerometer", 0.0), "accelerometer")
+    about = fit_run(recorded, _declared(run, result, problem, "still", LOOSE), "still")
+    scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
+    turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
+    return [about, read] if turns else [read]
+
+
+def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
+    """Unknowns of which so little is declared that an error of them is no news."""
+    free = {"mass"} if problem.mass is None and problem.centre is None else set()
+    if problem.cg_motion != "still":
+        free.add("cg_from_still")
+    return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
+
+
+def _declared(run: Run, result: Identification, problem: Problem, force_from: Force, still_within: float) -> Declared:
+    alignment = problem.alignment or Alignment()
+    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity
+    mean = {"mass": np.array([mass]), "r_cg": problem.r_cg}
+    root = {"r_cg": np.diag(problem.sigma_r_cg)}
+    if problem.centre is not None:
+        root["r_cg"] = root_of(problem.centre.covariance[1:4, 1:4])
+        root["mass"] = root_of(problem.centre.covariance[:1, :1])
+    elif problem.mass is not None and problem.mass_uncertainty:
+        root["mass"] = np.array([[problem.mass_uncertainty]])
+    if force_from == "still":
+        root["cg_from_still"] = still_within * np.eye(3)
+    else:
+        root["accelerometer_bias"] = np.diag(np.broadcast_to(alignment.sigma_accelerometer_bias, 3))
+    for (name,), block in error_blocks(problem.errors).items():
+        mean[name], root[name] = block.mean, root_of(block.covariance)
+    reference = {"inertia": result.inertia}
+    if result.delay is not None and result.rotation is not None:
+        mean |= {"delay": np.array([alignment.delay]), "rotation": np.array(alignment.rotation)}
+        reference |= {"delay": result.delay.value, "rotation": result.rotation.value}
+        root["delay"] = np.array([[max(alignment.sigma_delay, 1e-9)]])
+        root["rotation"] = np.diag(np.maximum(np.broadcast_to(alignment.sigma_rotation, 3), 1e-9))
+    unstated = ("mass",) if "mass" not in root and problem.mass is None else ()
+    flat = ("inertia", "force_offset", "moment_offset", *unstated)
+    return Declared(
+        mean, root, flat, problem.gravity, np.zeros(3) if run.imu_position is None else run.imu_position,
+        np.broadcast_to(np.asarray(alignment.sigma_gyro_bias, float), (3,)),
+        noise_level(*(run.omega[segment] for segment in run.used())) / np.sqrt(run.rate), reference,
+    )  # fmt: skip
+
+
+def _shift_of_least_squares(fit: RunFit, cause: Followed) -> np.ndarray:
+    """By how much a cause makes the tensor of (10) wrong: the force counts as measured, the moment about r_CG."""
+    at = fit.prediction
+    added = cause.evidence.added
+    moment = added[:, 3:] - np.cross(at.x["r_cg"], added[:, :3])
+    rows = at.regressor - at.regressor.mean(axis=0)
+    moment = moment - moment.mean(axis=0)
+    return np.asarray(np.linalg.lstsq(rows.reshape(-1, 6), moment.ravel(), rcond=None)[0])

@@ -1,0 +1,78 @@
+"""The check of a run against the joint model: what its residuals follow, and what that does to the tensor."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from identify.model_check.causes import causes
+from identify.model_check.evidence import Base, Evidence, evidence
+from identify.model_check.run_fit import RunFit
+
+CHANCE = 1e-6
+"""Of residuals that follow one cause by accident, above which nothing is said."""
+CLEAR = 3.0
+"""Logarithm of the Bayes factor from which a cause is more probable than another: twenty to one."""
+MOST = 3
+"""Causes that are named of one run."""
+NEARLY = 0.85
+"""Part of what a cause explains that a cause of fewer coefficients must explain to be named in its place."""
+ECHO = 0.3
+"""A further cause must explain this part of what the first explains: less may be what a linear picture of it leaves."""
+
+
+class Followed(NamedTuple):
+    """A cause that a run's residuals follow."""
+
+    evidence: Evidence
+    rivals: tuple[str, ...]
+    """Other causes that are about as probable."""
+    shift: np.ndarray
+    """By how much the tensor of the joint model is wrong because of it [kg·m²]."""
+
+
+class Judgement(NamedTuple):
+    """What a run's residuals follow, and what is left."""
+
+    causes: list[Followed]
+    """The most probable first."""
+    unexplained: float
+    """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
+    row: int
+    """That row: force, then moment."""
+
+
+def _simplest(likely: Sequence[Evidence]) -> Evidence:
+    """The most probable cause, or a simpler one that explains nearly as much: many coefficients imitate a few."""
+    best = likely[0]
+    simpler = [e for e in likely if len(e.coefficients) < len(best.coefficients) and e.share > NEARLY * best.share]
+    return simpler[0] if simpler else best
+
+
+def followed(run: RunFit, free: frozenset[str]) -> Judgement:
+    """Return the causes that a run's residuals follow, and how much more than noise they leave.
+
+    Args:
+        run: at its best.
+        free: unknowns of which nothing is declared.
+    """
+    base, open_to = Base(run.residuals, run.columns, run.precision), causes(run.prediction, free=free)
+    named: list[Followed] = []
+    first = 0.0
+    while len(named) < MOST:
+        judged = [e for cause in open_to if (e := evidence(base, cause, run.lines)) is not None]
+        likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > CLEAR), key=lambda e: -e.logarithm)
+        if not likely:
+            break
+        best = _simplest(likely)
+        power = float(np.square(base.beside(best.columns)[0] @ best.coefficients).sum())
+        if named and power < ECHO * first:
+            break
+        first = first or power
+        rivals = tuple(e.cause.name for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR)
+        named.append(Followed(best, rivals, best.shift[run.tensor]))
+        base = base.taking(best.columns, best.coefficients)
+        open_to = [cause for cause in open_to if cause.name != best.cause.name]
+    above = run.lines.above(run.prediction.residuals)
+    ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
+    return Judgement(named, float(ratio.max()), int(np.argmax(ratio)))

@@ -1,0 +1,178 @@
+"""Force and moment that the body needs on its motion, and how each unknown changes them.
+
+Rows are measured less predicted wrench about Q. The specific force at the centre of gravity is the accelerometer's, or,
+where the base turns about a point at rest, gravity's along the attitude with the acceleration of a lever.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.joint.joint_model import SIZES
+from identify.model_check.motion_signals import MotionSignals
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+
+Force = Literal["still", "accelerometer"]
+"""Where the specific force comes from: a point at rest, or the accelerometer."""
+Columns = Float[np.ndarray, "n 6 p"]
+Changes = Float[np.ndarray, "n 3 p"]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The wrench at one value of the unknowns."""
+
+    signals: MotionSignals
+    x: dict[str, np.ndarray]
+    """Unknowns of :class:`identify.joint.joint_model.Unknowns` by name, and ``up``: upward in B at the first node."""
+    force_from: Force
+    gravity: float
+    imu_position: np.ndarray
+    specific_force: Float[np.ndarray, "n 3"] = field(init=False)
+    wrench: Float[np.ndarray, "n 6"] = field(init=False)
+    """Force and moment about Q, without the load cell's errors."""
+
+    def __post_init__(self) -> None:
+        """Predict."""
+        s, x = self.signals, self.x
+        if self.force_from == "still":
+            specific = (self.gravity + x["gravity"]) * self.up + s.acceleration(x["cg_from_still"])
+        else:
+            assert s.accelerometer is not None  # noqa: S101 - the caller chose it so
+            specific = s.accelerometer - x["accelerometer_bias"] + s.acceleration(x["r_cg"] - self.imu_position)
+        force = x["mass"] * specific
+        moment = self.regressor @ x["inertia"] + np.cross(x["r_cg"], force)
+        object.__setattr__(self, "specific_force", specific)
+        object.__setattr__(self, "wrench", np.hstack([force, moment]))
+
+    @property
+    def up(self) -> Float[np.ndarray, "n 3"]:
+        """Upward in B."""
+        return np.asarray(np.einsum("nji,j->ni", self.signals.turns, self.x["up"]))
+
+    @property
+    def regressor(self) -> Float[np.ndarray, "n 3 6"]:
+        """Omega_R."""
+        phi = features(self.signals.omega.T, self.signals.alpha.T)
+        return np.asarray(np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi))
+
+    @property
+    def residuals(self) -> Float[np.ndarray, "n 6"]:
+        """Measured less predicted [N], [N·m]."""
+        s, x = self.signals, self.x
+        measured = np.hstack([s.force, s.moment])
+        offset = np.concatenate([x["force_offset"], x["moment_offset"]])
+        drift = np.outer(s.progress, np.concatenate([x["force_drift"], x["moment_drift"]]))
+        return np.asarray(measured - offset - drift - self.wrench @ (np.eye(6) + x["cell_matrix"].reshape(6, 6)).T)
+
+    def changed(
+        self, omega: Changes | None, alpha: Changes | None, specific: Changes, *, turning: bool = False
+    ) -> Columns:
+        """Return what changes of the motion add to the wrench, (n, 6, p).
+
+        Args:
+            omega: of the angular velocity, (n, 3, p); None: none.
+            alpha: of the angular acceleration.
+            specific: of the specific force, beside what the two do to it.
+            turning: whether the attitude follows the change of the angular velocity.
+        """
+        s, x = self.signals, self.x
+        spin = np.zeros_like(specific)
+        if omega is not None and alpha is not None:
+            arm = x["cg_from_still"] if self.force_from == "still" else x["r_cg"] - self.imu_position
+            tensor = _matrix_of(x["inertia"])
+            momentum, centripetal = s.omega @ tensor, np.cross(s.omega, arm)
+            spin = _dot(tensor, alpha) + _cross(omega, momentum) + _crossed(s.omega, _dot(tensor, omega))
+            specific = specific + _cross(alpha, np.broadcast_to(arm, s.omega.shape)) + _cross(omega, centripetal)
+            specific = specific + _crossed(s.omega, _cross(omega, np.broadcast_to(arm, s.omega.shape)))
+            if turning and self.force_from == "still":
+                turned = np.einsum("nji,njp->nip", s.turns, s.turned(omega))
+                specific = specific + self.gravity * _crossed(self.up, turned)
+        force = x["mass"] * specific
+        moment = spin + _crossed(np.broadcast_to(x["r_cg"], s.omega.shape), force)
+        return np.concatenate([force, moment], axis=1)
+
+    def of(self, name: str) -> Columns:
+        """Return the derivative of the wrench, offsets and load cell's errors included, by one unknown."""
+        s, n, unit = self.signals, len(self.signals.t), np.eye(3)
+        zero = np.zeros((n, 3, 3))
+        on_axes = lambda signal: signal[:, :, None] * unit  # noqa: E731
+        levers = np.stack([s.acceleration(e) for e in unit], axis=2)
+        if name == "inertia":
+            return np.concatenate([np.zeros((n, 3, 6)), self.regressor], axis=1)
+        if name == "mass":
+            f = self.specific_force
+            return np.hstack([f, np.cross(self.x["r_cg"], f)])[:, :, None]
+        if name == "r_cg":
+            moved = self.changed(None, None, levers if self.force_from == "accelerometer" else zero)
+            moved[:, 3:] += np.stack([np.cross(e, self.wrench[:, :3]) for e in unit], axis=2)
+            return moved
+        if name == "cg_from_still":
+            return self.changed(None, None, levers if self.force_from == "still" else zero)
+        if name == "gravity":
+            return self.changed(None, None, self.up[:, :, None] * (self.force_from == "still"))
+        if name == "accelerometer_bias":
+            still = self.force_from == "still"
+            return self.changed(None, None, zero if still else np.broadcast_to(-unit, (n, 3, 3)))
+        if name == "start":
+            by = np.stack([np.cross(e, self.x["up"]) for e in unit], axis=1)
+            turned = np.einsum("nji,jp->nip", s.turns, by) * (self.force_from == "still")
+            return self.changed(None, None, self.gravity * turned)
+        if name in ("force_offset", "moment_offset", "force_drift", "moment_drift"):
+            rows = np.zeros((n, 6, 3))
+            first = 0 if name.startswith("force") else 3
+            rows[:, first : first + 3] = unit if name.endswith("offset") else s.progress[:, None, None] * unit
+            return rows
+        if name == "cell_matrix":
+            return np.einsum("ij,nk->nijk", np.eye(6), self.wrench).reshape(n, 6, 36)
+        if name == "gyro_scale":
+            return self.changed(-on_axes(s.omega), -on_axes(s.alpha), zero, turning=True)
+        if name == "gyro_drift":
+            slope = np.broadcast_to(-unit, (n, 3, 3)) * (s.progress * np.ptp(s.t))[:, None, None]
+            return self.changed(slope, np.broadcast_to(-unit, (n, 3, 3)), zero, turning=True)
+        if name == "rotation":
+            omega, alpha = (np.stack([np.cross(e, signal) for e in unit], axis=2) for signal in (s.omega, s.alpha))
+            read = s.accelerometer if self.force_from == "accelerometer" else None
+            turned = self.gravity * self.up if read is None else read
+            specific = np.stack([np.cross(e, turned) for e in unit], axis=2)
+            if read is None:  # upward at the first node stays as it is, in B
+                at_start = np.stack([np.cross(e, self.x["up"]) for e in unit], axis=1)
+                specific = specific - self.gravity * np.einsum("nji,jp->nip", s.turns, at_start)
+            return self.changed(omega, alpha, specific)
+        if name == "delay":
+            up = self.gravity * np.cross(self.up, s.omega)
+            slope = up if self.force_from == "still" else s.accelerometer_slope
+            assert slope is not None  # noqa: S101 - there is an accelerometer
+            return self.changed(s.alpha[:, :, None], s.jerk[:, :, None], slope[:, :, None])
+        raise KeyError(name)
+
+    def of_slow(self, basis: Float[np.ndarray, "n k"]) -> Columns:
+        """Return the derivative by slow errors of the gyro, three axes of each function of time, (n, 6, 3 k)."""
+        omega = -np.einsum("nk,ij->nikj", basis, np.eye(3)).reshape(len(basis), 3, -1)
+        return self.changed(omega, np.zeros_like(omega), np.zeros_like(omega), turning=True)
+
+
+def zero_unknowns() -> dict[str, np.ndarray]:
+    """Return all unknowns at zero."""
+    return {name: np.zeros(size) for name, size in SIZES.items()}
+
+
+def _matrix_of(inertia: np.ndarray) -> Float[np.ndarray, "3 3"]:
+    a, b, c, d, e, f = inertia
+    return np.array([[a, b, c], [b, d, e], [c, e, f]])
+
+
+def _dot(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    return np.asarray(np.einsum("ij,njp->nip", matrix, columns))
+
+
+def _cross(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """``column × vector`` at each instant."""
+    return np.cross(columns, vectors[:, :, None], axis=1)
+
+
+def _crossed(vectors: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """``vector × column`` at each instant."""
+    return np.cross(vectors[:, :, None], columns, axis=1)

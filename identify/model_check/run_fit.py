@@ -1,0 +1,162 @@
+"""The unknowns of one run at their best under their priors: what causes are judged beside.
+
+Gauss–Newton with the derivatives of :mod:`identify.model_check.predicted_wrench`, on the lines of the cosine transform
+up to the motion's band: above it the motion's derivatives hold the gyro's noise, which the residuals hold, too.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.joint.joint_model import WANDER
+from identify.model_check.motion_signals import Recorded
+from identify.model_check.predicted_wrench import Force, Prediction, zero_unknowns
+from identify.signals.band_limited_run import PASSED
+
+STEPS = 10
+ENOUGH = 0.02
+"""Change of the unknowns, in standard uncertainties, below which they are at their best."""
+OVER_BAND = 1.2
+"""Highest frequency that is compared, over the motion's."""
+SLOW = "slow"
+"""Name of the gyro's bias and random walk together."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The cosine transform of rows up to the motion's band, in units of their noise."""
+
+    interval: float
+    band: float
+    whitener: Float[np.ndarray, "6 6"]
+
+    def __call__(self, columns: Float[np.ndarray, "n 6 p"]) -> Float[np.ndarray, "m 6 p"]:
+        """Return the lines of some columns."""
+        count = int(2 * OVER_BAND * self.band * self.interval * len(columns))
+        lines = scipy.fft.dct(columns, axis=0, norm="ortho")[:count]
+        return np.asarray(np.einsum("ij,mjp->mip", self.whitener, lines))
+
+    def above(self, rows: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "m 6"]:
+        """Return the lines of rows above the motion's band, as far as the run's low-pass is flat."""
+        lines = scipy.fft.dct(rows, axis=0, norm="ortho")
+        first, last = (int(2 * over * self.band * self.interval * len(rows)) for over in (OVER_BAND, PASSED))
+        return np.asarray(lines[first:last] @ self.whitener.T)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What is declared of a run's unknowns."""
+
+    mean: dict[str, np.ndarray]
+    """By unknown of :class:`identify.joint.joint_model.Unknowns`; the others are zero."""
+    root: dict[str, np.ndarray]
+    """By unknown that is not exact: a matrix whose product with its transpose is the covariance of its prior."""
+    flat: tuple[str, ...]
+    """Unknowns without a prior."""
+    gravity: float
+    imu_position: np.ndarray
+    gyro_bias: np.ndarray
+    """Standard uncertainty of the gyro's zero on each axis [rad/s]."""
+    gyro_density: np.ndarray
+    """Density of the gyro's white noise on each axis, whose integral makes the attitude wander [rad/s^0.5]."""
+    reference: dict[str, np.ndarray]
+    """Where the search starts, where that is not the mean."""
+
+
+@dataclass(frozen=True)
+class RunFit:
+    """A run at its best."""
+
+    prediction: Prediction
+    lines: Lines
+    residuals: Float[np.ndarray, "m 6"]
+    columns: Float[np.ndarray, "m 6 q"]
+    """What a unit of each number that is estimated adds to the residuals, were it not."""
+    precision: Float[np.ndarray, " q"]
+    """Of their priors: one, or zero for the flat ones."""
+    tensor: slice
+    """Where the tensor stands among them."""
+
+    @property
+    def level(self) -> Float[np.ndarray, "6"]:
+        """Root mean square of the residuals of each row [N], [N·m]."""
+        back = np.linalg.inv(self.lines.whitener)
+        return np.asarray(np.sqrt(np.mean((self.residuals @ back.T) ** 2, axis=0)))
+
+
+def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit:
+    """Return a run's unknowns at their best.
+
+    Args:
+        recorded: the run.
+        declared: the priors.
+        force_from: where the specific force comes from.
+    """
+    x = zero_unknowns() | {name: np.array(value, float) for name, value in (declared.mean | declared.reference).items()}
+    slow = np.zeros((1 + WANDER, 3))
+    names = [*declared.flat, *declared.root, SLOW, *(["start"] if force_from == "still" else [])]
+    signals = recorded.signals(slow, x)
+    x["up"] = np.array([0.0, 0.0, 1.0])
+    if force_from == "still":
+        mean = np.einsum("nij,nj->i", signals.turns, signals.force)
+        x["up"] = mean / np.linalg.norm(mean)
+    whitener = np.diag(1 / np.maximum(np.hstack([signals.force, signals.moment]).std(axis=0), 1e-12))
+    distance: dict[str, np.ndarray] = {}
+    for step in range(STEPS):
+        prediction = Prediction(signals, dict(x), force_from, declared.gravity, declared.imu_position)
+        blocks = {name: _block(prediction, recorded, declared, name) for name in names}
+        lines = Lines(signals.interval, signals.band, whitener)
+        columns = lines(np.concatenate(list(blocks.values()), axis=2))
+        residuals = lines(prediction.residuals[:, :, None])[:, :, 0]
+        sizes = {name: block.shape[2] for name, block in blocks.items()}
+        precision = np.concatenate([np.full(size, float(name not in declared.flat)) for name, size in sizes.items()])
+        z = np.concatenate([distance.get(name, np.zeros(size)) for name, size in sizes.items()])
+        normal = np.tensordot(columns, columns, axes=((0, 1), (0, 1))) + np.diag(precision)
+        change = _solved(normal, np.einsum("mip,mi->p", columns, residuals) - precision * z)
+        left = residuals - columns @ change
+        near = step > 1 and float(change @ normal @ change) < ENOUGH**2 * len(change)
+        if near:
+            break
+        for name, part in zip(sizes, np.split(change, np.cumsum(list(sizes.values()))[:-1]), strict=True):
+            distance[name] = distance.get(name, 0.0) + part
+            if name == SLOW:
+                slow = slow + _slow_size(declared) * part.reshape(slow.shape)
+            elif name == "start":
+                x["up"] = x["up"] + np.cross(part, x["up"])
+                x["up"] = x["up"] / np.linalg.norm(x["up"])
+            else:
+                x[name] = x[name] + (part if name in declared.flat else declared.root[name] @ part)
+        signals = recorded.signals(slow, x)
+        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(left, whitener, force_from, columns.shape[2])))
+    first = list(sizes).index("inertia")
+    start = int(sum(list(sizes.values())[:first]))
+    return RunFit(prediction, lines, left, columns, precision, slice(start, start + 6))
+
+
+def _block(prediction: Prediction, recorded: Recorded, declared: Declared, name: str) -> np.ndarray:
+    """Columns of an unknown, in units of its prior."""
+    if name == SLOW:
+        basis = recorded.slow_basis(np.asarray(recorded.rows.t))[recorded.used]
+        return prediction.of_slow(basis) * _slow_size(declared).ravel()
+    columns = prediction.of(name)
+    return columns if name in declared.flat or name == "start" else columns @ declared.root[name]
+
+
+def _slow_size(declared: Declared) -> Float[np.ndarray, "terms 3"]:
+    """Standard uncertainties of the gyro's bias and random walk, three axes of each."""
+    return np.vstack([declared.gyro_bias, *[declared.gyro_density] * WANDER])
+
+
+def _covariance(left: np.ndarray, whitener: np.ndarray, force_from: Force, count: int) -> np.ndarray:
+    """Covariance of the rows' noise, from what is left on the lines; independent rows where nothing joins them."""
+    rows = left @ np.linalg.inv(whitener).T
+    covariance = rows.T @ rows / max(len(rows) - count / 6, 1.0)
+    covariance = covariance + 1e-10 * np.diag(np.diag(covariance)) + 1e-24 * np.eye(6)
+    return np.diag(np.diag(covariance)) if force_from == "still" else covariance
+
+
+def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale

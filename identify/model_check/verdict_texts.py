@@ -1,0 +1,130 @@
+"""What is said of a cause: its size in the units of a laboratory, and its cure."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model_check.evidence import Evidence
+
+
+class Words(NamedTuple):
+    """How a cause is said."""
+
+    phrase: Callable[[Float[np.ndarray, " p"], Float[np.ndarray, " p"]], str]
+    """From its coefficients in SI and their standard uncertainties."""
+    cure: str
+
+
+def signed(value: float) -> str:
+    """Return a number of two digits with its sign."""
+    return f"{value:+.2g}".replace("-", "−")
+
+
+def _figures(scale: float, unit: str) -> Callable[[np.ndarray, np.ndarray], str]:
+    def write(values: np.ndarray, spread: np.ndarray) -> str:
+        pairs = zip(scale * values, abs(scale) * spread, strict=True)
+        numbers = ", ".join(f"{value:.2g} ± {u:.1g}" for value, u in pairs).replace("-", "−")
+        return f"{numbers} {unit}" if len(values) == 1 else f"({numbers}) {unit}"
+
+    return write
+
+
+def _as(pattern: str, scale: float = 1.0, unit: str = "") -> Callable[[np.ndarray, np.ndarray], str]:
+    figures = _figures(scale, unit)
+    return lambda values, spread: pattern.format(figures(values, spread))
+
+
+def _largest(pattern: str, scale: float, unit: str) -> Callable[[np.ndarray, np.ndarray], str]:
+    def write(values: np.ndarray, spread: np.ndarray) -> str:
+        return pattern.format(f"{scale * float(np.abs(values).max()):.2g} {unit}".rstrip())
+
+    return write
+
+
+def _only(text: str) -> Callable[[np.ndarray, np.ndarray], str]:
+    return lambda values, spread: text
+
+
+def _flexible(values: np.ndarray, spread: np.ndarray) -> str:
+    softest = float(values.max())
+    if softest <= 0:
+        return "as if body or load cell bent under it (flexible mounting)"
+    return (
+        f"as if the body bent on its mounting, at about {1 / (2 * np.pi * np.sqrt(softest)):.2g} Hz (flexible mounting)"
+    )
+
+
+def _cable(values: np.ndarray, spread: np.ndarray) -> str:
+    force, moment = float(np.abs(values[:9]).max()), float(np.abs(values[9:]).max())
+    return f"as if a cable pulled with up to {force:.2g} N/rad and {moment:.2g} N·m/rad (cable)"
+
+
+WORDS: Mapping[str, Words] = {
+    "delay": Words(_as("as if the angular velocity came late by {} (delay)", 1e3, "ms"), "declare the delay"),
+    "rotation": Words(
+        _as("as if the IMU were turned against the load cell by {} (rotation)", 180 / np.pi, "deg"),
+        "correct imu_rotation_to_body or wrench_rotation_to_body",
+    ),
+    "centre of gravity": Words(
+        _as("as if r_CG were off by {} (centre of gravity)", -1e3, "mm"), "correct r_cg_from_q, or record static poses"
+    ),
+    "mass": Words(_as("as if the mass were off by {} (mass)", -1.0, "kg"), "weigh the body, or check the force's gain"),
+    "still missed": Words(
+        _as("as if the centre of gravity were off the point at rest by {} (still missed)", 1e3, "mm"),
+        "declare r_cg_from_omb with its uncertainty",
+    ),
+    "gyro scale": Words(
+        _as("as if the gyro's scale factors were wrong by {} (gyro scale)", -100.0, "%"),
+        "calibrate it, or declare a scale",
+    ),
+    "gyro bias": Words(
+        _largest("as if the gyro's zero changed by {} (gyro bias)", 1e3, "mrad/s²"),
+        "let it warm up, or declare a drift",
+    ),
+    "gyro g-sensitivity": Words(
+        _largest("as if acceleration feigned angular velocity, {} (gyro g-sensitivity)", 1e3, "mrad/s per m/s²"),
+        "use the gyro's calibration",
+    ),
+    "gain": Words(
+        _as("as if the load cell's gains were wrong by {} (gain)", 100.0, "%"), "calibrate it, or declare a scale"
+    ),
+    "cross-talk": Words(
+        _only("as if components of the load cell leaked into each other (cross-talk)"),
+        "use its calibration matrix, or declare the cross_talk",
+    ),
+    "drift": Words(_only("as if the load cell's zeros drifted (drift)"), "let it warm up, or declare a drift"),
+    "jump": Words(_only("as if the load cell's zeros jumped, or the body slipped (jump)"), "record again"),
+    "gain drift": Words(
+        _as("as if the load cell's gains changed by {} over the run (gain drift)", 100.0, "%"), "let it warm up"
+    ),
+    "cable": Words(_cable, "lay it loosely, or carry it along"),
+    "air": Words(_only("as if air or friction held the body back (air)"), "turn more slowly"),
+    "flexible mounting": Words(_flexible, "stiffen it, or move more slowly"),
+    "tensor": Words(_only("as if the tensor changed during the run: something moves (tensor)"), "fix what moves"),
+    "accelerometer place": Words(
+        _as("as if the accelerometer stood elsewhere by {} (accelerometer place)", 1e3, "mm"), "correct imu_position"
+    ),
+    "accelerometer scale": Words(
+        _as("as if the accelerometer's scale factors were wrong by {} (accelerometer scale)", -100.0, "%"),
+        "calibrate it",
+    ),
+    "clock": Words(_as("as if the IMU's clock ran off by {} over the run (clock)", 1e3, "ms"), "check the stamps"),
+    "filter": Words(
+        _as("as if force and moment came late by {} (filter)", 1e3, "ms"), "give both sensors the same filter"
+    ),
+    "nonlinearity": Words(
+        _only("as if the load cell were not linear (nonlinearity)"), "use its calibration, or load it less"
+    ),
+}
+"""By name of the cause."""
+
+
+def sentence(judged: Evidence, rivals: tuple[str, ...]) -> str:
+    """Return what the residuals follow, and the cure."""
+    words = WORDS[judged.cause.name]
+    size = judged.cause.size
+    spread = size * np.sqrt(np.maximum(np.diag(judged.covariance), 0.0))
+    also = f"; as probable: {', '.join(rivals)}" if rivals else ""
+    return f"force and moment look {words.phrase(size * judged.coefficients, spread)}{also}; {words.cure}"
