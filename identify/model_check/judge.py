@@ -30,6 +30,8 @@ EQUALLY = 1.2
 """Residuals about a point at rest over those with the accelerometer, down to which the base does turn about one."""
 LOOSE = 1.0
 """Standard uncertainty of a point at rest that is not declared [m]."""
+FLAT = 10
+"""Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
 OF_ACCELEROMETER = frozenset({"accelerometer place", "accelerometer scale"})
 
 
@@ -110,10 +112,6 @@ def _of_run(run: Run, result: Identification, problem: Problem) -> tuple[list[Ve
         verdicts.append(Verdict("unexplained", on, 1 - ratio**-2, text, run.name))
         total = np.hypot(total, ratio * result.standard_uncertainty)
     return verdicts + resonances, total
-
-
-FLAT = 10
-"""Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
 
 
 def _saturated(run: Run) -> list[Verdict]:

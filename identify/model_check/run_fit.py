@@ -103,7 +103,8 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         mean = np.einsum("nij,nj->i", signals.turns, signals.force)
         x["up"] = mean / np.linalg.norm(mean)
     whitener = np.diag(1 / np.maximum(np.hstack([signals.force, signals.moment]).std(axis=0), 1e-12))
-    distance: dict[str, np.ndarray] = {}
+    started = [name for name in declared.reference if name in declared.root]
+    distance = {name: np.linalg.lstsq(declared.root[name], x[name] - declared.mean[name])[0] for name in started}
     for step in range(STEPS):
         prediction = Prediction(signals, dict(x), force_from, declared.gravity, declared.imu_position)
         blocks = {name: _block(prediction, recorded, declared, name) for name in names}
