@@ -39,7 +39,7 @@ def identified(measured, method="source", **options):
         "estimator": EstimatorSpec("smoothed", "savitzky-golay", BAND),
         "alignment": Alignment(sigma_gyro_bias=SIGMA["gyro"], sigma_accelerometer_bias=SIGMA["accelerometer"]),
     }  # fmt: skip
-    return identify([run_of(one, f"run {k}") for k, one in enumerate(several)], method=method, **(stated | options))
+    return identify([run_of(each, f"run {k}") for k, each in enumerate(several)], method=method, **(stated | options))
 
 
 def write(path, measured: Measured):
@@ -112,6 +112,6 @@ def quantities(values, unit):
 def identified_files(measured, folder, method="source", sources=(), recording=None, **options):
     """The tensor by files: each run an MCAP in the folder, the experiment that of the first run."""
     several = measured if isinstance(measured, (list, tuple)) else [measured]
-    paths = [write(folder / f"run{k}.mcap", one) for k, one in enumerate(several)]
+    paths = [write(folder / f"run{k}.mcap", each) for k, each in enumerate(several)]
     experiment = Experiment.from_dict(document(several[0], method, sources, **(recording or {})))
     return identify_files(paths, experiment, **options)

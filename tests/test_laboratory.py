@@ -374,13 +374,13 @@ def test_samples_are_lost_and_spoiled_as_declared():
 
 def test_noise_and_constants_are_drawn_by_the_seed():
     """Noise of 2,400 samples to 5 %; constants of 20 seeds, of which the rms has a standard error of 9 %."""
-    one, again, other, silent = (
+    first, again, other, silent = (
         measure(k, seconds=SHORT, noise=n) for k, n in ((1, 1.0), (1, 1.0), (2, 1.0), (1, 0.0))
     )
-    np.testing.assert_array_equal(one.moment, again.moment)
-    assert not np.array_equal(one.moment, other.moment)
+    np.testing.assert_array_equal(first.moment, again.moment)
+    assert not np.array_equal(first.moment, other.moment)
     for field, name in (("force", "force"), ("moment", "moment"), ("omega", "gyro"), ("acceleration", "accelerometer")):
-        noise = getattr(one, field) - getattr(silent, field)
+        noise = getattr(first, field) - getattr(silent, field)
         np.testing.assert_allclose(noise.std(axis=0), NOISE[name], rtol=0.05)
     runs = [measure(seed, seconds=4.0, noise=0.0) for seed in range(20)]
     plain = measure(0, seconds=4.0, noise=0.0, drawn=0.0)
@@ -389,9 +389,9 @@ def test_noise_and_constants_are_drawn_by_the_seed():
     for values in (drawn, believed):
         assert np.sqrt((values**2).mean()) == pytest.approx(1, abs=0.25)
     wrong = measure(1, seconds=SHORT, mass_error=0.1, r_cg_error=(1e-3, 0, 0))
-    np.testing.assert_array_equal(wrong.moment, one.moment)
-    assert wrong.mass - one.mass == pytest.approx(0.1)
-    np.testing.assert_allclose(wrong.r_cg - one.r_cg, [1e-3, 0, 0], atol=1e-15)
+    np.testing.assert_array_equal(wrong.moment, first.moment)
+    assert wrong.mass - first.mass == pytest.approx(0.1)
+    np.testing.assert_allclose(wrong.r_cg - first.r_cg, [1e-3, 0, 0], atol=1e-15)
 
 
 def everything(setup, **options):
