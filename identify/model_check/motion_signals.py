@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from identify.joint.joint_model import WANDER
+from identify.rigid_body.dynamics import acceleration_at
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
@@ -38,8 +39,6 @@ class MotionSignals:
     """From row to row [s]."""
     band: float
     """Highest frequency of the motion [Hz]."""
-    factor: int
-    """Samples from row to row."""
 
     @property
     def progress(self) -> np.ndarray:
@@ -54,7 +53,7 @@ class MotionSignals:
 
     def acceleration(self, arm: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
         """Return ``alpha × arm + omega × (omega × arm)``."""
-        return np.asarray(np.cross(self.alpha, arm) + np.cross(self.omega, np.cross(self.omega, arm)))
+        return np.asarray(acceleration_at(np.broadcast_to(arm, self.omega.shape), self.omega, self.alpha))
 
     def turned(self, rate: Float[np.ndarray, "n 3 p"]) -> Float[np.ndarray, "n 3 p"]:
         """Return the rotation of the attitude, in B at the first node, that changes of the angular velocity cause."""
@@ -101,7 +100,6 @@ class Recorded:
             turns=turn @ self._attitude(slow, x)[rows.at_rows][used] @ later @ turn.T,
             interval=rows.interval,
             band=rows.band,
-            factor=rows.factor,
         )
 
     def _slow(self, t: np.ndarray, slow: np.ndarray, x: Mapping[str, np.ndarray]) -> Float[np.ndarray, "n 3"]:
