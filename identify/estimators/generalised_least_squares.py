@@ -11,6 +11,7 @@ beyond them rows hold nothing but the gyro's noise, which weights could only bri
 weights from, the run is fitted by ordinary least squares.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -101,7 +102,7 @@ def whitened(
     passed = response(estimator.filter_taps(run.rate), run.rate, lines.frequency)
     inside = _inside(run, lines, passed)
     if inside < lines.constants + FEWEST:
-        return _unweighed(plain)
+        return _unweighed(plain, lines.transform(matrix - matrix.mean(axis=0) if offsets == "estimate" else matrix))
     force, moment, motion = np.asarray(rows.force).T, np.asarray(rows.moment).T, np.asarray(rows.phi)
     mean_force = force.mean(axis=0)
     if offsets == "still":
@@ -148,17 +149,19 @@ def whitened(
         run, *weighted, noise, spread @ weighted.right, of_weighted, excitation(weighted.normal, noise), removed,
         residuals.std(axis=0), correlation_time(residuals), len(residuals), gain_error(run, estimator),
         fit.spectrum.degrees_of_freedom(weighed @ spread),
-        trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T),
+        trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T), weighed,
     )  # fmt: skip
     return Weighed(of_run, plain, _equations_of(roomy, x[:inside], *sides), scores, True)
 
 
-def _unweighed(plain: Information) -> Weighed:
-    """Ordinary least squares in place of all three."""
+def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
+    """Ordinary least squares, of these transformed rows, in place of all three."""
     weight = plain.weight
     extended = Equations(weight * plain.normal, weight * plain.right, weight * plain.right_by_centre)
     factors = np.array([1, 1, weight])
-    return Weighed(plain, plain, extended, np.kron(np.outer(factors, factors), plain.scores), False)
+    return Weighed(
+        replace(plain, weighed=rows), plain, extended, np.kron(np.outer(factors, factors), plain.scores), False
+    )
 
 
 def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.ndarray) -> Equations:

@@ -63,10 +63,14 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
         raise RunError(
             f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
         )
-    breaks = np.concatenate([[0], np.flatnonzero(np.diff(keep) > 1) + 1, [len(keep)]])
-    segments = tuple(slice(int(a), int(b)) for a, b in pairwise(breaks))
     half = (len(run.t) - phi.shape[1]) // 2
-    return Rows(phi[:, keep], force[:, keep], moment[:, keep], segments, half + keep)
+    return Rows(phi[:, keep], force[:, keep], moment[:, keep], unbroken(keep), half + keep)
+
+
+def unbroken(keep: np.ndarray) -> tuple[slice, ...]:
+    """Return the parts of some positions that follow one another without a gap."""
+    breaks = np.concatenate([[0], np.flatnonzero(np.diff(keep) > 1) + 1, [len(keep)]])
+    return tuple(slice(int(a), int(b)) for a, b in pairwise(breaks))
 
 
 def usable_rows(run: Run, rows: int) -> np.ndarray:

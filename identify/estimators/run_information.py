@@ -58,6 +58,9 @@ class Information:
     """Effective, of the variance of each component of the run's own estimate; 1 or more."""
     trace: Trace
     """Residuals and motion, for figures."""
+    weighed: np.ndarray | None = None
+    """``W Omega_R`` of the first lines of the cosine transform, what is estimated along eliminated, (k, 3, 6): its
+    products with ``Omega_R`` and with ``M - r × F`` are the equations; None: it is ``Omega_R`` itself."""
 
     @property
     def weight(self) -> float:

@@ -51,6 +51,8 @@ class RunEstimate:
     """Inverse of the rows' effective noise variance, which weighs it among the runs [(N·m)⁻²]."""
     trace: Trace | None = field(default=None, repr=False)
     """Residuals and motion, for figures; None: absent."""
+    weighed: np.ndarray | None = field(default=None, repr=False)
+    """Rows that the equations were made with; see :class:`identify.estimators.run_information.Information`."""
 
     @property
     def used(self) -> str | None:
@@ -70,7 +72,7 @@ def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None)
         information.residual, information.correlation_time / run.rate, information.offsets,
         bool(information.excitation.identifiable.all()), run.segments, run.detected, run.left_out, run.overview,
         None if information.offsets is None else force_offset(run, r_cg, mass), run.mounting, information.weight,
-        information.trace,
+        information.trace, information.weighed,
     )  # fmt: skip
 
 

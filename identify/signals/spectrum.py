@@ -54,6 +54,13 @@ class Lines(NamedTuple):
         transformed = [scipy.fft.dct(signal[segment], axis=0, norm="ortho") for segment in self.segments]
         return np.concatenate(transformed)[self.order]
 
+    def samples(self, transformed: Float[np.ndarray, "k *p"]) -> Float[np.ndarray, "n *p"]:
+        """Return the samples of the first k lines, the others zero: the inverse of :meth:`transform`."""
+        lines = np.zeros((len(self.order), *transformed.shape[1:]))
+        lines[self.order[: len(transformed)]] = transformed
+        ends = np.cumsum([segment.stop - segment.start for segment in self.segments])[:-1]
+        return np.concatenate([scipy.fft.idct(part, axis=0, norm="ortho") for part in np.split(lines, ends)])
+
 
 class Spectrum(NamedTuple):
     """Covariance of the errors across the axes at each line, and the windows that it was averaged over."""

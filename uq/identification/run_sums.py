@@ -4,6 +4,10 @@ The recorded motion, differentiated and filtered as the estimator does it, is ta
 and the fitted tensor make the true moment, ``M = r × F + Ω i``. Errors then act as in a simulated trial
 (:mod:`uq.gram_sums.error_maps`), and the estimator is applied again. An offset that is estimated or taken from rest
 cancels in sums about the means or about the rest, so that the sums of runs of one mounting add up.
+
+Of generalised least squares the weights are held fixed: with ``H = W Omega_R``, what is estimated along eliminated, the
+tensor of disturbed signals is ``(Hᵀ Omega_R')⁻¹ Hᵀ (M' - r' × F')``. Where no residual is left, as here, its derivative
+by the errors is that of the estimate. H takes the place of the undisturbed elements in the sums.
 """
 
 from collections.abc import Sequence
@@ -19,10 +23,11 @@ from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
-from identify.estimators.regressor_rows import usable_rows
+from identify.estimators.regressor_rows import unbroken, usable_rows
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
+from identify.signals.spectrum import Lines
 from uq.gram_sums.error_maps import Columns, features_of_elements
 from uq.sources.constant_errors import Errors
 
@@ -42,9 +47,9 @@ class RunSums(NamedTuple):
     """Weighted sums over the samples of one run, or of several of one mounting; the delays lead."""
 
     gram: Float[Array, "delays 18 18"]
-    """Of the elements with themselves."""
+    """Of the elements, or the 3 × 6 numbers of H, with the elements."""
     wrench: Float[Array, "delays 18 columns"]
-    """Of the elements with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
+    """Of the same with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
 
 
 def delay_nodes(mean: float, sigma: float) -> np.ndarray:
@@ -64,6 +69,7 @@ def run_sums(
     offsets: OffsetChoice,
     weight: float = 1.0,
     delays: Sequence[float] | np.ndarray = (0.0,),
+    weighed: np.ndarray | None = None,
 ) -> RunSums:
     """Return a run's sums.
 
@@ -76,6 +82,7 @@ def run_sums(
         offsets: how constant offsets are removed.
         weight: of the run among others.
         delays: of the angular velocity, at which sums are taken [s].
+        weighed: H on the first lines of the cosine transform, (k, 3, 6); None: ordinary least squares.
 
     Raises:
         RunError: the delays take more than half of the run.
@@ -83,13 +90,17 @@ def run_sums(
     lost = int(np.ceil(np.abs(delays).max() * run.rate))
     plain = _elements(run, run.omega, estimator)
     keep = usable_rows(run, plain.shape[1])
-    inside = keep[(keep >= lost) & (keep < plain.shape[1] - lost)]
+    reached = (keep >= lost) & (keep < plain.shape[1] - lost)
+    inside = keep[reached]
     if 2 * len(inside) < len(keep):
         raise RunError(
             f"a delay of up to {np.abs(delays).max():.3g} s is declared, which takes more than half of {run.name}: "
             "record for longer, or declare what is known of the delay"
         )
     wrench = _columns(run, plain, estimator, r_cg, inertia, columns, offsets)[:, inside]
+    fixed = None
+    if weighed is not None:
+        fixed = Lines.of(unbroken(keep), run.rate).samples(weighed)[reached].reshape(-1, ELEMENTS).T
     spline = scipy.interpolate.CubicSpline(run.t, run.omega) if len(delays) > 1 else None
     gram, with_wrench = [], []
     for delay in delays:
@@ -98,8 +109,9 @@ def run_sums(
         if offsets == "estimate":
             elements = elements - elements.mean(axis=1, keepdims=True)
             wrench = wrench - wrench.mean(axis=1, keepdims=True)
-        gram.append(weight * elements @ elements.T)
-        with_wrench.append(weight * elements @ wrench.T)
+        left = elements if fixed is None else fixed
+        gram.append(weight * left @ elements.T)
+        with_wrench.append(weight * left @ wrench.T)
     return RunSums(jnp.asarray(np.array(gram)), jnp.asarray(np.array(with_wrench)))
 
 
@@ -121,6 +133,29 @@ def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], 
     elements = element_map(errors)
     both = elements @ wrench @ columns.T + jnp.outer(elements @ gram[:, 0], errors.cell_bias)
     return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
+
+
+def weighed_equations(
+    sums: RunSums,
+    errors: Errors,
+    columns: Float[Array, "6 columns"],
+    at: Float[Array, " delays"],
+    r_cg: Float[Array, "3"],
+) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
+    """Return ``Hᵀ Omega_R'`` and ``Hᵀ (M' - r' × F')`` of the signals of sensors with these errors.
+
+    Args:
+        sums: of the run, with H.
+        errors: constant errors.
+        columns: what they make of the wrench.
+        at: weights of the delays.
+        r_cg: believed centre of gravity, ``r'`` [m].
+    """
+    gram, wrench = jnp.tensordot(at, sums.gram, axes=1), jnp.tensordot(at, sums.wrench, axes=1)
+    rows = (gram @ element_map(errors).T).reshape(3, 6, -1)
+    both = (wrench @ columns.T + jnp.outer(gram[:, 0], errors.cell_bias)).reshape(3, 6, 6)
+    about_cg = both[..., 3:] - jnp.cross(r_cg, both[..., :3])
+    return jnp.einsum("apk,kaq->pq", rows, jnp.asarray(OMEGA_R_OF_FEATURES)), jnp.einsum("apa->p", about_cg)
 
 
 def element_map(errors: Errors) -> Float[Array, "13 18"]:

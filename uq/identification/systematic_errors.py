@@ -35,7 +35,7 @@ from uq.identification.combined_uncertainty import (
     combined_interval,
     widened_by_sources,
 )
-from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums
+from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
@@ -74,6 +74,8 @@ class Problem(eqx.Module):
     redrawn: frozenset[Name] = eqx.field(static=True)
     """Sources that each mounting draws independently."""
     offsets: OffsetChoice = eqx.field(static=True)
+    weighed: bool = eqx.field(static=True)
+    """Whether the sums are those of generalised least squares."""
 
     @property
     def cases(self) -> tuple[frozenset[Name], ...]:
@@ -182,7 +184,7 @@ def problem_of(
     sums = [
         run_sums(
             run, result.estimator, result.r_cg, result.inertia, columns, offsets=result.offsets, weight=fitted.weight,
-            delays=nodes,
+            delays=nodes, weighed=fitted.weighed,
         )
         for run, fitted in zip(runs, result.runs, strict=True)
     ]  # fmt: skip
@@ -193,8 +195,9 @@ def problem_of(
     platform = Platform(Unknown(np.array(0.0)), np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return Problem(
-        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns, acting_redrawn, result.offsets
-    )
+        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns, acting_redrawn, result.offsets,
+        any(fitted.weighed is not None for fitted in result.runs),
+    )  # fmt: skip
 
 
 def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
@@ -271,8 +274,11 @@ def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
         if problem.offsets == "still":
             error = error._replace(cell_bias=jnp.zeros(6))
         columns = problem.columns.map(problem.body, problem.platform, error)
-        disturbed = measured(sums, error, columns, delay_weights(problem.nodes, error.gyro_delay))
-        matrix, side = normal_equations(disturbed, problem.body.r_cg_from_q + error.r_cg)
+        at, r_cg = delay_weights(problem.nodes, error.gyro_delay), problem.body.r_cg_from_q + error.r_cg
+        if problem.weighed:
+            matrix, side = weighed_equations(sums, error, columns, at, r_cg)
+        else:
+            matrix, side = normal_equations(measured(sums, error, columns, at), r_cg)
         normal, right = normal + matrix, right + side
     return solve_normal(normal, right).inertia
 
