@@ -19,6 +19,7 @@ from identify.joint.priors import STATIC, indices
 from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings
 from identify.results.identification_result import Identification
+from identify.results.mass_and_centre import ESTIMATED
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.inertia import COMPONENTS
@@ -65,7 +66,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         mass_uncertainty=float(np.sqrt(covariance[mass, mass])), cg_inertia_covariance=covariance[cg, tensor],
         cg_covariance=covariance[cg, cg], method="joint", delay=delay, rotation=rotation,
         offsets=offsets, mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
-        budget=_budget(pooled, setting),
+        budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED,
     )  # fmt: skip
 
 

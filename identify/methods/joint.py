@@ -24,8 +24,8 @@ class JointEstimator(Estimator):
     """All unknowns of all channels together; see :mod:`identify.joint`."""
 
     type_a = (
-        "Tensor, mass, centre of gravity, offsets, delay and rotation were estimated together from the residuals' "
-        "noise and from what was declared of them beforehand; where the runs scatter more, that counts."
+        "Tensor, mass, centre of gravity, offsets, delay and rotation are estimated together, most probable given what "
+        "is known of them beforehand. What the runs show, residuals and scatter between runs, is evaluated as type A."
     )
     estimates = frozenset(
         {"mass", "cell_bias", "cell_scale", "cell_cross_talk", "cell_misalignment", "cell_drift",

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
-RESIDUALS, SCATTER, CG = "residuals", "scatter between runs", "r_cg"
+RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
+ESTIMATE = "estimate"
+"""All that an estimator states by itself, where it does not tell its parts apart."""
 
 
 def contributions(
@@ -21,7 +23,7 @@ def contributions(
         fixture: what taking a fixture off adds to the variances [(kg·m²)²]; None: nothing was taken off.
     """
     if budget is not None:
-        taken_off = {} if fixture is None else {"fixture taken off": np.sqrt(np.maximum(fixture, 0))}
+        taken_off = {} if fixture is None else {FIXTURE: np.sqrt(np.maximum(fixture, 0))}
         return {**budget, **taken_off}
     if "standard_uncertainty_from_residuals" not in diagnostics or "standard_uncertainty_from_cg" not in diagnostics:
         return {}
@@ -33,5 +35,7 @@ def contributions(
 
 
 def evaluation_type(name: str) -> str:
-    """Return the type of evaluation of a part (GUM 4.2, 4.3): A from the data, B declared."""
-    return "A" if name == RESIDUALS or name.startswith("scatter between") else "B"
+    """Return the type of evaluation of a part (GUM 4.2, 4.3): A by statistics of the runs, B by other means."""
+    if name == FIXTURE:
+        return "A, B"
+    return "A" if name in (RESIDUALS, ESTIMATE) or name.startswith("scatter between") else "B"

@@ -12,7 +12,7 @@ from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
 from identify.reporting import Drawing, Result, Section
-from identify.results import identification_figures
+from identify.results import identification_figures, mass_and_centre
 from identify.results.alignment import Aligned, alignment_notes
 from identify.results.contributions import contributions
 from identify.results.discordance import Discordance
@@ -71,6 +71,10 @@ class Identification(Result):
     """Of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
     mass_covariance: np.ndarray | None = None
     """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
+    centre_factor: np.ndarray | float = mass_and_centre.NORMAL
+    """Coverage factor of 95 % of mass and centre of gravity: one, or (4,)."""
+    centre_from: str = mass_and_centre.DECLARED
+    """Where mass and centre of gravity come from."""
     datum: Datum | None = None
     """A frame in which the result is also wanted."""
     tare: Tare | None = None
@@ -142,8 +146,7 @@ class Identification(Result):
             "about_q": None if self.mass is None else self.parameters.about().to_dict(),
             "about_datum": None if self.datum is None else self.parameters.in_datum(self.datum).to_dict(),
             "tare": None if self.tare is None else self.tare.to_dict(),
-            "mass": {"value": self.mass, "standard_uncertainty": self.mass_uncertainty},
-            "cg": {"value": self.r_cg.tolist(), "standard_uncertainty": self.sigma_r_cg.tolist()},
+            **mass_and_centre.content(self.parameters, self.centre_factor, self.centre_from),
             "method": self.method,
             "delay": {"value": 0.0, "estimated": False} if self.delay is None else self.delay.to_dict(),
             "rotation": _rotation_content(self.rotation),
@@ -182,11 +185,11 @@ class Identification(Result):
         return {key: finite(value) for key, value in content.items()}
 
     def tables(self) -> list[Table]:
-        """Return the components in g·m², and each run's estimate."""
+        """Return the components in g·m², mass and centre of gravity, and each run's estimate."""
         return [*self.overview(), self.run_table()]
 
     def overview(self) -> list[Table]:
-        """Return the components in g·m²."""
+        """Return the components in g·m², and mass and centre of gravity."""
         head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
@@ -194,7 +197,8 @@ class Identification(Result):
             digits = max(decimals(GRAM_METRE * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
             figures = [fixed(GRAM_METRE * x, digits) for x in (value, bias, uncertainty, low, high)]
             rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
-        return [Table("", head, rows)]
+        centre = mass_and_centre.table(self.parameters, self.centre_factor, self.centre_from)
+        return [Table("", head, rows), centre]
 
     def title(self) -> str:
         """Return quantity, runs and estimator in one line."""

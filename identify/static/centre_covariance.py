@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.results.identification_result import Identification
+from identify.results.mass_and_centre import POSES
 from identify.static.centre_result import Centre
 
 
@@ -30,6 +31,8 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
         result,
         covariance=covariance,
         interval95=np.stack([result.inertia - half, result.inertia + half], axis=1),
+        centre_factor=centre.coverage_factor[:4],
+        centre_from=POSES,
         mass_uncertainty=float(centre.standard_uncertainty[0]),
         cg_covariance=spread,
         cg_inertia_covariance=spread @ jacobian.T,

@@ -73,16 +73,28 @@ def of_tensor(result: Identification, *, factor: float | None = None, probabilit
         factor: the coverage factor k to use; the probability follows.
         probability: the coverage probability to use; the factor follows.
     """
-    value, u = result.inertia, result.standard_uncertainty
-    usual = np.diff(result.interval95, axis=1)[:, 0] / 2 / np.where(u > 0, u, 1)
+    ends = result.interval95
+    return of_intervals(COMPONENTS, result.inertia, result.standard_uncertainty, ends, factor, probability)
+
+
+def of_intervals(
+    names: tuple[str, ...],
+    value: Float[np.ndarray, " n"],
+    u: Float[np.ndarray, " n"],
+    interval95: Float[np.ndarray, "n 2"],
+    factor: float | None = None,
+    probability: float | None = None,
+) -> Expanded:
+    """Return quantities with intervals of 95 % of their own, with their expanded uncertainty; see :func:`of_tensor`."""
+    usual = np.diff(interval95, axis=1)[:, 0] / 2 / np.where(u > 0, u, 1)
     freedom = np.array([degrees_of_freedom(factor) for factor in usual])
     k, p = _factor(freedom, factor, probability)
     k = usual if factor is None and probability in (None, USUAL) else k
     if k is usual:
-        return Expanded(COMPONENTS, value, u, k, p, result.interval95)
+        return Expanded(names, value, u, k, p, interval95)
     with np.errstate(invalid="ignore"):
-        arms = (result.interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
-    return Expanded(COMPONENTS, value, u, k, p, value[:, None] + arms)
+        arms = (interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
+    return Expanded(names, value, u, k, p, value[:, None] + arms)
 
 
 def of_normal(

@@ -111,11 +111,11 @@ def _decision_rule(report: Report) -> list[str]:
 
 
 UNCERTAINTY = (
-    "What is declared and stays constant through the runs, the centre of gravity among it, is type B (GUM 4.2, 4.3, "
-    "5.1). The coverage interval is from the distributions of both: k = 1.96 where they are normal, larger where few "
-    "runs tell the scatter."
+    "What is declared or known beforehand, the centre of gravity among it, is type B (GUM 4.2, 4.3, 5.1). The coverage "
+    "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs tell the "
+    "scatter."
 )
 BIAS = (
     "The bias is the expected mean error from the gyro's noise in the regressor and from the declared sources. It is "
-    "stated, not subtracted from the value; the interval allows for that of the sources, not for that of the noise."
+    "stated, not subtracted from the value; the interval allows for it (GUM F.2.4.5)."
 )

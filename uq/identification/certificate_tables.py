@@ -8,10 +8,11 @@ from identify.figure_style import display_name
 from identify.results.alignment import Aligned
 from identify.results.contributions import evaluation_type
 from identify.results.identification_result import Identification
+from identify.results.mass_and_centre import NAMES, UNITS, interval95
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
 from identify.text_tables import Table, decimals, fixed, rounded, sentence
-from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_normal
+from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
 from uq.experiment.conformity import decide
 from uq.experiment.report_table import Report
 from uq.identification import acceptance_checks
@@ -32,19 +33,16 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
 
 
 def mass_and_centre(result: Identification, report: Report) -> Table:
-    """Return mass and centre of gravity, as stated or measured."""
-    asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
-    names = tuple(f"centre of gravity from Q, {axis}, mm" for axis in AXES)
-    cg = of_normal(names, 1e3 * result.r_cg, 1e3 * result.sigma_r_cg, **asked)
-    return Table("Mass and centre of gravity", ["", *HEAD], [*_mass(result, asked), *cg.rows()])
-
-
-def _mass(result: Identification, asked: dict[str, float | None]) -> list[list[str]]:
-    if result.mass is None:
-        return [[f"mass: {MISSING}", *[""] * 6]]
-    if not result.mass_uncertainty:
-        return [["mass, kg", f"{result.mass:.6g}", *["–"] * 5]]
-    return of_normal(("mass, kg",), np.array([result.mass]), np.array([result.mass_uncertainty]), **asked).rows()
+    """Return mass and centre of gravity with their intervals, and where they come from."""
+    ten, unit = result.parameters, np.array(UNITS)
+    ends = interval95(ten, result.centre_factor) * unit[:, None]
+    value, u = ten.values[:4] * unit, ten.standard_uncertainty[:4] * unit
+    rows = of_intervals(NAMES, value, u, ends, report.coverage_factor, report.coverage_probability).rows()
+    if not np.isfinite(ten.mass):
+        rows[0] = [f"mass: {MISSING}", *[""] * 6]
+    elif not u[0] > 0:
+        rows[0] = [NAMES[0], f"{ten.mass:.6g}", *["–"] * 5]
+    return Table(f"Mass and centre of gravity: {result.centre_from}", ["", *HEAD], rows)
 
 
 def principal(result: Identification, report: Report) -> list[Table]:
@@ -233,5 +231,6 @@ DISCORDANCE_NOTE = (
 )
 TARE_NOTE = "Each tensor about its own centre of gravity; figures to two digits of their standard uncertainty."
 BUDGET_NOTE = (
-    "A: from the data; B: declared. Correlated sources make the combined one differ from the root sum of squares."
+    "A: by statistics of the runs, their residuals and their scatter; B: by other means, what is declared or known "
+    "beforehand (GUM 4.2, 4.3). Correlated sources make the combined one differ from the root sum of squares."
 )

@@ -9,6 +9,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.estimators.type_a import Pooling
+from identify.results.contributions import ESTIMATE
 from identify.results.identification_result import Identification
 from uq.sources.source import Source
 
@@ -31,7 +32,7 @@ class Systematic(NamedTuple):
 
 def widened_by_sources(result: Identification, systematic: Systematic) -> Identification:
     """Return a result without type A's pooling with its ends moved out by the sources' errors, in squares."""
-    estimate = result.budget or {"estimate": np.sqrt(np.diag(result.covariance))}
+    estimate = result.contributions or {ESTIMATE: np.sqrt(np.diag(result.covariance))}
     alone = {name: errors.std(axis=0) for name, errors in systematic.alone.items()}
     if not systematic.sources:
         return replace(result, budget=estimate)

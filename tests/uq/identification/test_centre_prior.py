@@ -77,7 +77,11 @@ def test_the_centres_covariance_goes_into_the_tensor_in_full(short, files, plain
     np.testing.assert_allclose(covariance[4:, 0], by @ spread[1:4, 0], rtol=1e-6, atol=1e-15)
     assert (np.diff(known.interval95, axis=1) > np.diff(exact.interval95, axis=1)).all()
     content = plain.to_dict()
-    assert content["mass"] == {"value": WHOLE.mass, "standard_uncertainty": pytest.approx(1e-3)}
+    factor = centre_of(WHOLE).coverage_factor[0]
+    assert content["mass"] == {
+        "value": WHOLE.mass, "standard_uncertainty": pytest.approx(1e-3),
+        "interval95": pytest.approx([WHOLE.mass - 1e-3 * factor, WHOLE.mass + 1e-3 * factor]), "from": "static poses",
+    }  # fmt: skip
     assert content["cg"]["standard_uncertainty"] == pytest.approx([1e-4, 2e-4, 3e-4])
     assert content["provenance"]["centre"]["inputs"] == [{"file": "poses.csv", "sha256": "ab"}]
     assert len(content["provenance"]["centre"]["sha256"]) == 64
@@ -160,7 +164,10 @@ def test_a_datum_and_a_scale(short, files, plain):
     }  # fmt: skip
     declared = type(short).from_dict(document)
     found = identify_files([files / "whole.mcap"], declared, estimator="smoothed").to_dict()
-    assert found["mass"] == {"value": 19.7, "standard_uncertainty": pytest.approx(0.005)}
+    assert found["mass"] == {
+        "value": 19.7, "standard_uncertainty": pytest.approx(0.005), "interval95": pytest.approx([19.6902, 19.7098]),
+        "from": "declared",
+    }  # fmt: skip
     assert found["about_q"]["inertia"]["I11"] > found["inertia"]["I11"]
     datum = found["about_datum"]
     np.testing.assert_allclose(

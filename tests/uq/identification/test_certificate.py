@@ -22,9 +22,10 @@ from uq.campaign.simulation import simulate
 from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal, of_tensor
 from uq.experiment.conformity import Conformity, decide
 from uq.experiment.experiment import Experiment
+from uq.experiment.report_table import Report
 from uq.identification import acceptance_checks as checks
 from uq.identification.certificate import Certificate
-from uq.identification.certificate_tables import alignment, bodies
+from uq.identification.certificate_tables import alignment, bodies, budget, mass_and_centre
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import tared
 from uq.report.certificate_front import number_of
@@ -224,6 +225,36 @@ def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
     off = 1e3 * (plain.inertia - body.inertia)
     assert off[0] > 5
     np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth
+
+
+@pytest.mark.parametrize(
+    ("part", "letters"),
+    [("residuals", "A"), ("scatter between mountings", "A"), ("estimate", "A"), ("r_cg", "B"), ("static poses", "B"),
+     ("model misfit", "B"), ("fixture taken off", "A, B")],
+)  # fmt: skip
+def test_every_part_of_the_budget_has_its_type(plain, part, letters):
+    (table,) = budget(dataclasses.replace(plain, budget={part: np.ones(6)}))
+    assert table.rows[0][1] == letters
+
+
+def test_mass_and_centre_of_gravity_have_intervals_of_their_own(plain):
+    """k = 2.5 of the mass, as few poses give it, 1.96 of the rest; with k = 2 asked for, twice u."""
+    result = dataclasses.replace(
+        plain, mass=19.7, mass_uncertainty=0.01, sigma_r_cg=np.full(3, 2e-4), cg_covariance=None,
+        centre_factor=np.array([2.5, 1.96, 1.96, 1.96]), centre_from="static poses",
+    )  # fmt: skip
+    rows = mass_and_centre(result, Report()).rows
+    assert rows[0] == ["mass, kg", "19.700", "0.025", "2.50", "95", "0.010", "19.675 … 19.725"]
+    assert rows[3][2:4] == ["0.39", "1.96"]
+    assert mass_and_centre(result, Report(coverage_factor=2.0)).rows[0][2:4] == ["0.020", "2.00"]
+    assert result.to_dict()["mass"] == {
+        "value": 19.7, "standard_uncertainty": 0.01, "interval95": pytest.approx([19.675, 19.725]),
+        "from": "static poses",
+    }  # fmt: skip
+    assert "19.675 … 19.725" in str(result)
+    exact = dataclasses.replace(result, mass_uncertainty=None, mass_covariance=None)
+    assert mass_and_centre(exact, Report()).rows[0] == ["mass, kg", "19.7", *["–"] * 5]
+    assert exact.to_dict()["mass"]["interval95"] is None
 
 
 def test_delay_and_rotation_have_their_table_where_they_were_estimated(plain):

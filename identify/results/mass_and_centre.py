@@ -1,0 +1,71 @@
+"""Mass and centre of gravity of a result: where they come from, with their intervals."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.text_tables import Table, decimals, fixed
+
+NAMES = ("mass, kg", *(f"centre of gravity from Q, b{axis}, mm" for axis in (1, 2, 3)))
+UNITS = (1.0, 1e3, 1e3, 1e3)
+"""From SI to those of ``NAMES``."""
+NORMAL = 1.959963984540054
+"""Coverage factor of 95 % of a normal distribution."""
+DECLARED, POSES, ESTIMATED, LEFT = "declared", "static poses", "estimated with the tensor", "without the fixture"
+"""Where mass and centre of gravity come from."""
+
+
+def interval95(ten: InertialParameters, factor: np.ndarray | float) -> Float[np.ndarray, "4 2"]:
+    """Return coverage intervals of 95 % of mass [kg] and centre of gravity [m]; NaN for a mass that is not known.
+
+    Args:
+        ten: the ten parameters.
+        factor: coverage factor of all four, or of each.
+    """
+    half = np.asarray(factor) * ten.standard_uncertainty[:4]
+    return np.stack([ten.values[:4] - half, ten.values[:4] + half], axis=1)
+
+
+def content(ten: InertialParameters, factor: np.ndarray | float, source: str) -> dict[str, Any]:
+    """Return what result.json says of mass and centre of gravity, in SI; null for what is not known or counts as exact.
+
+    Args:
+        ten: the ten parameters.
+        factor: coverage factor of all four, or of each.
+        source: where they come from.
+    """
+    u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
+    known, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
+    return {
+        "mass": {
+            "value": ten.mass if known else None,
+            "standard_uncertainty": float(u[0]) if uncertain else None,
+            "interval95": intervals[0] if uncertain else None,
+            "from": source if known else None,
+        },
+        "cg": {
+            "value": ten.r_cg.tolist(),
+            "standard_uncertainty": u[1:4].tolist(),
+            "interval95": intervals[1:],
+            "from": source,
+        },
+    }
+
+
+def table(ten: InertialParameters, factor: np.ndarray | float, source: str) -> Table:
+    """Return value, standard uncertainty and interval of mass and centre of gravity; – for what is not known."""
+    rows = []
+    for name, unit, value, u, (low, high) in zip(
+        NAMES, UNITS, ten.values, ten.standard_uncertainty, interval95(ten, factor), strict=False
+    ):
+        if not np.isfinite(value):
+            rows.append([name, "–", "–", "–"])
+        elif not u > 0:
+            rows.append([name, f"{unit * value:.6g}".replace("-", "−"), "–", "–"])
+        else:
+            places = decimals(unit * u)
+            value, low, high = (fixed(unit * x, places) for x in (value, low, high))
+            rows.append([name, value, fixed(unit * u, places), f"{low} … {high}"])
+    return Table(f"Mass and centre of gravity: {source}", ["", "value", "standard uncertainty", "95 % interval"], rows)
