@@ -12,6 +12,7 @@ from identify.joint.priors import ConstantError
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
 from identify.model_check.judge import judged
+from identify.results.covariances import checked
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
 from identify.signals.estimator_spec import EstimatorSpec
@@ -60,7 +61,8 @@ def identify(
             :class:`identify.joint.priors.ConstantError`. None: none.
 
     Raises:
-        RunError: no run, a run too short for the estimator, or a motion that identifies nothing.
+        RunError: no run, a run too short for the estimator, a motion that identifies nothing, or a covariance that is
+            none.
     """
     for name, given, choices in (("method", method, names()), ("offsets", offsets, get_args(OffsetChoice))):
         if given not in choices:
@@ -73,7 +75,7 @@ def identify(
         errors=errors or {},
     )  # fmt: skip
     result = estimator_of(method).fit(problem)
-    return judged(covering_bias(result, result.bias), problem)
+    return checked(judged(covering_bias(result, result.bias), problem))
 
 
 def _checked(

@@ -67,6 +67,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         cg_covariance=covariance[cg, cg], method="joint", delay=delay, rotation=rotation,
         offsets=offsets, mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
         budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED,
+        lasting=_lasting(pooled, setting),
     )  # fmt: skip
 
 
@@ -94,6 +95,16 @@ def _budget(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
     total = np.diag(pooled.covariance)[tensor]
     residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
     return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}
+
+
+TEN = ("mass", "r_cg", "inertia")
+"""The ten parameters, in their order."""
+
+
+def _lasting(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
+    """What errors of the prior do to the ten parameters that are the same in another body's result, (10,) each."""
+    by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
+    return {name: by_static @ effect for name, effect in setting.lasting.items()}
 
 
 def _aligned(pooled: Pooled, name: str, factor: float) -> Aligned:

@@ -44,6 +44,8 @@ class Setting:
     """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: from the residuals."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source; ``blocks`` hold them too."""
+    lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """By name, errors of the static calibration that are the same in another body's, in the order of ``STATIC``."""
 
 
 @dataclass(frozen=True)

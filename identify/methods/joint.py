@@ -51,6 +51,7 @@ class JointEstimator(Estimator):
         setting = Setting(
             prior_blocks(problem, specific_force), problem.alignment or Alignment(), band, specific_force,
             problem.gravity, tensor_scale(problem.runs, band), errors=problem.errors,
+            lasting={} if problem.centre is None else problem.centre.lasting_errors,
         )  # fmt: skip
         fitted = [joint_run(run, setting) for run in problem.runs]
         if specific_force == "still":

@@ -75,6 +75,10 @@ class Identification(Result):
     """Coverage factor of 95 % of mass and centre of gravity: one, or (4,)."""
     centre_from: str = mass_and_centre.DECLARED
     """Where mass and centre of gravity come from."""
+    lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """By name, what errors do to the ten parameters, in ``covariance`` too, that are the same in another body's result:
+    of one standard uncertainty each, (10,).
+    """
     datum: Datum | None = None
     """A frame in which the result is also wanted."""
     tare: Tare | None = None

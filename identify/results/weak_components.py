@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -56,9 +57,20 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         covariance=covariance_within_bodies(bounded, result.covariance),
         interval95=bounded.interval95,
         admissible=bounded,
+        **_without_cross(result, bounded.determined),
     )
     text = _undetermined(bounded, result.covariance, runs) if not bounded.determined.all() else _changed(bounded)
     return replace(weak, warnings=(*result.warnings, text, *_wide_intervals(weak)))
+
+
+def _without_cross(result: Identification, determined: np.ndarray) -> dict[str, Any]:
+    """Covariances with mass and centre of gravity, and lasting errors: none of what is not determined."""
+    cg, mass, nine = result.cg_inertia_covariance, result.mass_covariance, np.concatenate([np.ones(3), determined])
+    return {
+        "cg_inertia_covariance": None if cg is None else cg * determined,
+        "mass_covariance": None if mass is None else mass * nine,
+        "lasting": {name: effect * np.concatenate([[1], nine]) for name, effect in result.lasting.items()},
+    }
 
 
 def _impossible(result: Identification) -> list[str]:

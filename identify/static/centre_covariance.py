@@ -36,5 +36,8 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
         mass_uncertainty=float(centre.standard_uncertainty[0]),
         cg_covariance=spread,
         cg_inertia_covariance=spread @ jacobian.T,
+        lasting={
+            name: np.concatenate([effect[:4], jacobian @ effect[1:4]]) for name, effect in centre.lasting_errors.items()
+        },
         mass_covariance=np.concatenate([with_mass, jacobian @ with_mass]),
     )

@@ -57,6 +57,8 @@ class Centre(Result):
     """From the poses' mean direction of gravity [rad]."""
     lasting: np.ndarray | None = None
     """Change of the ten by errors that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
+    lasting_names: tuple[str, ...] = ()
+    """Names of these errors, by which those of two series are the same."""
     file_name = "centre.json"
     """The file that holds it."""
 
@@ -99,6 +101,13 @@ class Centre(Result):
         square = self.residuals**2
         return float(np.sqrt(square[:, :3].mean())), float(np.sqrt(square[:, 3:].mean()))
 
+    @property
+    def lasting_errors(self) -> dict[str, np.ndarray]:
+        """``lasting`` by name, (10,) each."""
+        columns = () if self.lasting is None else self.lasting.T
+        names = self.lasting_names or tuple(f"attitude axis {k}" for k in range(1, len(columns) + 1))
+        return dict(zip(names, columns, strict=True))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of centre.json, in SI."""
         u, intervals = self.standard_uncertainty.tolist(), self.interval95.tolist()
@@ -128,6 +137,7 @@ class Centre(Result):
             "directions": {"axes": axes.tolist(), "standard_uncertainty": along.tolist()},
             "largest_tilt": self.largest_tilt,
             "lasting": None if self.lasting is None else self.lasting.tolist(),
+            "lasting_names": list(self.lasting_names),
             "gain": None if self.gain is None else self.gain.to_dict(),
             "residual": {"force": force, "moment": moment},
             "residuals": self.residuals.tolist(),
@@ -301,6 +311,7 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
     free = [np.inf if value is None else value for value in degrees] if isinstance(degrees, list) else []
     if len(free) != n or not all(isinstance(value, (int, float)) and value > 0 for value in free):
         raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
+    lasting = None if content.content.get("lasting") is None else content.array("lasting", shape=(n, -1))
     return cls(
         mass,
         content.array("cg", "value", shape=(3,)),
@@ -313,7 +324,8 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         warnings=content.texts("warnings"),
         assumptions=content.texts("assumptions"),
         provenance=dict(content.content.get("provenance") or {}),
-        lasting=None if content.content.get("lasting") is None else content.array("lasting", shape=(n, -1)),
+        lasting=lasting,
+        lasting_names=content.texts("lasting_names"),
     )
 
 

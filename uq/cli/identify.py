@@ -89,8 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
             experiment,
             estimator=arguments.estimator,
             offsets=arguments.offsets,
-            centre=arguments.centre,
             tare_centre=arguments.tare_centre,
+            method=arguments.method,
         )
         more = [] if reference is None else [compare(result, reference)]
         exported = [] if formats is None else [export(result, formats, force=arguments.force)]

@@ -12,6 +12,7 @@ from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.offsets import rest_of
 from identify.identification import identify
 from identify.methods.base import estimator_of
+from identify.results.covariances import checked
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
@@ -120,7 +121,7 @@ def _estimated(
     estimates = estimator_of(result.method).estimates
     if prior is None and experiment.scale is not None and "mass" not in estimates:
         result = replace(result, mass_uncertainty=experiment.scale[1])
-    return with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
+    return checked(with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting))
 
 
 def _repeatability(repeats: ScatterVerdict) -> Verdict:

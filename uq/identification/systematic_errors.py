@@ -20,6 +20,7 @@ from identify.estimators.gram import normal_equations, solve_normal
 from identify.methods.base import estimator_of
 from identify.model_check.judge import with_misfit
 from identify.motion.trajectory import Trajectory
+from identify.results.covariances import with_cross
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
 from identify.rigid_body.inertia import Body
@@ -129,7 +130,11 @@ def with_declared_sources(
         return replace(result, budget=budget_of(together, misfit))
     low, high = combined_interval(together, systematic.common, seed)
     of_sources = np.cov(systematic.common.T, ddof=1)
-    covariance = together.covariance + of_sources
+    if "r_cg" in redrawn and len({run.mounting for run in runs}) > 1:  # each mounting has its own
+        result = replace(result, cg_inertia_covariance=None, mass_covariance=None)
+    ten = np.nan_to_num(result.parameters.covariance)
+    # draws know a variance to a per cent, and may fall short of what the centre of gravity's part is
+    covariance = with_cross(together.covariance + of_sources, ten[:4, :4], ten[:4, 4:])
     with_sources = replace(
         result,
         covariance=covariance,

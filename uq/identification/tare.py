@@ -7,22 +7,20 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.exceptions import RunError
+from identify.results.covariances import checked, containing
 from identify.results.identification_result import Identification
-from identify.rigid_body.fixture import Tare, left_over, subtract
+from identify.results.mass_and_centre import LEFT, NORMAL
+from identify.rigid_body.fixture import Tare, check, left_over, subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
-from uq.identification.centre_prior import load_centre, with_mass_and_centre
+from uq.identification.centre_prior import with_mass_and_centre
 from uq.identification.identify_files import identify_files
 
-NORMAL = 1.959963984540054
-"""Coverage factor of 95 % of a normal distribution."""
-SEPARATE = "the tare's runs and poses share no errors with the body's but the lasting error of the attitudes"
+SEPARATE = "the tare's runs and poses share no errors with the body's but those of static poses that last"
 
 
 def tare_files(
@@ -32,8 +30,8 @@ def tare_files(
     *,
     estimator: str | None = None,
     offsets: OffsetChoice | None = None,
-    centre: str | Path | None = None,
     tare_centre: str | Path | None = None,
+    method: str | None = None,
 ) -> Identification:
     """Return a result without the fixture: identified from runs of the empty platform, or stated in ``[fixture]``.
 
@@ -43,8 +41,8 @@ def tare_files(
         experiment: what the channels mean, estimators, and ``[fixture]``.
         estimator: name of the estimator, as for the result.
         offsets: where constant offsets come from, as for the result.
-        centre: the centre.json of the result.
         tare_centre: the centre.json of the fixture alone; None: mass and centre of gravity are those of ``[fixture]``.
+        method: the estimator of :func:`identify.identify`, as for the result; None: the recording's.
 
     Raises:
         ExperimentError: nothing tells the fixture's mass and centre of gravity, or two things tell its tensor.
@@ -56,16 +54,14 @@ def tare_files(
         return result if experiment.fixture is None else tared(result, experiment.fixture)
     loaded = {run.sha256 for run in result.runs}
     alone = fixture_alone(experiment, tare_centre)
-    empty = identify_files(paths, alone, estimator=estimator, offsets=offsets, centre=tare_centre)
+    empty = identify_files(paths, alone, estimator=estimator, offsets=offsets, centre=tare_centre, method=method)
     if both := [run.file for run in empty.runs if run.sha256 in loaded]:
         raise RunError(f"{both[0]} is both loaded and empty: name the runs of the empty platform after --tare")
     if tare_centre is None:
         fixture = experiment.fixture
         assert fixture is not None  # noqa: S101 - fixture_alone has seen it
         empty = replace(empty, mass_uncertainty=float(fixture.standard_uncertainty[0]))
-    if centre is None or tare_centre is None:
-        return tared(result, empty)
-    return tared(result, empty, cross=lasting_errors(result, empty, load_centre(centre), load_centre(tare_centre)))
+    return tared(result, empty)
 
 
 def check_tare(paths: Sequence[str | Path], experiment: Experiment, tare_centre: str | Path | None) -> None:
@@ -108,32 +104,40 @@ def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Exp
 def tared(
     result: Identification,
     empty: Identification | InertialParameters,
-    *,
-    cross: Float[np.ndarray, "10 10"] | None = None,
 ) -> Identification:
     """Return a result of the body alone: mass, centre of gravity and tensor without the fixture's.
 
     The half-width of an interval adds, in squares, what the whole's and the fixture's errors do to the component, each
-    with its own coverage factor.
+    with its own coverage factor. Errors that last from the one to the other (:attr:`Identification.lasting`) are the
+    same in both; each covariance is made to hold them, so that that of the body is positive semidefinite.
 
     Args:
         result: of the body with its fixture.
         empty: of the fixture with the load cell's own moving plate.
-        cross: covariance of the two's ten parameters, from errors that both have; None: they have none.
 
     Raises:
-        RunError: a mass is not known, or the fixture is not lighter than the whole.
+        RunError: a mass is not known, the fixture is not lighter than the whole, or a covariance is none.
     """
     identified = empty if isinstance(empty, Identification) else None
-    fixture = empty if isinstance(empty, InertialParameters) else empty.parameters
-    whole = result.parameters
-    body = subtract(whole, fixture, cross)
-    half = _half_width(result, fixture, body, NORMAL if identified is None else _factor(identified))
+    whole, fixture = result.parameters, empty if isinstance(empty, InertialParameters) else empty.parameters
+    check(whole, fixture)
+    of_fixture = {} if identified is None else identified.lasting
+    both = [name for name in result.lasting if name in of_fixture]
+    effects = [np.array([of[name] for name in both]).reshape(-1, 10).T for of in (result.lasting, of_fixture)]
+    whole, fixture = (
+        replace(ten, covariance=containing(ten.covariance, effect))
+        for ten, effect in zip((whole, fixture), effects, strict=True)
+    )
+    body = subtract(whole, fixture, effects[0] @ effects[1].T)
+    factors = [_factors(result), np.full(10, NORMAL) if identified is None else _factors(identified)]
+    half_width = _half_width(whole, fixture, body, factors)
+    half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({fixture.mass:.4g} kg) is taken off"
-    return replace(
+    u = body.standard_uncertainty[:4]
+    tared_result = replace(
         result,
         mass=body.mass,
         r_cg=body.r_cg,
@@ -146,46 +150,29 @@ def tared(
         mass_covariance=body.covariance[0, 1:],
         cg_covariance=body.covariance[1:4, 1:4],
         cg_inertia_covariance=body.covariance[1:4, 4:],
+        centre_factor=np.divide(half_width[:4], u, out=np.full(4, NORMAL), where=u > 0),
+        centre_from=LEFT,
+        lasting={},
         warnings=(*result.warnings, *(f"tare: {text}" for text in tare_warnings)),
         assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
         tare=Tare(fixture, whole, runs, None if identified is None else dict(identified.provenance)),
     )
-
-
-def lasting_errors(
-    result: Identification, empty: Identification, loaded_centre: Centre, empty_centre: Centre
-) -> Float[np.ndarray, "10 10"] | None:
-    """Return the covariance of the ten parameters of two results through errors that both series of poses have.
-
-    The declared alignment of the attitudes' sensor with the load cell is one and the same in both; it moves mass and
-    centre of gravity, and by way of these the tensors.
-    """
-    lasting = loaded_centre.lasting, empty_centre.lasting
-    if lasting[0] is None or lasting[1] is None or lasting[0].shape != lasting[1].shape:
-        return None
-    return _through(result, lasting[0]) @ _through(empty, lasting[1]).T
-
-
-def _through(result: Identification, lasting: np.ndarray) -> np.ndarray:
-    """Errors of a result's ten parameters from lasting errors (10, k) of its centre, (10, k)."""
-    lasting = lasting[:4]
-    covariance = result.parameters.covariance
-    by_centre = covariance[4:, 1:4] @ np.linalg.pinv(covariance[1:4, 1:4], hermitian=True)
-    return np.concatenate([lasting, by_centre @ lasting[1:]])
+    return checked(tared_result)
 
 
 def _half_width(
-    result: Identification, fixture: InertialParameters, body: InertialParameters, fixture_factor: np.ndarray | float
+    whole: InertialParameters, fixture: InertialParameters, body: InertialParameters, factors: list[np.ndarray]
 ) -> np.ndarray:
-    """Half of the interval of 95 % of each component [kg·m²]."""
-    both = jnp.asarray(np.concatenate([result.parameters.values, fixture.values]))
-    jacobian = np.asarray(jax.jacobian(left_over)(both))[4:]
+    """Half of the interval of 95 % of each of the ten parameters; ``factors``: coverage factors of both, (10,) each."""
+    both = jnp.asarray(np.concatenate([whole.values, fixture.values]))
+    jacobian = np.asarray(jax.jacobian(left_over)(both))
     alone = [
         np.einsum("ij,jk,ik->i", by, parameters.covariance, by)
-        for by, parameters in ((jacobian[:, :10], result.parameters), (jacobian[:, 10:], fixture))
+        for by, parameters in ((jacobian[:, :10], whole), (jacobian[:, 10:], fixture))
     ]
-    common = np.diag(body.covariance)[4:] - alone[0] - alone[1]
-    square = _factor(result) ** 2 * alone[0] + fixture_factor**2 * alone[1] + NORMAL**2 * common
+    common = np.diag(body.covariance) - alone[0] - alone[1]
+    # what is wider than normal is type A of each by itself, whose factor is of the component that it is made of
+    square = factors[0] ** 2 * alone[0] + factors[1] ** 2 * alone[1] + NORMAL**2 * common
     return np.sqrt(np.maximum(square, 0.0))
 
 
@@ -194,7 +181,8 @@ def _shift(result: Identification) -> np.ndarray:
     return result.interval95.mean(axis=1) - result.inertia
 
 
-def _factor(result: Identification) -> np.ndarray:
-    """The coverage factors of a result's intervals."""
+def _factors(result: Identification) -> np.ndarray:
+    """The coverage factors of a result's intervals, of all ten parameters."""
     half, u = np.diff(result.interval95, axis=1)[:, 0] / 2, result.standard_uncertainty
-    return np.divide(half, u, out=np.full(6, NORMAL), where=u > 0)
+    of_tensor = np.divide(half, u, out=np.full(6, NORMAL), where=u > 0)
+    return np.concatenate([np.broadcast_to(result.centre_factor, 4), of_tensor])

@@ -1,11 +1,17 @@
-"""A fixture taken off: whose coverage factor widens which part of the interval."""
+"""A fixture taken off: whose coverage factor widens which part of the interval, what both have in common."""
 
 import dataclasses
 
 import numpy as np
+import pytest
 
+from identify.exceptions import RunError
+from identify.identification import identify
+from identify.results.covariances import checked
 from identify.rigid_body.inertial_parameters import InertialParameters
-from tests.tare_lab import FIXTURE, WHOLE, experiment_of, measured
+from tests.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
+from uq.campaign.simulation import simulate
+from uq.identification import tare
 from uq.identification.tare import tared
 
 
@@ -17,6 +23,7 @@ def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator)
     """U² = k_w² V_w + k_f² V_f: with the fixture's intervals doubled its part counts four times."""
     whole, _ = measured(experiment_of(brief, WHOLE), WHOLE, generator, np.zeros(3), 0)
     fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, np.zeros(3), 1)
+    fixture = dataclasses.replace(fixture, lasting={})
     middle = fixture.inertia[:, None]
     doubled = dataclasses.replace(fixture, interval95=middle + 2 * (fixture.interval95 - middle))
     exact = InertialParameters(
@@ -26,3 +33,63 @@ def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator)
     of_fixture = half_width(tared(whole, fixture)) ** 2 - of_whole
     assert (of_fixture > 0).all()
     np.testing.assert_allclose(half_width(tared(whole, doubled)) ** 2 - of_whole, 4 * of_fixture, rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def by_joint(brief):
+    """Body with its fixture, and fixture, by the joint estimate; the centre of the first."""
+    generator = np.random.default_rng(4)
+    misaligned = ALIGNMENT * generator.normal(size=3)
+    whole, centre = measured(experiment_of(brief, WHOLE), WHOLE, generator, misaligned, 0, "joint")
+    fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, misaligned, 1, "joint")
+    return whole, fixture, centre
+
+
+def test_with_joint_the_covariance_of_the_body_is_one_and_holds_the_truth(by_joint):
+    whole, fixture, _ = by_joint
+    assert set(whole.lasting) == set(fixture.lasting) == {f"attitude axis {k}" for k in (1, 2, 3)}
+    body = tared(whole, fixture)
+    ten = body.parameters
+    u = ten.standard_uncertainty
+    assert np.isfinite(u).all()
+    assert np.linalg.eigvalsh(ten.covariance / np.outer(u, u)).min() > -1e-9
+    assert (np.abs(ten.values - BODY.values) < 3.5 * u).all()
+    assert (np.diff(body.interval95, axis=1) > 0).all()
+
+
+def test_what_lasts_acts_through_the_joint_estimate(by_joint, brief):
+    """The centre shifted by what an axis of the attitudes does to it, and the run identified anew."""
+    whole, _, centre = by_joint
+    run = simulate(experiment_of(brief, WHOLE), "T1", trial=0).run
+    (name, effect), times = next(iter(centre.lasting_errors.items())), 20
+    shift = times * effect
+    moved = dataclasses.replace(
+        centre, mass=centre.mass + shift[0], r_cg=centre.r_cg + shift[1:4],
+        force_offset=centre.force_offset + shift[4:7], moment_offset=centre.moment_offset + shift[7:],
+    )  # fmt: skip
+    other = identify(run, centre=moved, estimator=SMOOTHED, method="joint", cg_motion="still", gravity=GRAVITY)
+    u = whole.parameters.standard_uncertainty
+    change = (other.parameters.values - whole.parameters.values) / u
+    np.testing.assert_allclose(times * whole.lasting[name] / u, change, atol=0.1)
+    assert np.abs(change).max() > 1
+
+
+def test_a_covariance_that_is_none_is_refused_in_one_line(by_joint):
+    whole, _, _ = by_joint
+    worse = whole.covariance - 2 * np.diag(np.diag(whole.covariance)) * (np.arange(6) == 4)
+    with pytest.raises(RunError, match=r"covariance of mass, centre .* is not finite \(I23\): check the declared"):
+        checked(dataclasses.replace(whole, covariance=worse))
+    linked = np.array(whole.cg_inertia_covariance)
+    linked[0, 0] = 3 * whole.sigma_r_cg[0] * whole.standard_uncertainty[0]
+    with pytest.raises(RunError, match=r"is not positive semidefinite .* or use the method source"):
+        checked(dataclasses.replace(whole, cg_inertia_covariance=linked))
+
+
+def test_the_method_reaches_the_tare(monkeypatch, by_joint, brief):
+    whole, fixture, _ = by_joint
+    fixture = dataclasses.replace(fixture, runs=(dataclasses.replace(fixture.runs[0], sha256="of the empty"),))
+    asked = {}
+    monkeypatch.setattr(tare, "identify_files", lambda *_, **options: asked.update(options) or fixture)
+    stated = dataclasses.replace(brief, fixture=dataclasses.replace(FIXTURE, inertia=np.full(6, np.nan)))
+    tare.tare_files(whole, ["empty.mcap"], stated, method="joint")
+    assert asked["method"] == "joint"

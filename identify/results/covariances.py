@@ -1,0 +1,89 @@
+"""Covariances of a result: finite, and positive semidefinite, or they are not told."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.exceptions import RunError
+from identify.results.identification_result import Identification
+from identify.rigid_body.inertial_parameters import PARAMETERS
+
+LEAST = -1e-6
+"""Eigenvalue of a matrix of correlations below which it is none; rounding leaves some 1e-12."""
+
+
+def positive(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """Return a symmetric matrix without its negative part, judged in units of its own diagonal."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
+    return (vectors * np.maximum(values, 0)) @ vectors.T * np.outer(scale, scale)
+
+
+def containing(covariance: Float[np.ndarray, "n n"], effects: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n n"]:
+    """Return a covariance that holds independent errors of these effects: what is left without them is not negative."""
+    of_errors = effects @ effects.T
+    return of_errors + positive(covariance - of_errors)
+
+
+def with_cross(
+    covariance: Float[np.ndarray, "n n"], of_others: Float[np.ndarray, "m m"], cross: Float[np.ndarray, "m n"]
+) -> Float[np.ndarray, "n n"]:
+    """Return a covariance that is no less than what the correlation with other quantities implies (Schur complement).
+
+    Args:
+        covariance: of some quantities.
+        of_others: of the others.
+        cross: of the others (rows) with these.
+    """
+    scale = np.sqrt(np.maximum(np.diag(of_others), 1e-300))
+    inverse = np.linalg.pinv(of_others / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    implied = (cross.T / scale) @ inverse @ (cross.T / scale).T
+    return implied + positive(covariance - implied)
+
+
+def checked(result: Identification) -> Identification:
+    """Return a result whose covariances are such.
+
+    Raises:
+        RunError: one is not finite, or not positive semidefinite.
+    """
+    for what, names, covariance in _covariances(result):
+        bad = [name for name, variance in zip(names, np.diag(covariance), strict=True) if not 0 <= variance < np.inf]
+        if bad or not np.isfinite(covariance).all():
+            raise RunError(
+                f"the covariance of {what} is not finite ({', '.join(bad or names)}): check the declared "
+                "uncertainties, or use the method source"
+            )
+        least = _least(covariance)
+        if least < LEAST:
+            raise RunError(
+                f"the covariance of {what} is not positive semidefinite (eigenvalue {least:.2g} of its correlations), "
+                "so that its intervals would mean nothing: check the declared uncertainties, or use the method source"
+            )
+    return result
+
+
+def _covariances(result: Identification) -> Iterator[tuple[str, tuple[str, ...], np.ndarray]]:
+    """What, the names of its numbers, its covariance; components that the motion does not determine are left out."""
+    ten = np.ones(10, bool)
+    ten[0] = result.mass is not None
+    if result.admissible is not None:
+        ten[4:] = result.admissible.determined
+    names = tuple(name for name, told in zip(PARAMETERS, ten, strict=True) if told)
+    yield "mass, centre of gravity and tensor", names, result.parameters.covariance[np.ix_(ten, ten)]
+    for what, aligned in (("delay", result.delay), ("rotation", result.rotation)):
+        if aligned is not None:
+            yield f"the {what}", (what,) * len(aligned.value), aligned.covariance
+    for run in result.runs:
+        if run.offsets is not None:
+            yield f"the offsets of {run.file}", ("M1", "M2", "M3"), run.offsets.covariance
+
+
+def _least(covariance: np.ndarray) -> float:
+    """The least eigenvalue of the correlations; what is exact counts as uncorrelated, unless its row says otherwise."""
+    u = np.sqrt(np.diag(covariance))
+    if np.abs(covariance[u == 0]).max(initial=0.0) > 0:
+        return -np.inf
+    correlation = covariance[np.ix_(u > 0, u > 0)] / np.outer(u[u > 0], u[u > 0])
+    return float(np.linalg.eigvalsh(correlation)[0]) if correlation.size else 0.0
