@@ -112,8 +112,21 @@ def said(result, truth) -> dict:
         "off": off.tolist(),
         "covered": ((low <= truth) & (truth <= high)).tolist(),
         "warnings": list(result.warnings),
-        "causes": [verdict.cause for verdict in result.consistency],
+        "causes": [verdict.cause for verdict in result.consistency] or symptoms(result.warnings),
     }
+
+
+SYMPTOMS = {
+    "the mass comes to": "mass", "the centre of gravity on": "centre of gravity", "the zero of the gyro": "gyro bias",
+    "the delay": "delay", "the rotation vector": "rotation", "IMU and load cell are turned": "rotation",
+    "the distance of the centre": "still missed", "the zero of the": "drift", "the stamps": "jitter", "gaps in": "drops",
+}  # fmt: skip
+"""What warnings beside the diagnosis are about."""
+
+
+def symptoms(warnings):
+    """What warnings name, where the diagnosis names nothing."""
+    return [name for text in warnings for words, name in SYMPTOMS.items() if words in text]
 
 
 # --- running ---
@@ -187,9 +200,14 @@ def first_cause(row):
 
 
 def named_right(row):
-    """Whether the first cause that was named is one of the trouble's; None: it has none that could be named."""
+    """Whether the first cause that was named is one of the trouble's.
+
+    None: it has none that could be named, or an unknown of the method took it up and the answer is right.
+    """
     right = TROUBLES[row["trouble"]].causes
-    return (first_cause(row) in right) if right else None
+    if not right or (not warned(row) and "off" in row and max(row["off"]) <= 1):
+        return None
+    return first_cause(row) in right
 
 
 def groups(rows, *keys):

@@ -103,7 +103,7 @@ TROUBLES = {
         "1", 3e-3, 0.1, vector("gyro_scale"), ("gyro scale",), sources=axes("gyro_scale", "omega", "scale")
     ),
     "gyro axes": Trouble(
-        "rad", 0.01, 0.3, vector("gyro_turn"), ("rotation",), sources=axes("gyro_axes", "omega", "misalignment")
+        "rad", 0.01, 0.3, vector("gyro_turn"), ("gyro axes", "rotation"), sources=axes("gyro_axes", "omega", "misalignment")
     ),
     "IMU axes": Trouble(
         "rad", 0.01, 0.3, vector("imu_turn"), ("rotation",), sources=axes("gyro_axes", "omega", "misalignment")

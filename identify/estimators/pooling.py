@@ -69,11 +69,11 @@ def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
     verdict = excitation(normal, noise)
     seen = verdict.directions[verdict.identifiable]
     if not len(seen):
-        first, more = of_runs[0].run.name, len(of_runs) - 1
+        first, more = of_runs[0].run, len(of_runs) - 1
         names = ", ".join(verdict.unidentifiable)
         raise RunError(
-            f"the motion in {first}{f' and {more} more' if more else ''} does not identify {names}: "
-            "rotate about more axes, or faster"
+            f"the motion in {first.name}{f' and {more} more' if more else ''} does not identify {names}: "
+            f"{first.cure('rotate about more axes, or faster')}"
         )
     inverse = seen.T @ np.diag(1 / verdict.strength[verdict.identifiable]) @ seen
     inertia = inverse @ (weights @ [of_run.right for of_run in of_runs])

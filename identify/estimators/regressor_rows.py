@@ -61,7 +61,8 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
     keep = usable_rows(run, phi.shape[1])
     if len(keep) < 3:
         raise RunError(
-            f"{run.name} has fewer than three samples that may be used: record without gaps, or choose a longer part"
+            f"{run.name} has fewer than three samples that may be used: "
+            f"{run.cure('record without gaps, or choose a longer part')}"
         )
     half = (len(run.t) - phi.shape[1]) // 2
     return Rows(phi[:, keep], force[:, keep], moment[:, keep], unbroken(keep), half + keep)

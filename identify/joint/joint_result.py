@@ -12,12 +12,13 @@ from jaxtyping import Array, Float
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import Offsets
 from identify.estimators.residual_trace import Trace, trace
+from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, Pooled, pool
 from identify.joint.prior_departure import departures
 from identify.joint.priors import STATIC, indices
 from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
-from identify.results.alignment import Aligned, alignment_warnings
+from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
 from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import ESTIMATED
 from identify.results.run_estimate import RunEstimate
@@ -55,7 +56,10 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
     warnings = departures(value, np.asarray(joint_runs[0].prior.mean), pooled.beforehand)
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
-    warnings += alignment_warnings(delay, rotation)
+    cell_may_turn = _cell_may_turn(setting)
+    warnings += alignment_warnings(delay, None if cell_may_turn else rotation)
+    if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
+        warnings += turn_warnings(rotation, inertia, half)
     warnings += _warnings(pooled, bias, half / factor)
     return Identification(
         inertia, bias, covariance[tensor, tensor], np.stack([inertia - half, inertia + half], axis=1),
@@ -69,6 +73,13 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED,
         lasting=_lasting(pooled, setting),
     )  # fmt: skip
+
+
+def _cell_may_turn(setting: Setting) -> bool:
+    """Whether a declared error may turn the load cell's axes: then its turn and the IMU's share one."""
+    off_diagonal = ~np.eye(6, dtype=bool).ravel()
+    of_cell = [error.covariance for error in setting.errors.values() if error.unknown == "cell_matrix"]
+    return any(np.diag(covariance)[off_diagonal].any() for covariance in of_cell)
 
 
 GROUPS = {

@@ -143,6 +143,13 @@ def _accelerometer_scale(run: Prediction) -> Made:
     return _carried(run, -run.wrench[:, :3, None] * np.eye(3)), np.full(3, 0.005)
 
 
+def _gyro_axes(run: Prediction) -> Made:
+    """A gyro that is turned against the accelerometer: without one it is the IMU that is turned."""
+    signals = run.signals.omega, run.signals.alpha
+    omega, alpha = (np.stack([np.cross(e, signal) for e in np.eye(3)], axis=2) for signal in signals)
+    return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer"), np.full(3, 0.005)
+
+
 def _gyro_g(run: Prediction) -> Made:
     """Angular velocity that specific force feigns, each axis by each: its slope counts in alpha."""
     force = run.specific_force
@@ -179,6 +186,7 @@ MAKERS: dict[str, Callable[[Prediction], Made]] = {
     "still missed": _unknown(("cg_from_still", 0.02)),
     "gyro scale": _unknown(("gyro_scale", 0.005)),
     "gyro bias": _unknown(("gyro_drift", 0.001)),
+    "gyro axes": _gyro_axes,
     "gyro g-sensitivity": _gyro_g,
     "gain": _matrix(lambda i, j: i == j, 0.005),
     "cross-talk": _matrix(lambda i, j: i != j, 0.01),

@@ -13,6 +13,7 @@ from identify.methods.joint import STILL_WITHIN
 from identify.model_check.model_check import Followed, followed
 from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Force
+from identify.model_check.resonance import Peak, resonance
 from identify.model_check.run_fit import Declared, RunFit, fit_run
 from identify.model_check.verdict_texts import sentence, signed
 from identify.results.identification_result import Identification
@@ -22,6 +23,8 @@ from identify.signals.run import Run
 
 MATTERS = 0.5
 """Shift of a component over its standard uncertainty from which a cause is worth a warning."""
+WIDENS = 0.2
+"""Part of the residuals that a cause explains from which it is worth one, too: the interval is wider for it."""
 UNEXPLAINED = 3.0
 """Residuals in the motion's band over those above it from which something is wrong that has no name."""
 WEIGHT = 0.3
@@ -87,12 +90,14 @@ def _of_run(run: Run, result: Identification, problem: Problem) -> tuple[list[Ve
             named.setdefault(cause.evidence.cause.name, cause)
     if result.method != "joint":
         named = {name: cause for name, cause in named.items() if name not in OF_ACCELEROMETER}
+    left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
     verdicts, total = _saturated(run), np.zeros(6)
     for cause in named.values():
         shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
         worst = int(np.argmax(ratio))
-        if ratio[worst] < MATTERS:
+        small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
+        if small and left_over < UNEXPLAINED:
             continue
         text = (
             f"{run.name}: {sentence(cause.evidence, cause.rivals)}; it would move {COMPONENTS[worst]} by "
@@ -101,17 +106,30 @@ def _of_run(run: Run, result: Identification, problem: Problem) -> tuple[list[Ve
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[3:]))
         verdicts.append(Verdict(cause.evidence.cause.name, f"b{axis + 1}", cause.evidence.share, text, run.name))
         total = total + shift
-    resonances = [v for v in _by_moment(run, result) if v.cause == "resonance"]
-    ratio, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
-    if ratio > UNEXPLAINED:
+    lines = [verdict for verdict in _by_moment(run, result) if verdict.cause == "resonance"]
+    if left_over > UNEXPLAINED:
         on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
         text = (
-            f"{run.name}: the {quantity} on {on} leaves {ratio:.1f} times what noise explains "
+            f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
             "where the motion is: something that is none of the causes looked for; the interval is that much wider"
         )
-        verdicts.append(Verdict("unexplained", on, 1 - ratio**-2, text, run.name))
-        total = np.hypot(total, ratio * result.standard_uncertainty)
-    return verdicts + resonances, total
+        verdicts.append(Verdict("unexplained", on, 1 - left_over**-2, text, run.name))
+        total = np.hypot(total, left_over * result.standard_uncertainty)
+    peak = resonance(run, problem.band())
+    if peak is not None:
+        of_mounting = _of_mounting(fits[0], peak, result.inertia)
+        worst = int(np.argmax(np.abs(of_mounting)))
+        adds = f"; a mounting that does adds {GRAM_METRE * of_mounting[worst]:.2g} g·m² to {COMPONENTS[worst]}"
+        lines = lines or [peak.verdict(run, adds if of_mounting.any() else "")]
+        total = np.hypot(total, of_mounting)
+    return verdicts + lines, total
+
+
+def _of_mounting(fit: RunFit, peak: Peak, inertia: np.ndarray) -> np.ndarray:
+    """By how much a mounting that rings there makes moments too large: ``(f/f0)²``; nothing for a force's peak."""
+    motion = fit.prediction.signals
+    squared = float((motion.alpha**2).sum() / (motion.omega**2).sum()) / (2 * np.pi) ** 2
+    return inertia * squared / peak.frequency**2 * (peak.quantity == "moment")
 
 
 def _saturated(run: Run) -> list[Verdict]:

@@ -83,6 +83,10 @@ WORDS: Mapping[str, Words] = {
         _largest("as if the gyro's zero changed by {} (gyro bias)", 1e3, "mrad/s²"),
         "let it warm up, or declare a drift",
     ),
+    "gyro axes": Words(
+        _as("as if the gyro were turned against the accelerometer by {} (gyro axes)", 180 / np.pi, "deg"),
+        "calibrate it, or declare a misalignment",
+    ),
     "gyro g-sensitivity": Words(
         _largest("as if acceleration feigned angular velocity, {} (gyro g-sensitivity)", 1e3, "mrad/s per m/s²"),
         "use the gyro's calibration",

@@ -4,10 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
+
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack, unpack
+from identify.rigid_body.rotation import exponential
 
 LARGEST_PRIOR_SHARE = 0.5
 """Share of the prior in a variance above which the motion does not determine the quantity."""
+
+SIGNIFICANT = 3.0
+"""Standard uncertainties from which a rotation is one."""
 
 
 @dataclass(frozen=True)
@@ -42,21 +49,46 @@ class Aligned:
         return figures | {"estimated": self.estimated}
 
 
-def alignment_warnings(delay: Aligned, rotation: Aligned) -> list[str]:
-    """Return a warning for each quantity whose uncertainty is mostly the declared one."""
+def alignment_warnings(delay: Aligned, rotation: Aligned | None) -> list[str]:
+    """Return a warning for each quantity whose uncertainty is mostly the declared one; None: it is not asked for."""
     warnings = []
     if delay.estimated and delay.prior_share[0] > LARGEST_PRIOR_SHARE:
         warnings.append(
             f"the motion does not tell the delay: {100 * delay.prior_share[0]:.0f} % of its variance is what was "
             "declared; accelerate more, or declare it better"
         )
+    if rotation is None or not rotation.estimated:
+        return warnings
     axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > LARGEST_PRIOR_SHARE]
-    if rotation.estimated and axes:
+    if axes:
         warnings.append(
             f"the motion does not tell the rotation between load cell and IMU about axis {_and(axes)}: the interval is "
             "what was declared; rotate about more axes, or declare it better"
         )
     return warnings
+
+
+def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray) -> list[str]:
+    """Return a warning where a turn between IMU and load cell, taken as the IMU's, would matter were it the cell's.
+
+    Args:
+        rotation: as estimated.
+        inertia: packed tensor [kg·m²].
+        half_width: of its intervals [kg·m²].
+    """
+    if not rotation.estimated or not (np.abs(rotation.value) > SIGNIFICANT * rotation.standard_uncertainty).any():
+        return []
+    turn = np.asarray(exponential(jnp.asarray(-rotation.value)))
+    other = np.asarray(pack(jnp.asarray(turn @ np.asarray(unpack(jnp.asarray(inertia))) @ turn.T))) - inertia
+    worst = int(np.argmax(np.abs(other) / np.maximum(half_width, 1e-300)))
+    if abs(other[worst]) <= half_width[worst]:
+        return []
+    angles = ", ".join(f"{angle:.2g}" for angle in np.degrees(rotation.value))
+    return [
+        f"IMU and load cell are turned against each other by ({angles})°: taken as the IMU's; were it the load cell's, "
+        f"{COMPONENTS[worst]} would be {GRAM_METRE * other[worst]:+.2g} g·m² different: declare a misalignment of the "
+        "wrench, or sigma_rotation where it is the IMU's".replace("-", "−")
+    ]
 
 
 def alignment_notes(delay: Aligned | None, rotation: Aligned | None) -> list[str]:

@@ -219,6 +219,13 @@ class Run:
             return [slice(0, len(self.t))]
         return [slice(start, stop) for start, stop in runs_of_true(~self.missing)]
 
+    def cure(self, otherwise: str) -> str:
+        """Return what a run that cannot be used needs: what was wrong with its samples, if anything was."""
+        most = max(self.left_out.items(), key=lambda reason: reason[1], default=("", 0))
+        if most[1] > len(self.t) / 2:
+            return f"{most[1]} of its samples are left out ({most[0]})"
+        return next((text.removeprefix(f"{self.name}: ") for text in self.warnings), otherwise)
+
     def __repr__(self) -> str:
         return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
 

@@ -1,0 +1,88 @@
+"""A peak of force or moment above the motion's band: a mounting that rings, a machine beside it.
+
+Broad ones, too: a resonance of damping ζ at f is 2 ζ f wide. The spectrum is Welch's (doi:10.1109/TAU.1967.1161901).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.diagnostics.residual_causes import Verdict
+from identify.signals.run import Run
+
+SEGMENT = 2.0
+"""Length of the segments whose spectra are averaged [s]."""
+FEWEST = 8
+"""Segments below which nothing is judged: their mean scatters by a third."""
+ABOVE = 1.5
+"""Lowest frequency over the motion's: below, a peak may be the motion's own."""
+BESIDE = (1.25, 1.8)
+"""The level around a peak is taken from these parts of an octave above and below it."""
+STANDS_OUT = 10.0
+"""Peak over the level around it."""
+MOST = 0.5
+"""Part of what lies above the motion's band that the peak must hold."""
+
+
+class Peak(NamedTuple):
+    """The peak that holds most of what lies above the motion's band."""
+
+    quantity: str
+    axis: int
+    frequency: float
+    """[Hz]"""
+    share: float
+    """Part of what lies above the motion's band."""
+    rms: float
+    """[N], [N·m]"""
+
+    def verdict(self, run: Run, adds: str = "") -> Verdict:
+        """Return the peak as a cause, with what it adds to the tensor."""
+        on, unit = f"b{self.axis + 1}", "N" if self.quantity == "force" else "N·m"
+        text = (
+            f"{run.name}: the {self.quantity} on {on} shakes at about {self.frequency:.3g} Hz, "
+            f"{self.rms:.2g} {unit} rms (resonance); stiffen or damp what rings{adds}"
+        )
+        return Verdict("resonance", on, self.share, text, run.name)
+
+
+def resonance(run: Run, band: float) -> Peak | None:
+    """Return the peak of force or moment above the motion's band that stands out most; None where none does.
+
+    Args:
+        run: the run.
+        band: highest frequency of the motion [Hz].
+    """
+    longest = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
+    size = round(SEGMENT * run.rate)
+    if longest.stop - longest.start < (FEWEST + 1) * size / 2:
+        return None
+    peaks = []
+    for quantity in ("force", "moment"):
+        frequency, spectrum = scipy.signal.welch(getattr(run, quantity)[longest], run.rate, nperseg=size, axis=0)
+        peaks += [Peak(quantity, axis, *_peak(frequency, of, ABOVE * band)) for axis, of in enumerate(spectrum.T)]
+    best = max(peaks, key=lambda peak: peak.share)
+    return best if best.share > MOST else None
+
+
+def _peak(frequency: Float[np.ndarray, " n"], density: np.ndarray, lowest: float) -> tuple[float, float, float]:
+    """Frequency of the peak that holds most, its part of what lies above the lowest frequency, and its rms."""
+    step, open_to = frequency[1], (frequency > lowest) & (frequency < 0.9 * frequency[-1])
+    if not open_to.any():
+        return 0.0, 0.0, 0.0
+    at = int(np.argmax(np.where(open_to, density, 0.0)))
+    level = max(_level(frequency, density, at, lowest, below) for below in (True, False))
+    if density[at] < STANDS_OUT * level:
+        return 0.0, 0.0, 0.0
+    inside = (frequency > frequency[at] / BESIDE[0]) & (frequency < frequency[at] * BESIDE[0])
+    power = float(np.maximum(density[inside] - level, 0.0).sum() * step)
+    return float(frequency[at]), power / float(density[open_to].sum() * step), float(np.sqrt(power))
+
+
+def _level(frequency: np.ndarray, density: np.ndarray, at: int, lowest: float, below: bool) -> float:
+    """Level on one side of a peak: the median there; none where the spectrum does not reach so far."""
+    near, far = (frequency[at] * factor ** (-1 if below else 1) for factor in BESIDE)
+    side = (frequency > max(min(near, far), lowest)) & (frequency < max(near, far))
+    return float(np.median(density[side])) if side.any() else 0.0
