@@ -32,8 +32,8 @@ class Base(NamedTuple):
 
     def beside(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what the base does not absorb of some columns, and by how much the unknowns follow each, (q, p)."""
-        normal = _products(self.columns, self.columns) + np.diag(self.precision)
-        follows = np.linalg.solve(normal, _products(self.columns, columns))
+        normal = products(self.columns, self.columns) + np.diag(self.precision)
+        follows = np.linalg.solve(normal, products(self.columns, columns))
         return columns - self.columns @ follows, follows
 
     def taking(self, columns: np.ndarray, coefficients: np.ndarray) -> "Base":
@@ -84,19 +84,19 @@ def evidence(base: Base, cause: Cause, lines: Lines) -> Evidence | None:
     """
     columns = lines(cause.columns * cause.size)
     beside, follows = base.beside(columns)
-    normal = _products(beside, columns)
+    normal = products(beside, columns)
     values, vectors = np.linalg.eigh((normal + normal.T) / 2)
     good = values > 1e-6  # a coefficient of its usual size that changes the residuals by less is not seen
     freedom = base.residuals.size - int(good.sum())
     if not good.any() or freedom < FEWEST * good.sum():
         return None
     basis = vectors[:, good]
-    along = basis.T @ _products(columns, base.residuals[:, :, None])[:, 0] / values[good]
+    along = basis.T @ products(columns, base.residuals[:, :, None])[:, 0] / values[good]
     after = base.residuals - beside @ (basis @ along)
     # what the residuals' noise adds to a score, by its spectrum, and what the errors of the priors add
-    scores = (beside @ basis) * np.sqrt(_spectrum(after) * base.residuals.size / freedom)[:, :, None]
+    scores = (beside @ basis) * np.sqrt(spectrum(after) * base.residuals.size / freedom)[:, :, None]
     of_priors = basis.T @ (follows.T * base.precision) @ follows @ basis
-    spread = (_products(scores, scores) + of_priors) / np.outer(values[good], values[good])
+    spread = (products(scores, scores) + of_priors) / np.outer(values[good], values[good])
     total = np.eye(len(along)) + spread
     wald = float(along @ np.linalg.solve(spread, along))
     logarithm = 0.5 * (
@@ -110,10 +110,11 @@ def evidence(base: Base, cause: Cause, lines: Lines) -> Evidence | None:
     )
 
 
-def _spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:
-    """Mean squares of the lines about each, each row by itself."""
+def spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:
+    """Return the mean squares of the lines about each, each row by itself."""
     return scipy.ndimage.uniform_filter1d(residuals**2, 2 * SMOOTHED + 1, axis=0, mode="nearest")
 
 
-def _products(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def products(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the sum over lines and rows of each column times each, (p, q)."""
     return np.tensordot(left, right, axes=((0, 1), (0, 1)))

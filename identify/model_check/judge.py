@@ -15,6 +15,7 @@ from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Force
 from identify.model_check.resonance import Peak, resonance
 from identify.model_check.run_fit import Declared, RunFit, fit_run
+from identify.model_check.specification import difference
 from identify.model_check.verdict_texts import sentence, signed
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -106,6 +107,11 @@ def _of_run(run: Run, result: Identification, problem: Problem) -> tuple[list[Ve
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[3:]))
         verdicts.append(Verdict(cause.evidence.cause.name, f"b{axis + 1}", cause.evidence.share, text, run.name))
         total = total + shift
+    if not named and not verdicts:
+        apart = difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
+        if apart.clear:
+            verdicts.append(Verdict("least squares", "", 0.0, f"{run.name}: {apart.text}", run.name))
+            total = np.hypot(total, apart.value)
     lines = [verdict for verdict in _by_moment(run, result) if verdict.cause == "resonance"]
     if left_over > UNEXPLAINED:
         on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"

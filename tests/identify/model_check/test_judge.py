@@ -180,3 +180,15 @@ def test_stamps_that_jitter_are_the_reason_of_a_refusal():
     measured = measure(0, **TROUBLES["jitter"].options(1.5e-3, 0))
     with pytest.raises(RunError, match=r"does not identify .*: the stamps of the wrench jitter by 1\.\d+ ms"):
         identified(measured, "source")
+
+
+@pytest.mark.parametrize("method", ["source", "joint"])
+def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatch):
+    """What no cause would name moves the two apart."""
+    monkeypatch.setattr("identify.model_check.causes.MAKERS", {})
+    monkeypatch.setattr("identify.model_check.judge.UNEXPLAINED", np.inf)
+    measured = measure(3, **TROUBLES["sloshing"].options(0.3, 3), **SHORT)
+    result = identified(measured, method)
+    assert [verdict.cause for verdict in result.consistency] == ["least squares"]
+    assert "ordinary least squares and the fit of force and moment together differ by" in result.warnings[-1]
+    assert result.misfit is not None

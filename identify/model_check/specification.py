@@ -1,0 +1,70 @@
+"""Ordinary least squares beside the fit that uses force and moment: errors that both take for noise move them alike.
+
+The difference of two estimates from one run is no larger than its covariance allows; what the model lacks moves them
+apart (Hausman 1978, doi:10.2307/1913827). Ordinary least squares of what the fit leaves are that difference.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from identify.model_check.evidence import products, spectrum
+from identify.model_check.run_fit import RunFit
+from identify.model_check.verdict_texts import signed
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+
+CHANCE = 1e-6
+"""Of a difference as large by chance, below which it counts."""
+SMALL = 0.5
+"""Difference over the standard uncertainty of the estimate that is no news."""
+
+
+class Difference(NamedTuple):
+    """Ordinary least squares less the fit."""
+
+    value: np.ndarray
+    """(6,) [kg·m²]."""
+    expected: np.ndarray
+    """Its covariance by noise and the fit's priors, and what is no news, (6, 6)."""
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is more than chance."""
+        return bool(scipy.stats.chi2.sf(self.value @ np.linalg.solve(self.expected, self.value), 6) < CHANCE)
+
+    @property
+    def text(self) -> str:
+        """What is said of it."""
+        spread = np.sqrt(np.diag(self.expected))
+        worst = int(np.argmax(np.abs(self.value) / spread))
+        value, usual = GRAM_METRE * self.value[worst], GRAM_METRE * spread[worst]
+        return (
+            "ordinary least squares and the fit of force and moment together differ by "
+            f"{signed(value)} g·m² in {COMPONENTS[worst]}, where {usual:.1g} "
+            "is to be expected: usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
+        )
+
+
+def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> Difference:
+    """Return by how much ordinary least squares of the moment about r_CG differ from a run's fit.
+
+    Args:
+        fit: the run at its best.
+        standard_uncertainty: of the estimate that is judged, (6,) [kg·m²].
+    """
+    at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
+    moved = np.zeros((*at.regressor.shape[:1], 6, 6))
+    moved[:, 3:] = at.regressor - at.regressor.mean(axis=0)
+    rows = np.einsum("ij,mjp->mip", back, fit.lines(moved))
+    about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, np.eye(3)])  # M - r × F of a wrench
+    inverse = np.linalg.inv(products(rows, rows))
+    gain = np.einsum("mkp,kj,ji,pq->miq", rows[:, 3:], about_cg, back, inverse)
+    value = np.einsum("miq,mi->q", gain, fit.residuals)
+    noise = gain * np.sqrt(spectrum(fit.residuals))[:, :, None]
+    along = products(fit.columns, gain)
+    normal = products(fit.columns, fit.columns) + np.diag(fit.precision)
+    covariance = products(noise, noise) - along.T @ np.linalg.solve(normal, along)
+    values, vectors = np.linalg.eigh(covariance)
+    no_news = np.diag((SMALL * standard_uncertainty) ** 2)
+    return Difference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + no_news)
