@@ -84,6 +84,7 @@ def bound(
     static_covariance: np.ndarray,
     alignment: Alignment,
     specific_force: SpecificForce = "still",
+    sigma_still: float | np.ndarray = 0.0,
     gravity: float = 9.80665,
 ) -> Bound:
     """Return the bound of an experiment.
@@ -97,6 +98,7 @@ def bound(
         static_covariance: prior covariance of mass, r_CG and the offsets of force and moment, (10, 10) [kg, m, N, N·m].
         alignment: prior standard uncertainties of delay, rotation, gyro's zero and tilt; 0: exact.
         specific_force: where it comes from; an accelerometer counts as free of noise, but for its zero.
+        sigma_still: prior standard uncertainty of the point at rest, from the centre of gravity, each axis or three [m].
         gravity: local gravity [m/s²].
 
     Raises:
@@ -104,7 +106,9 @@ def bound(
     """
     static = np.concatenate([[float(body.mass)], np.asarray(body.r_cg_from_q), np.zeros(6)])
     scale = float(np.abs(np.asarray(body.inertia)).max())
-    setting = Setting({STATIC: PriorBlock(static, static_covariance)}, alignment, band, specific_force, gravity, scale)
+    still = PriorBlock(np.zeros(3), np.diag(np.broadcast_to(np.square(sigma_still), 3)))
+    blocks = {STATIC: PriorBlock(static, static_covariance), ("cg_from_still",): still}
+    setting = Setting(blocks, alignment, band, specific_force, gravity, scale)
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
     position = np.zeros(3) if run.imu_position is None else run.imu_position

@@ -28,7 +28,7 @@ def bound(
     """Return the least uncertainty that any estimate from this experiment's runs can have.
 
     Free are the tensor, the mass, the initial tilt, and what has a source of bias: r_CG, the zeros of force, moment and
-    gyro; a delay and a rotation of the IMU where sources of these are declared. Their standard deviations are the
+    gyro, the centre of gravity's place from the point at rest (r_cg_from_omb); a delay and a rotation of the IMU where sources of these are declared. Their standard deviations are the
     priors'. Sources of other kinds (scale factors, air …) count as absent.
 
     Args:
@@ -59,6 +59,7 @@ def bound(
         noise=np.concatenate([_noise(experiment, 0), _noise(experiment, 1)]),
         gyro_noise=_noise(experiment, 2), static_covariance=np.diag(static**2), alignment=alignment,
         specific_force=specific_force or ("still" if spec.still == "cg" else "none"), gravity=experiment.gravity,
+        sigma_still=_sigma(experiment, "r_cg_from_omb"),
     )  # fmt: skip
 
 
@@ -66,7 +67,8 @@ def _sigma(experiment: Experiment, field: str) -> np.ndarray:
     """Standard deviation of one field of the errors, of all sources that set it together."""
     sources = [source for source in experiment.sources if source.perturbs == field]
     effects = [getattr(effect(s, jnp.asarray(s.standard_deviation)), field) for s in sources]
-    return np.sqrt(sum((np.square(values) for values in effects), np.zeros(getattr(no_errors(), field).shape)))
+    zero = np.zeros(getattr(no_errors(), field).shape)
+    return np.asarray(np.sqrt(sum((np.square(values) for values in effects), zero)))
 
 
 def _noise(experiment: Experiment, signal: int) -> np.ndarray:

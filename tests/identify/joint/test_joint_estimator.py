@@ -191,20 +191,27 @@ def test_pooled_runs_are_one_large_problem(brief):
     assert pooled.scatter < 1.6  # 72 squares: the mean square exceeds 2.5 once in a million
 
 
-def test_the_bound_of_the_tensor_alone_is_gauss_markovs(brief):
-    """With all else known: the inverse of the sum over the samples of ``Ωᵀ C⁻¹ Ω``, in NumPy."""
+@pytest.mark.parametrize("sigma_still", [0.0, 3e-3])
+def test_the_bound_of_few_unknowns_is_gauss_markovs(brief, sigma_still):
+    """Tensor and the point at rest, all else known: the inverse of the sum over the samples of ``Aᵀ C⁻¹ A``, in NumPy."""
     silent = dataclasses.replace(brief, sources=())
     run = simulate(silent, "T1").run
     alignment = Alignment(sigma_delay=0.0, sigma_rotation=0.0, sigma_gyro_bias=0.0, sigma_tilt=0.0)
     sigma = np.array([5.0, 5.0, 10.0, 0.38, 0.46, 0.46])
     least = bound(
         run, brief.body, band=BAND, noise=sigma, gyro_noise=np.full(3, 1e-12), static_covariance=np.zeros((10, 10)),
-        alignment=alignment, gravity=brief.gravity,
+        alignment=alignment, gravity=brief.gravity, sigma_still=sigma_still,
     )  # fmt: skip
     trajectory = brief.trajectories["T1"].trajectory
     t = jnp.asarray(run.t)
-    rows = np.asarray(jax.vmap(omega_r)(jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)))
-    expected = np.linalg.inv(np.einsum("nji,j,njk->ik", rows, 1 / sigma[3:] ** 2, rows))
+    omega, alpha = (np.asarray(jax.vmap(signal)(t)) for signal in (trajectory.omega, trajectory.alpha))
+    rows = np.zeros((len(t), 6, 9))
+    rows[:, 3:, :6] = np.asarray(jax.vmap(omega_r)(jnp.asarray(omega), jnp.asarray(alpha)))
+    for axis, e in enumerate(np.eye(3)):
+        force = float(brief.mass) * (np.cross(alpha, e) + np.cross(omega, np.cross(omega, e)))
+        rows[:, :, 6 + axis] = np.hstack([force, np.cross(np.asarray(brief.r_cg_from_q), force)])
+    prior = np.diag([0.0] * 6 + [1 / max(sigma_still, 1e-9) ** 2] * 3)
+    expected = np.linalg.inv(np.einsum("nji,j,njk->ik", rows, 1 / sigma**2, rows) + prior)[:6, :6]
     tensor = SLICES["inertia"]
     np.testing.assert_allclose(least.covariance[tensor, tensor], expected, atol=5e-3 * expected.max())
 
@@ -222,6 +229,19 @@ def test_the_bound_of_the_sources_experiment_is_the_derived_one(preset):
     assert "rotation" in free.free
     assert free.to_dict()["prior_share"]["delay"][0] < 1e-3
     assert "3σ at least" in repr(free)
+
+
+@pytest.mark.study
+def test_the_price_of_the_point_at_rest(preset):
+    """At most 4 % of any component's least uncertainty, however little is known of it."""
+    of = {}
+    for sigma in (0.0, 3e-4, 1e-3, 3e-3, 1e-2):
+        missed = Source("missed", "r_cg_from_omb", "bias", "rig", np.full(3, sigma))
+        least = uq_bound(dataclasses.replace(preset, sources=(*preset.sources, missed)), "T1")
+        of[sigma] = 3e3 * least.standard_uncertainty("inertia")
+        print(f"{1e3 * sigma:g} mm", of[sigma].round(3))
+    assert (np.diff(list(of.values()), axis=0) > -1e-3).all()
+    assert (of[1e-2] < 1.045 * of[0.0]).all()
 
 
 def test_intervals_of_a_few_laboratories_cover(brief):
