@@ -98,7 +98,7 @@ def bound(
         static_covariance: prior covariance of mass, r_CG and the offsets of force and moment, (10, 10) [kg, m, N, N·m].
         alignment: prior standard uncertainties of delay, rotation, gyro's zero and tilt; 0: exact.
         specific_force: where it comes from; an accelerometer counts as free of noise, but for its zero.
-        sigma_still: prior standard uncertainty of the point at rest, from the centre of gravity, each axis or three [m].
+        sigma_still: prior standard uncertainty of the point at rest, from the centre of gravity [m].
         gravity: local gravity [m/s²].
 
     Raises:

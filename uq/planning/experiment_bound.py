@@ -28,8 +28,9 @@ def bound(
     """Return the least uncertainty that any estimate from this experiment's runs can have.
 
     Free are the tensor, the mass, the initial tilt, and what has a source of bias: r_CG, the zeros of force, moment and
-    gyro, the centre of gravity's place from the point at rest (r_cg_from_omb); a delay and a rotation of the IMU where sources of these are declared. Their standard deviations are the
-    priors'. Sources of other kinds (scale factors, air …) count as absent.
+    gyro, the centre of gravity's place from the point at rest (r_cg_from_omb); a delay and a rotation of the IMU where
+    sources of these are declared. Their standard deviations are the priors'. Sources of other kinds (scale factors,
+    air …) count as absent.
 
     Args:
         experiment: body, platform, trajectories, sources.
