@@ -16,7 +16,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, Pooled, pool
 from identify.joint.prior_departure import departures
-from identify.joint.priors import STATIC, indices
+from identify.joint.priors import STATIC, axes_of, calibrated, indices
 from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
 from identify.results.identification_result import Identification
@@ -46,7 +46,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         offsets: where they come from, for the result.
     """
     shared_errors = {error.unknown for error in setting.errors.values() if error.shared} | {"cg_from_still"}
-    pooled = pool(joint_runs, (*ALIGNED, *(CALIBRATED if STATIC in setting.blocks else ()), *sorted(shared_errors)))
+    pooled = pool(joint_runs, (*ALIGNED, *(CALIBRATED if calibrated(setting.blocks) else ()), *sorted(shared_errors)))
     factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
@@ -98,11 +98,19 @@ def _budget(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
         return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gain, covariance, gain), 0.0))
 
     grouped = dict.fromkeys(("mass", "centre of gravity", "offsets"), ()) | {"static poses": STATIC}
-    named = GROUPS | (grouped if STATIC in setting.blocks else {})
+    named = GROUPS | (grouped if calibrated(setting.blocks) else {})
     groups = {name: [unknown for unknown in members if unknown not in declared] for name, members in named.items()}
-    rows = {name: of(group, pooled.beforehand[np.ix_(indices(group), indices(group))])
-            for name, group in groups.items() if group}  # fmt: skip
-    rows |= {name: of([error.unknown], error.covariance) for name, error in setting.errors.items() if error.shared}
+    effects = _effects_of_axes(pooled, setting)
+    of_errors = {name: [effects[f"{name} {k + 1}"][4:] for k in range(error.axes.shape[1])]
+                 for name, error in setting.errors.items() if error.shared}  # fmt: skip
+    in_poses = [setting.lasting[name] for name in effects if name in setting.lasting]
+    of_poses = np.array(in_poses).reshape(-1, 10).T
+    rows = {}
+    for name, group in groups.items():
+        if group:
+            before = pooled.beforehand[np.ix_(indices(group), indices(group))]
+            rows[name] = of(group, before - of_poses @ of_poses.T if name == "static poses" else before)
+    rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in of_errors.items()}
     total = np.diag(pooled.covariance)[tensor]
     residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
     return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}
@@ -112,10 +120,25 @@ TEN = ("mass", "r_cg", "inertia")
 """The ten parameters, in their order."""
 
 
+def _effects_of_axes(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
+    """Errors of the ten parameters by one standard uncertainty of each axis of declared errors, (10,) each.
+
+    The prior mean of such an error is off by minus itself, that of a static calibration by what it did there.
+    """
+    by_prior = pooled.by_prior[indices(TEN)]
+    by_static = by_prior[:, indices(STATIC)]
+    shared = {name: error for name, error in setting.errors.items() if error.shared}
+    return {
+        name: by_static @ setting.lasting.get(name, np.zeros(10)) - by_prior[:, indices([unknown])] @ axis
+        for name, (unknown, axis) in axes_of(shared).items()
+    }
+
+
 def _lasting(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
     """What errors of the prior do to the ten parameters that are the same in another body's result, (10,) each."""
     by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
-    return {name: by_static @ effect for name, effect in setting.lasting.items()}
+    effects = _effects_of_axes(pooled, setting)
+    return {name: effects.get(name, by_static @ effect) for name, effect in setting.lasting.items()}
 
 
 def _aligned(pooled: Pooled, name: str, factor: float) -> Aligned:

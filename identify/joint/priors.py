@@ -35,6 +35,13 @@ class ConstantError(NamedTuple):
     covariance: np.ndarray
     shared: bool = True
     """Whether all runs have the same."""
+    root: np.ndarray | None = None
+    """Of the covariance, a column for each independent axis of the source; None: any."""
+
+    @property
+    def axes(self) -> np.ndarray:
+        """One standard uncertainty of each independent axis, in columns."""
+        return root_of(self.covariance) if self.root is None else self.root
 
 
 def error_blocks(errors: Mapping[str, ConstantError]) -> dict[tuple[str, ...], PriorBlock]:
@@ -49,6 +56,55 @@ def error_blocks(errors: Mapping[str, ConstantError]) -> dict[tuple[str, ...], P
         before = blocks.get((error.unknown,), zero)
         blocks[error.unknown,] = PriorBlock(before.mean + error.mean, before.covariance + error.covariance)
     return blocks
+
+
+def axes_of(errors: Mapping[str, ConstantError]) -> dict[str, tuple[str, np.ndarray]]:
+    """Return unknown and one standard uncertainty of each axis of declared errors, by name, such as ``F_gain 1``."""
+    return {
+        f"{name} {number}": (error.unknown, axis)
+        for name, error in errors.items()
+        for number, axis in enumerate(error.axes.T, 1)
+    }
+
+
+def linked(
+    blocks: Mapping[tuple[str, ...], PriorBlock],
+    errors: Mapping[str, ConstantError],
+    static_effects: Mapping[str, np.ndarray],
+) -> dict[tuple[str, ...], PriorBlock]:
+    """Return the prior with the errors that have made the static calibration wrong correlated with it.
+
+    Where such an error is ``e``, the calibration is off by its effect, so that truth less prior mean is ``e`` for the
+    error and minus the effect for what was calibrated.
+
+    Args:
+        blocks: without.
+        errors: declared errors, which all runs share.
+        static_effects: by the name of an error's axis, its effect on ``STATIC``, (10,).
+    """
+    both = {name: pair for name, pair in axes_of(errors).items() if name in static_effects}
+    names = sorted({(unknown,) for unknown, _ in both.values()})
+    if not names:
+        return dict(blocks)
+    members = (STATIC, *names)
+    sizes = [len(blocks[each].mean) for each in members]
+    ends = np.cumsum([0, *sizes])
+    covariance = np.zeros((ends[-1], ends[-1]))
+    for each, start, end in zip(members, ends, ends[1:], strict=False):
+        covariance[start:end, start:end] = blocks[each].covariance
+    for name, (unknown, axis) in both.items():
+        start = ends[members.index((unknown,))]
+        cross = -np.outer(static_effects[name], axis)
+        covariance[: sizes[0], start : start + len(axis)] += cross
+        covariance[start : start + len(axis), : sizes[0]] += cross.T
+    mean = np.concatenate([blocks[each].mean for each in members])
+    others = {each: block for each, block in blocks.items() if each not in members}
+    return {sum(members, ()): PriorBlock(mean, covariance), **others}
+
+
+def calibrated(blocks: Mapping[tuple[str, ...], PriorBlock]) -> bool:
+    """Whether the prior holds a static calibration."""
+    return any(names[: len(STATIC)] == STATIC for names in blocks)
 
 
 class Prior(eqx.Module):

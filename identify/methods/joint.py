@@ -9,7 +9,7 @@ from identify.floating_point import check_precision
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
 from identify.joint.joint_result import joint_result
-from identify.joint.priors import STATIC, PriorBlock, error_blocks
+from identify.joint.priors import STATIC, PriorBlock, error_blocks, linked
 from identify.joint.single_run import Setting, joint_run
 from identify.joint.still_check import check_still
 from identify.methods.base import Estimator, Problem
@@ -64,7 +64,9 @@ def prior_blocks(problem: Problem, specific_force: SpecificForce) -> dict[tuple[
     """Return the prior of body, offsets and declared errors."""
     still = PriorBlock(np.zeros(3), STILL_WITHIN**2 * np.eye(3))
     assumed = {("cg_from_still",): still} if specific_force == "still" else {}
-    return static_prior(problem) | assumed | error_blocks(problem.errors)
+    blocks = static_prior(problem) | assumed | error_blocks(problem.errors)
+    shared = {name: error for name, error in problem.errors.items() if error.shared}
+    return linked(blocks, shared, {} if problem.centre is None else problem.centre.lasting_errors)
 
 
 def static_prior(problem: Problem) -> dict[tuple[str, ...], PriorBlock]:

@@ -27,6 +27,9 @@ class Attitudes:
     """What k independent errors of one standard uncertainty each, common to all poses, do to f [m/s²]; None: none."""
     lasting: int = 0
     """How many of these, the first, stay as they are from one series of poses to the next."""
+    wrench: Float[np.ndarray, "n 6 e"] | None = None
+    """What e independent errors of load cell or gravity, of one standard uncertainty each, do to each pose's wrench
+    [N, N·m]; they last, too. None: none."""
 
 
 EXACT = Attitudes()
@@ -68,7 +71,10 @@ def fit(
     values = np.einsum("pnc,nc->p", gain, measured)
     residuals = measured - rows @ values
     free = np.maximum(len(rows) - np.einsum("ncp,pnc->c", rows, gain), 0.1)
-    tilts, common_effect = _attitude_effects(values, gain, specific_force, attitudes)
+    tilts, of_attitude = _attitude_effects(values, gain, specific_force, attitudes)
+    of_cell = np.zeros((LINEAR, 0)) if attitudes.wrench is None else np.einsum("pnc,nck->pk", gain, attitudes.wrench)
+    lasting = attitudes.lasting + of_cell.shape[1]
+    common_effect = np.hstack([of_attitude[:, : attitudes.lasting], of_cell, of_attitude[:, attitudes.lasting :]])
     scatter = _scatter(residuals, free, tilts)
     if mass is not None:
         factor, mass_gain = _observed(_covariance(gain, scatter, tilts, common_effect), mass[1])
@@ -77,7 +83,7 @@ def fit(
         common_effect = np.column_stack([factor @ common_effect, mass_gain * mass[1]])
     covariance = _covariance(gain, scatter, tilts, common_effect)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
-    return Fit(values, covariance, measured - rows @ values, degrees, common_effect[:, : attitudes.lasting])
+    return Fit(values, covariance, measured - rows @ values, degrees, common_effect[:, :lasting])
 
 
 def predicted_fit(

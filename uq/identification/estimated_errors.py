@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Mapping
 import jax.numpy as jnp
 import numpy as np
 
-from identify.joint.priors import ConstantError
+from identify.joint.priors import ConstantError, root_of
 from identify.rigid_body.regressor import cross_matrix
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import CELL_CHANNELS, effect
@@ -56,12 +56,14 @@ def estimated_errors(
             unknown, numbers = UNKNOWN.get(source.perturbs) or _drift(source, duration)
             shape = np.shape(source.sigma)
             basis = np.eye(int(np.prod(shape))).reshape(-1, *shape)
-            by_draw = np.stack([numbers(_field(source, unit)) for unit in basis], axis=1)
+            by_draw = np.stack([numbers(_field(source, np.asarray(unit))) for unit in basis], axis=1)
+            axes = by_draw @ draw_root(source, experiment.mixing)
             priors[source.name] = ConstantError(
                 unknown,
                 numbers(_field(source, np.broadcast_to(source.mean, shape))),
-                by_draw @ _covariance(source, experiment.mixing) @ by_draw.T,
+                axes @ axes.T,
                 source.name not in redrawn,
+                axes,
             )
     return priors
 
@@ -71,13 +73,12 @@ def _field(source: Source, draw: np.ndarray) -> np.ndarray:
     return np.asarray(getattr(effect(source, jnp.asarray(draw, float)), source.perturbs))
 
 
-def _covariance(source: Source, mixing: Collection[Mixing]) -> np.ndarray:
-    """Covariance of one source's draw, its axes correlated as declared."""
+def draw_root(source: Source, mixing: Collection[Mixing]) -> np.ndarray:
+    """Return a root of the covariance of one source's draw, (n, n), its axes correlated as declared."""
     sigma = np.broadcast_to(np.asarray(source.standard_deviation, float), np.shape(source.sigma)).ravel()
-    covariance = np.diag(sigma**2)
     for mix in mixing:
         if source.name in mix.names:
             first = sum(mix.axes[: mix.names.index(source.name)])
             here = slice(first, first + len(sigma))
-            covariance = np.asarray(mix.correlation)[here, here] * np.outer(sigma, sigma)
-    return covariance
+            return root_of(np.asarray(mix.correlation)[here, here] * np.outer(sigma, sigma))
+    return np.diag(sigma)

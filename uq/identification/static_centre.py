@@ -17,6 +17,7 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncertain, up
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
+from uq.identification.centre_errors import weight_errors
 from uq.recorded.declared_channels import Rig, declared
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.table_recording import as_recording, silenced
@@ -69,12 +70,17 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
     else:
         wrenches = _run_wrenches(path, experiment, windows)
     signals = wrenches.force, wrenches.moment, wrenches.specific_force
-    result = centre(*signals, attitudes=wrenches.attitudes, mass=experiment.scale, name=name)
+    plain = centre(*signals, attitudes=wrenches.attitudes, mass=experiment.scale, name=name)
+    push = plain.mass * wrenches.specific_force
+    errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
+    attitudes = replace(wrenches.attitudes, wrench=errors)
+    result = plain if not names else centre(*signals, attitudes=attitudes, mass=experiment.scale, name=name)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
     )  # fmt: skip
     return replace(
         result,
+        lasting_names=(*(f"attitude axis {k + 1}" for k in range(attitudes.lasting)), *names),
         zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig),
         warnings=(*wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),

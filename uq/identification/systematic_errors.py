@@ -5,7 +5,7 @@ added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sourc
 all runs, so they do not average out; those that each mounting draws independently do.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +28,13 @@ from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
+from uq.identification.centre_errors import (
+    Shared,
+    centre_covariance_beside,
+    centre_source,
+    shared_sources,
+    with_shared_errors,
+)
 from uq.identification.combined_uncertainty import (
     Name,
     Systematic,
@@ -72,6 +79,8 @@ class Problem(eqx.Module):
     nodes: Float[Array, " delays"]
     """Delays of the sums [s]."""
     columns: Columns
+    centre_by_draw: dict[Name, Float[Array, "3 n"]]
+    """What a source's draw has done to the centre of gravity of static poses already [m]."""
     redrawn: frozenset[Name] = eqx.field(static=True)
     """Sources that each mounting draws independently."""
     offsets: OffsetChoice = eqx.field(static=True)
@@ -132,6 +141,8 @@ def with_declared_sources(
     of_sources = np.cov(systematic.common.T, ddof=1)
     if "r_cg" in redrawn and len({run.mounting for run in runs}) > 1:  # each mounting has its own
         result = replace(result, cg_inertia_covariance=None, mass_covariance=None)
+    else:
+        result = _with_shared_errors(result, runs, experiment, redrawn)
     ten = np.nan_to_num(result.parameters.covariance)
     # draws know a variance to a per cent, and may fall short of what the centre of gravity's part is
     covariance = with_cross(together.covariance + of_sources, ten[:4, :4], ten[:4, 4:])
@@ -180,7 +191,7 @@ def problem_of(
     Raises:
         ExperimentError, RunError: see :func:`with_declared_sources`.
     """
-    sources, mixing = acting(result, experiment)
+    sources, mixing = acting(result, experiment, redrawn)
     labels = [run.mounting for run in runs]
     mountings = list(dict.fromkeys(labels))
     _check_redrawn(redrawn, experiment.sources, mixing)
@@ -200,12 +211,22 @@ def problem_of(
     platform = Platform(Unknown(np.array(0.0)), np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return Problem(
-        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns, acting_redrawn, result.offsets,
+        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns,
+        {name: jnp.asarray(of.by_draw) for name, of in _shared(result, sources, mixing, redrawn).items()},
+        acting_redrawn, result.offsets,
         any(fitted.weighed is not None for fitted in result.runs),
     )  # fmt: skip
 
 
-def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
+def _shared(
+    result: Identification, sources: Sequence[Source], mixing: Sequence[Mixing], redrawn: Collection[str]
+) -> dict[Name, Shared]:
+    return shared_sources(result, [source for source in sources if source.name not in redrawn], mixing)
+
+
+def acting(
+    result: Identification, experiment: Experiment, redrawn: Collection[str] = ()
+) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
     """Return the constant sources that a result does not hold yet, and which of them are correlated.
 
     The centre of gravity's uncertainty is the result's, wherever it comes from: ``[[source]]`` or static poses.
@@ -217,25 +238,19 @@ def acting(result: Identification, experiment: Experiment) -> tuple[tuple[Source
         sources = [s for s in sources if s.perturbs != "r_cg"]
         names = {source.name for source in sources}
         return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
+    shared = _shared(result, sources, mixing, redrawn)
     covariance = result.cg_covariance
+    if shared:
+        covariance = centre_covariance_beside(result.parameters.covariance[1:4, 1:4], shared)
     same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
     if covariance is not None or not same:
         sources = [s for s in sources if s.perturbs != "r_cg"]
         if np.any(result.sigma_r_cg > 0):
-            source, mix = _centre_source(result.sigma_r_cg, covariance)
+            sigma = result.sigma_r_cg if covariance is None else np.sqrt(np.diag(covariance))
+            source, mix = centre_source(sigma, covariance)
             sources, mixing = [*sources, source], [*mixing, *mix]
     names = {source.name for source in sources}
     return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
-
-
-def _centre_source(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:
-    """The centre of gravity's uncertainty as a source."""
-    source = Source("r_cg", "r_cg", "bias", "cg", np.asarray(sigma), "the stated centre of gravity")
-    if covariance is None:
-        return source, ()
-    scale = np.where(sigma > 0, sigma, 1.0)
-    correlation = np.where(np.eye(3) > 0, 1.0, covariance / np.outer(scale, scale))
-    return source, (Mixing(("r_cg",), (3,), correlation),)
 
 
 def _check_redrawn(redrawn: Collection[str], sources: Sequence[Source], mixing: Sequence[Mixing]) -> None:
@@ -288,11 +303,48 @@ def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
     return solve_normal(normal, right).inertia
 
 
+def errors_of(problem: Problem, drawn: Mapping[Name, Array], cases: Sequence[frozenset[Name]]) -> Errors:
+    """Return the errors that act in each case, with those of the centre of gravity that a source has made before."""
+    errors = errors_of_cases(problem.sources, drawn, cases)
+    for name, by_draw in problem.centre_by_draw.items():
+        acts = jnp.asarray([float(name in case) for case in cases])
+        errors = errors._replace(r_cg=errors.r_cg + jnp.outer(acts, by_draw @ drawn[name].ravel()))
+    return errors
+
+
+@eqx.filter_jit
+def _of_axes(problem: Problem, name: Name, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
+    """The tensor with each of some draws of one source."""
+    nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}
+
+    def of(axis):
+        drawn = nothing | {name: axis.reshape(nothing[name].shape)}
+        alone = jax.tree.map(lambda leaf: leaf[0], errors_of(problem, drawn, (frozenset([name]),)))
+        return estimate(problem, [alone] * len(problem.sums))
+
+    return jax.vmap(of)(axes)
+
+
+def _with_shared_errors(
+    result: Identification, runs: Sequence[Run], experiment: Experiment, redrawn: Collection[str]
+) -> Identification:
+    """The result, correlated with mass and centre of gravity by the errors that have made both of them wrong."""
+    if not _shared(result, experiment.sources, experiment.mixing, redrawn):
+        return result
+    problem = problem_of(result, runs, experiment, redrawn=redrawn)
+    shared = _shared(result, problem.sources, problem.mixing, redrawn)
+    changes = {}
+    for name, of in shared.items():
+        axes = jnp.asarray(of.root.T)
+        changes[name] = np.asarray(_of_axes(problem, name, axes) - _of_axes(problem, name, -axes)) / 2  # GUM 5.1.3
+    return with_shared_errors(result, shared, changes)
+
+
 def _trials(
     problem: Problem, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool
 ) -> Float[Array, "trials cases 6"]:
     def of_trial(index):
-        errors = [errors_of_cases(problem.sources, drawn, problem.cases) for drawn in draws(problem, key, index)]
+        errors = [errors_of(problem, drawn, problem.cases) for drawn in draws(problem, key, index)]
         return jax.vmap(lambda *of: estimate(problem, of))(*errors)
 
     return jax.vmap(of_trial)(indices)

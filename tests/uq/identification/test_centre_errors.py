@@ -1,0 +1,130 @@
+"""Declared errors of the load cell in static poses, and of the same cell in the runs that are identified with them.
+
+Poses are made here in plain NumPy, runs by tests/laboratory.py.
+"""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.laboratory import FULL_SCALE, measure
+from tests.laboratory_mechanics import GRAVITY, MASS, R_CG
+from tests.laboratory_runs import document, source, write
+from uq.experiment.experiment import Experiment
+from uq.identification.identify_files import identify_files
+from uq.identification.static_centre import centre_file
+
+SHORT = {"seconds": 15.0}
+GAIN = 2.5e-3
+"""Standard uncertainty of each channel's gain: ±0.5 %, k = 2."""
+DECLARED = [source("f", "F", "scale", [100 * GAIN] * 3), source("m", "M", "scale", [100 * GAIN] * 3)]
+MORE = [
+    source("a", "wrench", "misalignment", [1e-3] * 3),
+    source("c", "wrench", "cross_talk", 2e-3),
+    {"name": "g", "target": "gravity", "kind": "bias", "group": "rig", "sigma": "0.005 m/s^2"},
+]
+
+
+def poses_file(path, *, matrix=None, noise=0.0, seed=0):
+    """A table of 16 poses that turn all ways, read by a load cell that multiplies the wrench by a matrix."""
+    rng = np.random.default_rng([7, seed])
+    up = GRAVITY * Rotation.random(16, rng=np.random.default_rng(5)).as_matrix()[:, 2]
+    wrench = np.hstack([MASS * up, np.cross(R_CG, MASS * up)]) @ (np.eye(6) if matrix is None else matrix).T
+    wrench = wrench + noise * rng.standard_normal(wrench.shape) * [0.05, 0.05, 0.05, 0.003, 0.003, 0.003]
+    rows = [",".join(f"{value!r}" for value in row) for row in np.hstack([wrench, -up]).tolist()]
+    path.write_text("\n".join(["fx,fy,fz,tx,ty,tz,gx,gy,gz", *rows]) + "\n")
+    return path
+
+
+def experiment_of(measured, method="source", sources=DECLARED):
+    content = document(measured, method, sources)
+    del content["body"]
+    content["poses"] = {"force": ["fx", "fy", "fz"], "moment": ["tx", "ty", "tz"], "gravity": ["gx", "gy", "gz"]}
+    return Experiment.from_dict(content)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return measure(1, **SHORT)
+
+
+def turned(vector):
+    return np.kron(np.eye(2), Rotation.from_rotvec(vector).inv().as_matrix())
+
+
+TALK = np.zeros((6, 6))
+TALK[4, 0] = 2e-3 * FULL_SCALE[4] / FULL_SCALE[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "matrix"),
+    [
+        ("f 2", np.eye(6) + GAIN * np.diag([0, 1, 0, 0, 0, 0])),
+        ("m 3", np.eye(6) + GAIN * np.diag([0, 0, 0, 0, 0, 1])),
+        ("a 1", turned([1e-3, 0, 0])),
+        ("c 25", np.eye(6) + TALK),
+        ("g 1", (1 + 0.005 / GRAVITY) * np.eye(6)),
+    ],
+)
+def test_an_error_does_to_the_centre_what_it_does_to_the_poses(tmp_path, clean, name, matrix):
+    """One standard uncertainty of one axis, put into the wrench of the poses: gravity acts on force and moment alike."""
+    experiment = experiment_of(clean, sources=[*DECLARED, *MORE])
+    plain = centre_file(poses_file(tmp_path / "poses.csv"), experiment)
+    moved = centre_file(poses_file(tmp_path / "moved.csv", matrix=matrix), experiment)
+    stated = plain.lasting_errors[name]
+    np.testing.assert_allclose(stated, moved.values - plain.values, rtol=0.01, atol=2e-3 * np.abs(stated).max())
+    assert np.abs(stated).max() > 0
+
+
+def test_a_declared_gain_reaches_mass_and_centre(tmp_path, clean):
+    """Gains of the axes are independent: the mass, of directions drawn evenly, has a third of each one's variance."""
+    path = poses_file(tmp_path / "poses.csv", noise=1.0)
+    with_gain, without = (centre_file(path, experiment_of(clean, sources=s)) for s in (DECLARED, []))
+    assert with_gain.standard_uncertainty[0] == pytest.approx(MASS * GAIN / np.sqrt(3), rel=0.2)
+    assert without.standard_uncertainty[0] < 0.2 * with_gain.standard_uncertainty[0]
+    assert with_gain.standard_uncertainty[3] > R_CG[2] * GAIN / 3
+    written = with_gain.to_dict()
+    assert written["lasting_names"] == [f"{name} {k}" for name in "fm" for k in (1, 2, 3)]
+    again = type(with_gain).from_dict(json.loads(json.dumps(written)))
+    np.testing.assert_allclose(again.lasting_errors["f 1"], with_gain.lasting_errors["f 1"])
+
+
+def identified(tmp_path, seed, method, *, shared=True):
+    """A laboratory whose load cell has gains of the declared size, in poses and run, and zeros that are those of the poses."""
+    rng = np.random.default_rng([18, seed])
+    gain = GAIN * rng.standard_normal(6)
+    measured = measure(seed, cell_gain=tuple(gain), drawn=0.0, **SHORT)
+    experiment = experiment_of(measured, method)
+    centre = centre_file(poses_file(tmp_path / "p.csv", matrix=np.diag(1 + gain), noise=1.0, seed=seed), experiment)
+    if not shared:
+        centre = replace(centre, lasting=None, lasting_names=())
+    (tmp_path / "c.json").write_text(json.dumps(centre.to_dict()))
+    path = write(tmp_path / f"run{seed}.mcap", measured)
+    return measured, identify_files([path], experiment, centre=tmp_path / "c.json")
+
+
+@pytest.mark.parametrize(("method", "runs"), [*((m, 2) for m in ("source", "gls", "joint")),
+                         *(pytest.param(m, 20, marks=pytest.mark.study) for m in ("source", "gls", "joint"))])  # fmt: skip
+def test_errors_of_all_ten_are_as_large_as_the_uncertainty_says(tmp_path, method, runs):
+    """Root mean square of errors over u of mass, centre and tensor together; 20 runs each in the study."""
+    ratio = []
+    for seed in range(runs):
+        measured, result = identified(tmp_path, seed, method)
+        ten = result.parameters
+        truth = np.concatenate([[MASS], R_CG, measured.truth])
+        ratio.append((ten.values - truth) / ten.standard_uncertainty)
+        assert np.linalg.eigvalsh(ten.covariance / np.outer(*[ten.standard_uncertainty] * 2)).min() > -1e-9
+    rms = np.sqrt(np.mean(np.square(ratio), axis=0))
+    print(method, np.round(rms, 2), np.sqrt(np.mean(rms**2)))
+    assert 0.4 < np.sqrt(np.mean(rms**2)) < 1.6
+
+
+def test_a_gain_of_both_is_not_counted_twice(tmp_path):
+    """What the moment's gain has done to r_CG cancels with what it does to the run: independent, the two would add."""
+    (_, linked), (_, apart) = (identified(tmp_path, 0, "source", shared=shared) for shared in (True, False))
+    assert linked.standard_uncertainty[3] < 0.7 * apart.standard_uncertainty[3]
+    assert {"f 1", "m 3"} <= set(linked.lasting)
+    assert apart.lasting == {}

@@ -1,0 +1,110 @@
+"""Declared errors of the load cell and of gravity in static poses: what they do to mass and centre of gravity.
+
+The same errors act in the runs that are identified with this centre, so they keep their names: ``F_gain 1`` is the
+first axis of the source ``F_gain``, one standard uncertainty of it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.joint.priors import axes_of
+from identify.results.covariances import positive
+from identify.results.identification_result import Identification
+from uq.experiment.experiment import Experiment
+from uq.identification.estimated_errors import draw_root, estimated_errors
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
+
+
+def weight_errors(
+    experiment: Experiment, weight: Float[np.ndarray, "n 6"]
+) -> tuple[Float[np.ndarray, "n 6 k"], tuple[str, ...]]:
+    """Return what declared errors, of one standard uncertainty each, do to the wrench of static poses, and their names.
+
+    Args:
+        experiment: its sources and gravity.
+        weight: wrench of the weight alone [N, N·m].
+    """
+    effects, names = [], []
+    for name, (unknown, axis) in axes_of(estimated_errors(experiment, 0.0)).items():
+        if unknown == "cell_matrix" and axis.any():
+            effects.append(weight @ axis.reshape(6, 6).T)
+            names.append(name)
+        elif unknown == "gravity":
+            effects.append(weight * axis[0] / experiment.gravity)
+            names.append(name)
+    return np.stack(effects, axis=2) if effects else np.zeros((*weight.shape, 0)), tuple(names)
+
+
+class Shared(NamedTuple):
+    """A source that acts in the runs and has acted in the static poses."""
+
+    root: Float[np.ndarray, "n n"]
+    """Of its covariance: a column is one standard uncertainty of an axis."""
+    on_centre: Float[np.ndarray, "4 n"]
+    """Error of mass [kg] and centre of gravity [m] by each column."""
+
+    @property
+    def by_draw(self) -> Float[np.ndarray, "3 n"]:
+        """Error of the centre of gravity by the source's draw."""
+        return self.on_centre[1:] @ np.linalg.pinv(self.root)
+
+
+def shared_sources(result: Identification, sources: Sequence[Source], mixing: Sequence[Mixing]) -> dict[str, Shared]:
+    """Return, by name, the sources whose errors the result's mass and centre of gravity have already."""
+    shared = {}
+    for source in sources:
+        root = draw_root(source, mixing)
+        effects = [result.lasting.get(f"{source.name} {k}", np.zeros(10))[:4] for k in range(1, len(root) + 1)]
+        if np.any(effects):
+            shared[source.name] = Shared(root, np.array(effects).T)
+    return shared
+
+
+def centre_covariance_beside(
+    covariance: Float[np.ndarray, "3 3"], shared: Mapping[str, Shared]
+) -> Float[np.ndarray, "3 3"]:
+    """Return the covariance of the centre of gravity without what shared sources do to it."""
+    return positive(covariance - sum(of.on_centre[1:] @ of.on_centre[1:].T for of in shared.values()))
+
+
+def with_shared_errors(
+    result: Identification, shared: Mapping[str, Shared], changes: Mapping[str, Float[np.ndarray, "n 6"]]
+) -> Identification:
+    """Return a result correlated with its mass and centre of gravity by the errors that have made both of them wrong.
+
+    Args:
+        result: correlated by way of the centre of gravity alone.
+        shared: sources of such errors.
+        changes: of the tensor by one standard uncertainty of each of their axes [kg·m²].
+    """
+    cross, lasting = result.parameters.covariance[:4, 4:].copy(), dict(result.lasting)
+    for name, of in shared.items():
+        for number, (on_centre, on_tensor) in enumerate(zip(of.on_centre.T, changes[name], strict=True), 1):
+            label = f"{name} {number}"
+            if label in lasting:
+                cross += np.outer(on_centre, on_tensor - lasting[label][4:])
+                lasting[label] = np.concatenate([on_centre, on_tensor])
+    with_mass = np.zeros(3) if result.mass_covariance is None else result.mass_covariance[:3]
+    return replace(
+        result, cg_inertia_covariance=cross[1:], mass_covariance=np.concatenate([with_mass, cross[0]]), lasting=lasting
+    )
+
+
+def centre_source(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:
+    """Return the centre of gravity's uncertainty as a source, and its correlations.
+
+    Args:
+        sigma: standard uncertainty on each axis [m].
+        covariance: (3, 3) [m²]; None: diagonal.
+    """
+    source = Source("r_cg", "r_cg", "bias", "cg", np.asarray(sigma), "the stated centre of gravity")
+    if covariance is None:
+        return source, ()
+    scale = np.where(sigma > 0, sigma, 1.0)
+    correlation = np.where(np.eye(3) > 0, 1.0, covariance / np.outer(scale, scale))
+    return source, (Mixing(("r_cg",), (3,), correlation),)
