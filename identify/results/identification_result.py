@@ -127,6 +127,13 @@ class Identification(Result):
         return np.sqrt(np.diag(self.covariance))
 
     @property
+    def coverage_factors(self) -> np.ndarray:
+        """Half of the intervals of 95 % of the ten parameters over their standard uncertainties."""
+        half, u = np.ptp(self.interval95, axis=1) / 2, self.standard_uncertainty
+        of_tensor = np.divide(half, u, out=np.full(6, mass_and_centre.NORMAL), where=u > 0)
+        return np.concatenate([np.broadcast_to(self.centre_factor, 4), of_tensor])
+
+    @property
     def contributions(self) -> Mapping[str, np.ndarray]:
         """Each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known."""
         whole = None if self.tare is None else self.tare.whole.standard_uncertainty[4:]

@@ -11,7 +11,7 @@ from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import PARAMETERS, Tensor, by_component
 from identify.text_tables import Table
-from uq.bodies.normalised_error import joint_chi_squared, normalised_error
+from uq.bodies.normalised_error import USUAL, joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import Suspicion, suspicions
 from uq.bodies.reference import Reference
 
@@ -35,6 +35,8 @@ class Comparison(Result):
     """Measured mass and its standard uncertainty [kg]; None: not known."""
     centre: tuple[np.ndarray, np.ndarray] | None = None
     """Measured centre of gravity from Q in B and its standard uncertainty [m]."""
+    factor: np.ndarray = field(default_factory=lambda: np.full(10, USUAL))
+    """Coverage factors of mass, centre of gravity and tensor: 2, or those of the result's intervals where larger."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "expected"
 
@@ -58,7 +60,7 @@ class Comparison(Result):
     @property
     def normalised_error(self) -> np.ndarray:
         """E_n of each component: satisfactory up to 1 (ISO 13528:2022, 9.7; ISO/IEC 17043)."""
-        return normalised_error(self.measured, self.expected)
+        return normalised_error(self.measured, self.expected, self.factor[4:])
 
     @property
     def joint(self) -> tuple[float, int, float]:
@@ -84,7 +86,7 @@ class Comparison(Result):
         errors = {}
         for k, (name, pair) in enumerate(expected.items()):
             if pair is not None and np.isfinite(value[k]) and np.hypot(pair[1], u[k]) > 0:
-                errors[name] = float((pair[0] - value[k]) / (2 * np.hypot(pair[1], u[k])))
+                errors[name] = float((pair[0] - value[k]) / np.hypot(self.factor[k] * pair[1], USUAL * u[k]))
         return errors
 
     def _centres(self) -> list[tuple[float, float] | None]:
@@ -111,12 +113,12 @@ class Comparison(Result):
     def tables(self) -> list[Table]:
         """Return the comparison, in g·m²."""
         head = [
-            "g·m²", "expected", "U (k = 2)", "mean of runs", "standard deviation", "measured", "U (k = 2)", "deviation",
+            "g·m²", "expected", "U (k = 2)", "mean of runs", "standard deviation", "measured", "U", "deviation",
             "relative %", "E_n",
         ]  # fmt: skip
         columns = (
             self.expected.inertia, 2 * self.expected.standard_uncertainty, self.mean, self.standard_deviation,
-            self.measured.inertia, 2 * self.measured.standard_uncertainty, self.deviation,
+            self.measured.inertia, self.factor[4:] * self.measured.standard_uncertainty, self.deviation,
         )  # fmt: skip
         rows = []
         for k, name in enumerate(COMPONENTS):
@@ -219,7 +221,7 @@ def compare(result: Identification, reference: Reference) -> Comparison:
     alone = [run.inertia - result.taken_off for run in result.runs if run.alone]
     return Comparison(
         reference, ten.tensor, np.array(alone).reshape(-1, 6), suspicions(ten.tensor, reference), mass,
-        (np.asarray(ten.r_cg), u[1:4]), result.provenance,
+        (np.asarray(ten.r_cg), u[1:4]), np.fmax(result.coverage_factors, USUAL), result.provenance,
     )  # fmt: skip
 
 
@@ -239,5 +241,6 @@ def _nulled(values: Mapping[str, float]) -> dict[str, float | None]:
 
 EXPECTED = (
     "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
-    "over the root of the sum of squares of both expanded uncertainties (k = 2): satisfactory up to 1 (ISO 13528)."
+    "over the root of the sum of squares of both expanded uncertainties (k = 2; of the result half its interval of "
+    "95 %, where that is wider): satisfactory up to 1 (ISO 13528)."
 )

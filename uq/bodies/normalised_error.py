@@ -5,16 +5,20 @@ import scipy
 
 from identify.rigid_body.inertial_parameters import Tensor
 
+USUAL = 2.0
+"""Coverage factor of expanded uncertainties."""
 
-def normalised_error(measured: Tensor, expected: Tensor) -> np.ndarray:
-    """Return E_n of each component, ``d / √(U² + U_ref²)`` with U = 2 u (ISO 13528:2022, 9.7); infinite if U is zero.
+
+def normalised_error(measured: Tensor, expected: Tensor, factor: np.ndarray | float = USUAL) -> np.ndarray:
+    """Return E_n of each component, ``d / √(U² + U_ref²)`` (ISO 13528:2022, 9.7); infinite if U is zero.
 
     Args:
         measured: a tensor.
-        expected: what it should be; its errors are independent of the measurement's.
+        expected: what it should be, U_ref = 2 u; its errors are independent of the measurement's.
+        factor: coverage factor of the measured one, U = k u.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        both = 2 * np.sqrt(np.diag(measured.covariance + expected.covariance))
+        both = np.sqrt(factor**2 * np.diag(measured.covariance) + USUAL**2 * np.diag(expected.covariance))
         ratio = (measured.inertia - expected.inertia) / both
     return np.where(np.isnan(ratio), 0.0, ratio)
 

@@ -129,7 +129,7 @@ def tared(
         for ten, effect in zip((whole, fixture), effects, strict=True)
     )
     body = subtract(whole, fixture, effects[0] @ effects[1].T)
-    factors = [_factors(result), np.full(10, NORMAL) if identified is None else _factors(identified)]
+    factors = [result.coverage_factors, np.full(10, NORMAL) if identified is None else identified.coverage_factors]
     half_width = _half_width(whole, fixture, body, factors)
     half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
@@ -179,10 +179,3 @@ def _half_width(
 def _shift(result: Identification) -> np.ndarray:
     """How far the middle of a result's intervals is from its value: expected errors of declared sources."""
     return result.interval95.mean(axis=1) - result.inertia
-
-
-def _factors(result: Identification) -> np.ndarray:
-    """The coverage factors of a result's intervals, of all ten parameters."""
-    half, u = np.diff(result.interval95, axis=1)[:, 0] / 2, result.standard_uncertainty
-    of_tensor = np.divide(half, u, out=np.full(6, NORMAL), where=u > 0)
-    return np.concatenate([np.broadcast_to(result.centre_factor, 4), of_tensor])

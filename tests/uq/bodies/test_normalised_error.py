@@ -307,6 +307,17 @@ def test_the_sources_table_3_as_a_laboratory_compares_it(generator):
     assert found.to_dict()["relative_error"]["I12"] is None
 
 
+def test_few_runs_count_with_the_interval_that_they_have():
+    """Half intervals of 12.7 u, as two runs give them, and of 4 u for the mass: E_n is so much smaller."""
+    result = identified(Tensor(MEAN, 1e-8 * np.eye(6)), mass=MASS + 0.004)
+    half = 12.7 * 1e-4 * np.array([[-1, 1]])
+    wide = dataclasses.replace(result, interval95=MEAN[:, None] + half, centre_factor=np.array([4.0, 2, 2, 2]))
+    exact = cad(written("CG", "tensor"), frame=False)
+    narrow, found = compare(result, exact), compare(wide, exact)
+    np.testing.assert_allclose(found.normalised_error, narrow.normalised_error * 2 / 12.7)
+    assert found.other_errors["mass"] == pytest.approx(narrow.other_errors["mass"] / 2)
+
+
 def test_joint_chi_squared_has_its_distribution(generator):
     """2,000 measurements of a correlated reference: the probability is uniform (Kolmogorov–Smirnov at 1e-3: 0.0436)."""
     draw = generator.normal(size=(6, 6))
