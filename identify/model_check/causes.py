@@ -103,7 +103,7 @@ def _air(run: Prediction) -> np.ndarray:
 
 def _flexible(run: Prediction) -> np.ndarray:
     """A body that turns on its mounting by −M/k: its angular acceleration has the second derivative of that, too."""
-    return _on_axes(-_derivative(run, run.wrench[:, 3:], 2), slice(3, 6))
+    return _on_axes(-derivative(run, run.wrench[:, 3:], 2), slice(3, 6))
 
 
 def _moving(run: Prediction) -> np.ndarray:
@@ -117,13 +117,14 @@ def _gain_drift(run: Prediction) -> np.ndarray:
 
 def _late(run: Prediction) -> np.ndarray:
     """Force and moment that come late, each by its own time."""
-    slope = -_derivative(run, run.wrench, 1)
+    slope = -derivative(run, run.wrench, 1)
     columns = np.zeros((len(slope), 6, 2))
     columns[:, :3, 0], columns[:, 3:, 1] = slope[:, :3], slope[:, 3:]
     return columns
 
 
-def _derivative(run: Prediction, signal: np.ndarray, order: int) -> np.ndarray:
+def derivative(run: Prediction, signal: np.ndarray, order: int) -> np.ndarray:
+    """Return a derivative of a signal of a run's rows by time."""
     t = run.signals.interval * np.arange(len(signal))
     return np.asarray(scipy.interpolate.make_interp_spline(t, signal, k=5).derivative(order)(t))
 
@@ -139,8 +140,9 @@ def _accelerometer_place(run: Prediction) -> Made:
     return _carried(run, -run.x["mass"] * levers), np.full(3, 0.01)
 
 
-def _accelerometer_scale(run: Prediction) -> Made:
-    return _carried(run, -run.wrench[:, :3, None] * np.eye(3)), np.full(3, 0.005)
+def accelerometer_scale(run: Prediction) -> np.ndarray:
+    """Return what the accelerometer's scale factors add to the wrench, (n, 6, 3), where it tells the specific force."""
+    return _carried(run, -run.wrench[:, :3, None] * np.eye(3))
 
 
 def _gyro_axes(run: Prediction) -> Made:
@@ -153,7 +155,7 @@ def _gyro_axes(run: Prediction) -> Made:
 def _gyro_g(run: Prediction) -> Made:
     """Angular velocity that specific force feigns, each axis by each: its slope counts in alpha."""
     force = run.specific_force
-    slope = _derivative(run, force, 1)
+    slope = derivative(run, force, 1)
     omega, alpha = (
         -np.einsum("nj,ik->nikj", signal, np.eye(3)).reshape(len(signal), 3, 9) for signal in (force, slope)
     )
@@ -198,7 +200,7 @@ MAKERS: dict[str, Callable[[Prediction], Made]] = {
     "flexible mounting": _wrench(_flexible, 0.01),
     "tensor": _wrench(_moving, 0.01),
     "accelerometer place": _accelerometer_place,
-    "accelerometer scale": _accelerometer_scale,
+    "accelerometer scale": lambda run: (accelerometer_scale(run), np.full(3, 0.005)),
     "clock": _clock,
     "filter": _wrench(_late, 0.02),
     "nonlinearity": _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),

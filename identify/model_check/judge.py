@@ -9,7 +9,8 @@ from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import error_blocks, root_of
 from identify.methods.base import Problem
-from identify.methods.joint import STILL_WITHIN
+from identify.methods.joint import STILL_WITHIN, specific_force_source
+from identify.model_check.held_errors import by_held_errors
 from identify.model_check.model_check import Followed, followed
 from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Force
@@ -50,14 +51,23 @@ def judged(result: Identification, problem: Problem) -> Identification:
         problem: that it was given.
     """
     verdicts: list[Verdict] = []
-    shifts = np.zeros(6)
+    shifts, held = np.zeros(6), None
     if result.seen is None:
-        for run in problem.runs:
-            of_run, shift = _of_run(run, result, problem)
-            verdicts += of_run
+        fits = [_fits(run, result, problem) for run in problem.runs]
+        for run, of_run in zip(problem.runs, fits, strict=True):
+            named, shift = _of_run(run, result, problem, of_run)
+            verdicts += named
             shifts += shift / len(problem.runs)
+        of_estimator = [_fit_of_estimator(*each, result, problem) for each in zip(problem.runs, fits, strict=True)]
+        if all(of_estimator):
+            held = by_held_errors(result, problem, [fit for fit in of_estimator if fit])
     texts = tuple(verdict.text for verdict in verdicts)
-    told = replace(result, consistency=(*result.consistency, *verdicts), warnings=(*result.warnings, *texts))
+    told = replace(
+        result,
+        consistency=(*result.consistency, *verdicts),
+        warnings=(*result.warnings, *texts),
+        by_held_errors=held,
+    )
     return told if result.admissible is not None else with_misfit(told, shifts)
 
 
@@ -79,9 +89,8 @@ def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
     )  # fmt: skip
 
 
-def _of_run(run: Run, result: Identification, problem: Problem) -> tuple[list[Verdict], np.ndarray]:
+def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFit]) -> tuple[list[Verdict], np.ndarray]:
     """Verdicts of one run, and the sum of the shifts that they stand for."""
-    fits = _fits(run, result, problem)
     if not fits:
         return _saturated(run) + _by_moment(run, result), np.zeros(6)
     named: dict[str, Followed] = {}
@@ -165,17 +174,8 @@ def _by_moment(run: Run, result: Identification) -> list[Verdict]:
 
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
     """The run at its best about a point at rest, if there is one, and with its accelerometer, if it has one."""
-    mass = problem.mass or result.mass
-    if not np.abs(run.force).max() > 0:
-        return []
-    if mass is not None and np.linalg.norm(run.force.mean(axis=0)) < WEIGHT * mass * problem.gravity:
-        return []
-    if run.specific_force is not None and np.linalg.norm(run.specific_force.mean(axis=0)) < WEIGHT * problem.gravity:
-        return []
-    delay = 0.0 if result.delay is None else float(result.delay.value[0])
-    try:
-        recorded = Recorded(run, problem.band(), reach=abs(delay) + 0.005)
-    except RunError:
+    recorded = None if _falls(run, result, problem) else _recorded(run, result, problem)
+    if recorded is None:
         return []
     if problem.cg_motion == "still":
         return [fit_run(recorded, _declared(run, result, problem, "still", STILL_WITHIN), "still")]
@@ -186,6 +186,38 @@ def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
     scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
     turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
     return [about, read] if turns else [read]
+
+
+def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, problem: Problem) -> RunFit | None:
+    """The fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
+    force_from = specific_force_source(problem)
+    of_estimator = [fit for fit in fits if fit.prediction.force_from == force_from]
+    if of_estimator or force_from != "none" or _falls(run, result, problem):
+        return of_estimator[0] if of_estimator else None
+    if not np.linalg.norm(run.force.mean(axis=0)) > WEIGHT * np.sqrt(np.mean(run.force**2)) or not problem.gravity > 0:
+        return None  # nothing tells the mass
+    recorded = _recorded(run, result, problem)
+    return None if recorded is None else fit_run(recorded, _declared(run, result, problem, "none", 0.0), "none")
+
+
+def _falls(run: Run, result: Identification, problem: Problem) -> bool:
+    """Whether the run has no weight on the load cell, or no force at all."""
+    if not np.abs(run.force).max() > 0:
+        return True
+    mass, force = problem.mass or result.mass, run.force.mean(axis=0)
+    if mass is not None and np.linalg.norm(force) < WEIGHT * mass * problem.gravity:
+        return True
+    read = run.specific_force
+    return read is not None and bool(np.linalg.norm(read.mean(axis=0)) < WEIGHT * problem.gravity)
+
+
+def _recorded(run: Run, result: Identification, problem: Problem) -> Recorded | None:
+    """The run in its band; None: it is too short."""
+    delay = 0.0 if result.delay is None else float(result.delay.value[0])
+    try:
+        return Recorded(run, problem.band(), reach=abs(delay) + 0.005)
+    except RunError:
+        return None
 
 
 def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:

@@ -1,7 +1,9 @@
 """Force and moment that the body needs on its motion, and how each unknown changes them.
 
 Rows are measured less predicted wrench about Q. The specific force at the centre of gravity is the accelerometer's, or,
-where the base turns about a point at rest, gravity's along the attitude with the acceleration of a lever.
+where the base turns about a point at rest, gravity's along the attitude with the acceleration of a lever; where neither
+tells it, it is that of the measured force, and only moments about the centre of gravity say anything
+(:func:`about_centre`).
 """
 
 from dataclasses import dataclass, field
@@ -14,8 +16,8 @@ from identify.joint.joint_model import SIZES
 from identify.model_check.motion_signals import MotionSignals
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 
-Force = Literal["still", "accelerometer"]
-"""Where the specific force comes from: a point at rest, or the accelerometer."""
+Force = Literal["still", "accelerometer", "none"]
+"""Where the specific force comes from: a point at rest, the accelerometer, or the measured force."""
 Columns = Float[np.ndarray, "n 6 p"]
 Changes = Float[np.ndarray, "n 3 p"]
 
@@ -39,6 +41,8 @@ class Prediction:
         s, x = self.signals, self.x
         if self.force_from == "still":
             specific = (self.gravity + x["gravity"]) * self.up + s.acceleration(x["cg_from_still"])
+        elif self.force_from == "none":
+            specific = (s.force - x["force_offset"]) / x["mass"]
         else:
             assert s.accelerometer is not None  # noqa: S101 - the caller chose it so
             specific = s.accelerometer - x["accelerometer_bias"] + s.acceleration(x["r_cg"] - self.imu_position)
@@ -143,7 +147,7 @@ class Prediction:
             return self.changed(omega, alpha, specific)
         if name == "delay":
             up = self.gravity * np.cross(self.up, s.omega)
-            slope = up if self.force_from == "still" else s.accelerometer_slope
+            slope = up if self.force_from != "accelerometer" else s.accelerometer_slope
             assert slope is not None  # noqa: S101 - there is an accelerometer
             return self.changed(s.alpha[:, :, None], s.jerk[:, :, None], slope[:, :, None])
         raise KeyError(name)
@@ -152,6 +156,11 @@ class Prediction:
         """Return the derivative by slow errors of the gyro, three axes of each function of time, (n, 6, 3 k)."""
         omega = -np.einsum("nk,ij->nikj", basis, np.eye(3)).reshape(len(basis), 3, -1)
         return self.changed(omega, np.zeros_like(omega), np.zeros_like(omega), turning=True)
+
+
+def about_centre(rows: Float[np.ndarray, "n 6 p"], r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3 p"]:
+    """Return the moment about the centre of gravity of wrenches about Q."""
+    return np.asarray(rows[:, 3:] - np.cross(r_cg, rows[:, :3], axisb=1, axisc=1))
 
 
 def zero_unknowns() -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from identify.joint.joint_model import WANDER
 from identify.model_check.motion_signals import Recorded
-from identify.model_check.predicted_wrench import Force, Prediction, zero_unknowns
+from identify.model_check.predicted_wrench import Force, Prediction, about_centre, zero_unknowns
 from identify.signals.band_limited_run import PASSED
 
 STEPS = 10
@@ -30,12 +30,15 @@ class Lines:
 
     interval: float
     band: float
-    whitener: Float[np.ndarray, "6 6"]
+    whitener: Float[np.ndarray, "rows rows"]
+    r_cg: Float[np.ndarray, "3"] | None = None
+    """Where only moments about it count: nothing tells the specific force [m]."""
 
-    def __call__(self, columns: Float[np.ndarray, "n 6 p"]) -> Float[np.ndarray, "m 6 p"]:
+    def __call__(self, columns: Float[np.ndarray, "n 6 p"]) -> Float[np.ndarray, "m rows p"]:
         """Return the lines of some columns."""
+        counting = columns if self.r_cg is None else about_centre(columns, self.r_cg)
         count = int(2 * OVER_BAND * self.band * self.interval * len(columns))
-        lines = scipy.fft.dct(columns, axis=0, norm="ortho")[:count]
+        lines = scipy.fft.dct(counting, axis=0, norm="ortho")[:count]
         return np.asarray(np.einsum("ij,mjp->mip", self.whitener, lines))
 
     def above(self, rows: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "m 6"]:
@@ -71,13 +74,20 @@ class RunFit:
 
     prediction: Prediction
     lines: Lines
-    residuals: Float[np.ndarray, "m 6"]
-    columns: Float[np.ndarray, "m 6 q"]
+    residuals: Float[np.ndarray, "m rows"]
+    columns: Float[np.ndarray, "m rows q"]
     """What a unit of each number that is estimated adds to the residuals, were it not."""
     precision: Float[np.ndarray, " q"]
     """Of their priors: one, or zero for the flat ones."""
-    tensor: slice
-    """Where the tensor stands among them."""
+    places: dict[str, slice]
+    """Where each unknown stands among them."""
+    root: dict[str, np.ndarray]
+    """How much of an unknown a unit of its numbers is; none: one each."""
+
+    @property
+    def tensor(self) -> slice:
+        """Where the tensor stands among the numbers that are estimated."""
+        return self.places["inertia"]
 
     @property
     def level(self) -> Float[np.ndarray, "6"]:
@@ -102,13 +112,16 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
     if force_from == "still":
         mean = np.einsum("nij,nj->i", signals.turns, signals.force)
         x["up"] = mean / np.linalg.norm(mean)
-    whitener = np.diag(1 / np.maximum(np.hstack([signals.force, signals.moment]).std(axis=0), 1e-12))
+    wrench = np.hstack([signals.force, signals.moment])
+    r_cg = x["r_cg"] if force_from == "none" else None
+    rows = wrench if r_cg is None else about_centre(wrench[:, :, None], r_cg)[:, :, 0]
+    whitener = np.diag(1 / np.maximum(rows.std(axis=0), 1e-12))
     started = [name for name in declared.reference if name in declared.root]
     distance = {name: np.linalg.lstsq(declared.root[name], x[name] - declared.mean[name])[0] for name in started}
     for step in range(STEPS):
         prediction = Prediction(signals, dict(x), force_from, declared.gravity, declared.imu_position)
         blocks = {name: _block(prediction, recorded, declared, name) for name in names}
-        lines = Lines(signals.interval, signals.band, whitener)
+        lines = Lines(signals.interval, signals.band, whitener, r_cg)
         columns = lines(np.concatenate(list(blocks.values()), axis=2))
         residuals = lines(prediction.residuals[:, :, None])[:, :, 0]
         sizes = {name: block.shape[2] for name, block in blocks.items()}
@@ -117,9 +130,12 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         normal = np.tensordot(columns, columns, axes=((0, 1), (0, 1))) + np.diag(precision)
         change = _solved(normal, np.einsum("mip,mi->p", columns, residuals) - precision * z)
         left = residuals - columns @ change
-        near = step > 1 and float(change @ normal @ change) < ENOUGH**2 * len(change)
-        if near:
+        near = float(change @ normal @ change) < ENOUGH**2 * len(change)
+        if step > 1 and (near or force_from == "none"):
             break
+        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(left, whitener, force_from, columns.shape[2])))
+        if force_from == "none":  # linear in what acts, but for what the estimate tells already
+            continue
         for name, part in zip(sizes, np.split(change, np.cumsum(list(sizes.values()))[:-1]), strict=True):
             distance[name] = distance.get(name, 0.0) + part
             if name == SLOW:
@@ -130,10 +146,9 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
             else:
                 x[name] = x[name] + (part if name in declared.flat else declared.root[name] @ part)
         signals = recorded.signals(slow, x)
-        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(left, whitener, force_from, columns.shape[2])))
-    first = list(sizes).index("inertia")
-    start = int(sum(list(sizes.values())[:first]))
-    return RunFit(prediction, lines, left, columns, precision, slice(start, start + 6))
+    ends = np.cumsum(list(sizes.values())).tolist()
+    places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+    return RunFit(prediction, lines, left, columns, precision, places, declared.root)
 
 
 def _block(prediction: Prediction, recorded: Recorded, declared: Declared, name: str) -> np.ndarray:
@@ -153,8 +168,8 @@ def _slow_size(declared: Declared) -> Float[np.ndarray, "terms 3"]:
 def _covariance(left: np.ndarray, whitener: np.ndarray, force_from: Force, count: int) -> np.ndarray:
     """Covariance of the rows' noise, from what is left on the lines; independent rows where nothing joins them."""
     rows = left @ np.linalg.inv(whitener).T
-    covariance = rows.T @ rows / max(len(rows) - count / 6, 1.0)
-    covariance = covariance + 1e-10 * np.diag(np.diag(covariance)) + 1e-24 * np.eye(6)
+    covariance = rows.T @ rows / max(len(rows) - count / len(whitener), 1.0)
+    covariance = covariance + 1e-10 * np.diag(np.diag(covariance)) + 1e-24 * np.eye(len(whitener))
     return np.diag(np.diag(covariance)) if force_from == "still" else covariance
 
 

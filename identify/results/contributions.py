@@ -1,9 +1,15 @@
-"""Contributions to an identified tensor's uncertainty."""
+"""Contributions to an identified tensor's uncertainty, and what errors that it does not hold would add."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
+
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertial_parameters import by_component
+from identify.text_tables import Table, decimals, fixed
 
 RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
 ESTIMATE = "estimate"
@@ -39,3 +45,91 @@ def evaluation_type(name: str) -> str:
     if name == FIXTURE:
         return "A, B"
     return "A" if name in (RESIDUALS, ESTIMATE) or name.startswith("scatter between") else "B"
+
+
+PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
+"""From which part of half an interval on an effect is compared with it, and in which words."""
+
+
+class Effect(NamedTuple):
+    """What an error that is neither declared nor estimated would do to a result."""
+
+    name: str
+    """Its key in ``[not_included]``."""
+    text: str
+    """What it is."""
+    figure: str
+    """How large it typically is."""
+    parameters: Float[np.ndarray, "10"]
+    """What it adds to mass, r_CG and tensor [kg, m, kg·m²]; zero to those that the estimate takes as given."""
+    signed: bool
+    """Whether that is a bias of known sign; else a standard uncertainty."""
+
+    @property
+    def inertia(self) -> Float[np.ndarray, "6"]:
+        """What it adds to the tensor [kg·m²]."""
+        return self.parameters[4:]
+
+
+@dataclass(frozen=True)
+class NotIncluded:
+    """Errors that a result's intervals do not hold."""
+
+    effects: tuple[Effect, ...]
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Return the content of result.json, in SI."""
+        return [
+            {
+                "name": effect.name,
+                "figure": effect.figure,
+                "signed": effect.signed,
+                "inertia": by_component(effect.inertia),
+                "mass": float(effect.parameters[0]),
+                "cg": effect.parameters[1:4].tolist(),
+            }
+            for effect in self.effects
+        ]
+
+    def table(self) -> Table:
+        """Return what each would add, in g·m², g and mm."""
+        estimated = any(effect.parameters[:4].any() for effect in self.effects)
+        shown = slice(0 if estimated else 4, 10)
+        unit = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])
+        rows = []
+        for effect in self.effects:
+            figures = (unit * effect.parameters)[shown]
+            rows.append([effect.text, effect.figure, *(_two_digits(x, effect.signed) for x in figures)])
+        head = ["", "typical", *(MASS_AND_CENTRE if estimated else ()), *COMPONENTS]
+        units = "g·m²; mass in g, centre of gravity in mm" if estimated else "g·m²"
+        return Table(f"Not included in these intervals: what each would add, {units}", head, rows, NOTE)
+
+    def line(self, interval95: Float[np.ndarray, "6 2"]) -> str:
+        """Return the largest, over half the interval of its component, in words.
+
+        Args:
+            interval95: of the components [kg·m²].
+        """
+        half = np.ptp(interval95, axis=1) / 2
+        added = np.abs([effect.inertia for effect in self.effects])
+        ratio = np.nan_to_num(added / np.maximum(half, 1e-300), posinf=0.0)
+        row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
+        effect, size = self.effects[row], _two_digits(GRAM_METRE * added[row, at])
+        than = next((words for part, words in PARTS if ratio[row, at] > part), None)
+        beside = "" if than is None else f", {than} {_two_digits(GRAM_METRE * half[at])} g·m²"
+        return (
+            f"not included: {effect.text}, at a typical {effect.figure}, which would add {size} g·m² to "
+            f"{COMPONENTS[at]}{beside}; see the certificate"
+        )
+
+
+def _two_digits(value: float, signed: bool = False) -> str:
+    sign = "+" if signed and value > 0 else ""
+    return "0" if value == 0 else sign + fixed(value, max(min(decimals(abs(value)), 6), 0))
+
+
+MASS_AND_CENTRE = ("mass", "r1", "r2", "r3")
+NOTE = (
+    "Neither declared as a source nor estimated. Standard uncertainties at the typical figure, to first order; with a "
+    "sign: a bias. The figures are those of [not_included]. With a fixture: of all that stood on the load cell."
+)

@@ -14,7 +14,7 @@ from identify.estimators.type_a import Pooling
 from identify.reporting import Drawing, Result, Section
 from identify.results import identification_figures, mass_and_centre
 from identify.results.alignment import Aligned, alignment_notes
-from identify.results.contributions import contributions
+from identify.results.contributions import NotIncluded, contributions
 from identify.results.discordance import Discordance
 from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
 from identify.rigid_body.fixture import Tare
@@ -96,6 +96,11 @@ class Identification(Result):
     """The estimate within physical bodies beside the plain one, where the data are weak; None: they are not."""
     discordance: Discordance | None = None
     """Runs that leave the others; None: none does, or it was not looked at."""
+    by_held_errors: Mapping[str, np.ndarray] | None = None
+    """Derivatives of the ten parameters by errors of the rig that count as zero; None: not computed. See
+    :func:`identify.model_check.held_errors.by_held_errors`."""
+    not_included: NotIncluded | None = None
+    """Errors that the intervals do not hold, at typical figures; None: it was not looked at."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -186,6 +191,7 @@ class Identification(Result):
             "pooling": None if self.pooling is None else self.pooling.to_dict(),
             "discordance": None if self.discordance is None else self.discordance.to_dict(),
             "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
+            "not_included": None if self.not_included is None else self.not_included.to_dict(),
             "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),
             "assumptions": list(self.assumptions),
@@ -196,8 +202,8 @@ class Identification(Result):
         return {key: finite(value) for key, value in content.items()}
 
     def tables(self) -> list[Table]:
-        """Return the components in g·m², mass and centre of gravity, and each run's estimate."""
-        return [*self.overview(), self.run_table()]
+        """Return the components in g·m², mass and centre of gravity, each run's estimate, and what is not included."""
+        return [*self.overview(), self.run_table(), *self.not_included_tables()]
 
     def overview(self) -> list[Table]:
         """Return the components in g·m², and mass and centre of gravity."""
@@ -227,9 +233,14 @@ class Identification(Result):
             *([] if self.tare is None else [self.tare.without(self.parameters)]),
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
+            *([] if self.not_included is None else [self.not_included.line(self.interval95)]),
             *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
         ]
+
+    def not_included_tables(self) -> list[Table]:
+        """Return what the intervals do not hold, where that is known."""
+        return [] if self.not_included is None else [self.not_included.table()]
 
     def run_table(self) -> Table:
         """Return each run's own estimate, samples, rate, residuals."""

@@ -24,6 +24,7 @@ from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
 from rig.toml_tables import TomlTable
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
+from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import Recording
@@ -77,6 +78,8 @@ class Experiment:
     """A frame in which the result is also wanted; None: there is none."""
     fixture: InertialParameters | None = None
     """What is to be subtracted from the identified body, by its stated parameters; None: nothing."""
+    not_included: NotIncludedTable = field(default_factory=NotIncludedTable)
+    """Typical figures of errors that are not declared."""
     report: Mapping[str, Any] = field(default_factory=dict)
     """The table ``[report]`` as it stands, dates as strings; see :func:`uq.experiment.report_table.ReportTable`."""
     file: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -134,7 +137,7 @@ class Experiment:
             {name: table.spec(name, folder) for name, table in file.trajectory.items()},
             tuple(table.spec for table in file.estimator), sources, mixing, recording, file.poses, platform.legs,
             None if platform.limits is None else platform.limits.limits, document, folder, report=report,
-            **stated,
+            not_included=file.not_included, **stated,
         )  # fmt: skip
 
     @property

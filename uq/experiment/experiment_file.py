@@ -7,6 +7,7 @@ import numpy as np
 
 from identify.signals.estimator_spec import EstimatorSpec
 from rig.toml_tables import TomlTable, WrongKeyError, written
+from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import Recording
@@ -71,6 +72,7 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""
     recording: Recording = Recording()
+    not_included: NotIncludedTable = NotIncludedTable()
     poses: Poses | None = None
     scale: ScaleTable | None = None
     datum: DatumTable | None = None

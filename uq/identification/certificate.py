@@ -74,10 +74,11 @@ class Certificate(Result):
         return self.identification.to_dict()
 
     def details(self) -> list[Table]:
-        """Return budget, scatter, discordant runs, alignment, tare, checks, other points and frames, runs, sources."""
+        """Return budget, what is not included, scatter, discordant runs, alignment, tare, checks, runs, sources."""
         result = self.identification
         return [
             *certificate_tables.budget(result),
+            *result.not_included_tables(),
             *certificate_tables.scatter(result),
             *certificate_tables.discordance(result),
             *certificate_tables.bodies(result),

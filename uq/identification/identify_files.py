@@ -23,9 +23,9 @@ from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
-from uq.identification.discordant_pool import with_discordance
 from uq.identification.estimated_errors import estimated_errors
-from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict
+from uq.identification.not_included import with_not_included
+from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict, with_discordance
 from uq.identification.systematic_errors import with_declared_sources
 from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.gravity_compensation import undo
@@ -82,7 +82,7 @@ def identify_files(
     def estimated(runs: list[Run]) -> Identification:
         return _estimated(runs, experiment, spec, prior, method)
 
-    result = with_discordance(estimated(runs), runs, estimated)
+    result = with_not_included(with_discordance(estimated(runs), runs, estimated), runs, experiment)
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]

@@ -1,15 +1,19 @@
-"""Whether the stated noise describes the rig: the scatter of repeats against the one that it predicts."""
+"""Repeated runs: whether the stated noise describes their scatter, and which of them leave the others of their pool."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy
 
 from identify.estimators.type_a import Pooling
+from identify.exceptions import RunError
 from identify.reporting import Result
+from identify.results.discordance import Discordance, PoolEstimate, discordant_runs
+from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
+from identify.signals.run import Run
 from identify.text_tables import Table
 
 LEAST_RATIO_OF_FREEDOM = 10.0
@@ -150,3 +154,32 @@ def scatter_verdict(
     statistic, freedom = (repeats - 1) * (s / sigma) ** 2, repeats - 1
     tails = np.minimum(scipy.stats.chi2.cdf(statistic, freedom), scipy.stats.chi2.sf(statistic, freedom))
     return ScatterVerdict(s, sigma, repeats, np.minimum(2 * tails, 1.0), tuple(names), level)
+
+
+def with_discordance(
+    result: Identification, runs: Sequence[Run], estimated: Callable[[list[Run]], Identification]
+) -> Identification:
+    """Return a result with the runs or mountings that leave the others, and a warning of each; else unchanged.
+
+    Args:
+        result: of all runs.
+        runs: what it was made of.
+        estimated: makes a result of some of the runs.
+    """
+    pooling = result.pooling
+    redrawn = np.zeros(6) if pooling is None else pooling.from_redrawn_sources * np.sqrt(max(pooling.mountings, 1))
+    departures = discordant_runs(result.runs, redrawn)
+    if not departures:
+        return result
+    leaving = {index for departure in departures for index in departure.indices}
+    belonging = [run for index, run in enumerate(runs) if index not in leaving]
+    try:
+        without = _pool(estimated(belonging))
+    except RunError:
+        without = None
+    discordance = Discordance(departures, _pool(result), without)
+    return replace(result, warnings=(*result.warnings, *discordance.warnings), discordance=discordance)
+
+
+def _pool(result: Identification) -> PoolEstimate:
+    return PoolEstimate(len(result.runs), result.inertia, result.standard_uncertainty, result.interval95)

@@ -1,0 +1,52 @@
+"""The table ``[not_included]`` of an experiment file: typical figures of errors of the rig that nobody declares."""
+
+from typing import Annotated, Any
+
+import msgspec
+
+from rig.toml_tables import TomlTable, read_value, written
+from uq.files.schema import in_unit, quantity_schema
+from uq.sources.source_figures import part_of
+
+
+def typical(unit: str) -> msgspec.Meta:
+    """Return the annotation of a typical figure, in SI, per cent in parts of one; ``false``: there is no such error."""
+
+    def read(path: str, raw: Any) -> float | None:
+        if raw is False:
+            return None
+        if raw is True:
+            raise ValueError(f'is true: write a figure such as "1 {unit}", or false')
+        return float(read_value(path, raw, Annotated[float, in_unit(unit, above=0)])) * part_of(unit)
+
+    return written(read, {"anyOf": [quantity_schema(unit), {"const": False}]})
+
+
+class NotIncludedTable(TomlTable, frozen=True, kw_only=True):
+    """``[not_included]``: typical standard uncertainties of errors that are not declared; false: there is none.
+
+    What each would do to the tensor is said beside the result. docs/identify.md gives the figures and their reasons.
+    """
+
+    force_gain: Annotated[float | None, typical("%")] = 0.005
+    """Of each channel of the force."""
+    moment_gain: Annotated[float | None, typical("%")] = 0.005
+    """Of each channel of the moment."""
+    cross_talk: Annotated[float | None, typical("%")] = 0.005
+    """Of each channel from each other component, in parts of the largest force and moment that were recorded."""
+    load_cell_axes: Annotated[float | None, typical("rad")] = 0.005
+    """Misalignment of the load cell with the body, about each axis."""
+    gyro_scale: Annotated[float | None, typical("%")] = 0.005
+    """Of each axis of the gyro."""
+    gyro_axes: Annotated[float | None, typical("rad")] = 0.005
+    """Misalignment of the gyro with the body, about each axis."""
+    delay: Annotated[float | None, typical("s")] = 0.001
+    """Of the gyro against the load cell."""
+    mounting_frequency: Annotated[float | None, typical("Hz")] = 50.0
+    """At which the body swings on its mounting, about each axis; load cell and IMU stay on the platform's side."""
+    centre_of_gravity: Annotated[float | None, typical("m")] = 0.001
+    """On each axis, where it counts as exact."""
+    gravity: Annotated[float | None, typical("m/s^2")] = 0.02
+    """Local gravity less the stated one."""
+    accelerometer_scale: Annotated[float | None, typical("%")] = 0.005
+    """Of each axis, where the estimate takes the specific force from it."""
