@@ -95,7 +95,7 @@ def row_of(cell: Cell, u=None) -> dict:
         try:
             row |= said(identified_files(run, Path(folder), cell.method, sources), run.truth)
         except RunError as refused:
-            row["refused"] = str(refused)
+            row |= {"refused": str(refused), "causes": symptoms([str(refused)])}
         except Exception as crashed:  # a study of what goes wrong goes on
             row["crashed"] = repr(crashed)
     return row | {"cpu_seconds": round(time.process_time() - began, 2)}
@@ -118,7 +118,7 @@ def said(result, truth) -> dict:
 
 SYMPTOMS = {
     "the mass comes to": "mass", "the centre of gravity on": "centre of gravity", "the zero of the gyro": "gyro bias",
-    "the delay": "delay", "the rotation vector": "rotation", "IMU and load cell are turned": "rotation",
+    "the delay": "delay", "contradicts cg_motion": "still missed", "the rotation vector": "rotation", "IMU and load cell are turned": "rotation",
     "the distance of the centre": "still missed", "the zero of the": "drift", "the stamps": "jitter", "gaps in": "drops",
 }  # fmt: skip
 """What warnings beside the diagnosis are about."""
@@ -196,7 +196,7 @@ def silently_wrong(row):
 
 
 def first_cause(row):
-    return "refused" if "refused" in row else next(iter(row.get("causes", [])), "–")
+    return next(iter(row.get("causes", [])), "refused" if "refused" in row else "–")
 
 
 def named_right(row):

@@ -94,7 +94,7 @@ TROUBLES = {
         "N·m·s/rad", 0.005, 0.5, lambda size, rng: {"drag": (size,) * 3, "drag_squared": (size,) * 3}, ("air",)
     ),
     "sloshing": Trouble("kg", 0.05, 2.0, scalar("slosh_mass")),
-    "slip": Trouble("m", 1e-3, 0.02, vector("slip"), ("slip", "tensor")),
+    "slip": Trouble("m", 1e-3, 0.02, vector("slip"), ("slip",)),
     "mass": Trouble("kg", 0.05, 2.0, lambda size, rng: {"mass_error": size * rng.choice([-1, 1])}, ("mass",)),
     "r_CG": Trouble(
         "m", 1e-3, 0.05, vector("r_cg_error"), ("centre of gravity",), sources=axes("r_cg", "r_cg", "bias")

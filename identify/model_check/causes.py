@@ -166,11 +166,22 @@ def _clock(run: Prediction) -> Made:
     return run.of("delay") * run.signals.progress[:, None, None], np.array([0.02])
 
 
+STEPS = (-0.25, 0.0, 0.25)
+"""When something is taken to have changed at once, in parts of the run from its middle."""
+
+
 def _jump(run: Prediction) -> np.ndarray:
     return np.concatenate(
         [_on_axes(np.repeat((run.signals.progress > at)[:, None], 6, axis=1).astype(float), slice(0, 6))
-         for at in (-0.25, 0.0, 0.25)], axis=2,
+         for at in STEPS], axis=2,
     )  # fmt: skip
+
+
+def _slip(run: Prediction) -> Made:
+    """A body that slips after a quarter, a half or three quarters of the run."""
+    after = np.stack([run.signals.progress > at for at in STEPS], axis=1).astype(float)
+    columns = np.einsum("nip,nk->nipk", run.of("r_cg"), after).reshape(len(after), 6, -1)
+    return columns, np.full(columns.shape[2], 1e-3)
 
 
 def _mass(run: Prediction) -> Made:
@@ -194,6 +205,7 @@ MAKERS: dict[str, Callable[[Prediction], Made]] = {
     "cross-talk": _matrix(lambda i, j: i != j, 0.01),
     "drift": _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
     "jump": _wrench(_jump, 0.02),
+    "slip": _slip,
     "gain drift": _wrench(_gain_drift, 0.005),
     "cable": _wrench(_cable, 0.02),
     "air": _wrench(_air, 0.02),

@@ -9,10 +9,12 @@ from identify.model_check.causes import causes
 from identify.model_check.evidence import Base, Evidence, evidence
 from identify.model_check.run_fit import RunFit
 
-CHANCE = 1e-6
+CHANCE = 3e-4
 """Of residuals that follow one cause by accident, above which nothing is said."""
+LIKELY = 1.5
+"""Logarithm of the Bayes factor from which a cause is more probable than none: that of clean runs stays below zero."""
 CLEAR = 3.0
-"""Logarithm of the Bayes factor from which a cause is more probable than another: twenty to one."""
+"""The same from which it is more probable than another: twenty to one."""
 MOST = 3
 """Causes that are named of one run."""
 NEARLY = 0.85
@@ -61,7 +63,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
     first = 0.0
     while len(named) < MOST:
         judged = [e for cause in open_to if (e := evidence(base, cause, run.lines)) is not None]
-        likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > CLEAR), key=lambda e: -e.logarithm)
+        likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > LIKELY), key=lambda e: -e.logarithm)
         if not likely:
             break
         best = _simplest(likely)

@@ -99,7 +99,8 @@ WORDS: Mapping[str, Words] = {
         "use its calibration matrix, or declare the cross_talk",
     ),
     "drift": Words(_only("as if the load cell's zeros drifted (drift)"), "let it warm up, or declare a drift"),
-    "jump": Words(_only("as if the load cell's zeros jumped, or the body slipped (jump)"), "record again"),
+    "jump": Words(_only("as if the load cell's zeros jumped (jump)"), "record again"),
+    "slip": Words(_largest("as if the body slipped by {} (slip)", 1e3, "mm"), "clamp it, and record again"),
     "gain drift": Words(
         _as("as if the load cell's gains changed by {} over the run (gain drift)", 100.0, "%"), "let it warm up"
     ),

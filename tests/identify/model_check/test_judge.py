@@ -102,6 +102,7 @@ def test_clean_runs_are_not_suspected(method, still):
     [
         ("gyro scale", 8e-3, "gyro scale"), ("cable", 1.5, "cable"), ("flexible mounting", 1.0, "flexible mounting"),
         ("cross-talk", 5e-3, "cross-talk"), ("gain drift", 6e-3, "gain drift"), ("ringing mounting", 0.7, "resonance"),
+        ("slip", 6e-3, "slip"),
     ],
 )  # fmt: skip
 def test_a_trouble_is_named_and_covered(method, trouble, size, name):
