@@ -11,7 +11,7 @@ from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table, with_error
 from uq.campaign.result_coverage import coverage_record, stability_record
-from uq.campaign.statistics import Breakdown, Statistics
+from uq.campaign.statistics import Breakdown, Statistics, large_mean_error
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
 from uq.report.input_tables import source_tables
@@ -74,7 +74,7 @@ class MonteCarloResult(Result):
                 }
                 for trajectory, of_trajectory in self.breakdowns.items()
             },
-            "warnings": list(self.warnings),
+            "warnings": self.findings(),
             "provenance": dict(self.provenance),
         }
 
@@ -91,14 +91,7 @@ class MonteCarloResult(Result):
                 findings.append(
                     f"{trajectory}, {estimator}: {breakdown.failed} of {self.trials} trials failed and are left out."
                 )
-            mean, sigma = np.abs(breakdown.total.mean_error), breakdown.total.three_sigma
-            excess = [
-                f"{COMPONENTS[k]} {GRAM_METRE * breakdown.total.mean_error[k]:.3g} g·m² "
-                f"({mean[k] / sigma[k]:.3g} × 3σ)".replace("-", "−")
-                for k in np.flatnonzero(mean > sigma)
-            ]
-            if excess:
-                findings.append(f"{trajectory}, {estimator}: the mean error exceeds 3σ: {', '.join(excess)}.")
+            findings += large_mean_error(f"{trajectory}, {estimator}", breakdown.total)
         return findings
 
     def title(self) -> str:

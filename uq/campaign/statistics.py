@@ -10,7 +10,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.gram_sums.setup import Case
 from uq.trials.trial_loop import finite_trials
 
-__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown"]
+__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error"]
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,10 @@ class Statistics:
 @runtime_checkable
 class OfCase(Protocol):
     """What a method says of one case: :class:`Statistics` of trials, or the law's figures."""
+
+    @property
+    def mean_error(self) -> np.ndarray:
+        """Mean of estimate minus truth of the six components [kg·m²]."""
 
     @property
     def three_sigma(self) -> np.ndarray:
@@ -124,3 +128,18 @@ def breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Brea
     by_case = np.ascontiguousarray(np.moveaxis(errors, 0, -1))  # trials side by side, for fast sums
     statistics = (Statistics.of(of_case.T) for of_case in by_case)
     return Breakdown.of(cases, statistics, failed=int(np.sum(~ok.all(axis=1))))
+
+
+def large_mean_error(where: str, total: OfCase) -> list[str]:
+    """Return a warning where mean errors exceed their 3σ, which does not contain them; nothing where none does.
+
+    Args:
+        where: trajectory, estimator.
+        total: all sources together.
+    """
+    ratio = np.abs(total.mean_error) / np.where(total.three_sigma > 0, total.three_sigma, np.nan)
+    excess = [
+        f"{COMPONENTS[k]} {GRAM_METRE * total.mean_error[k]:.3g} g·m² ({ratio[k]:.3g} × 3σ)".replace("-", "−")
+        for k in np.flatnonzero(ratio > 1)
+    ]
+    return [f"{where}: the mean error exceeds 3σ: {', '.join(excess)}."] if excess else []

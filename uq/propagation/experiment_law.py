@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 from identify.floating_point import check_precision
 from identify.motion.trajectory import Motion
 from uq.campaign.campaign import distinct
-from uq.campaign.statistics import Breakdown
+from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.gram_sums import gram_moments
@@ -66,7 +66,7 @@ class PreparedLaw:
         experiment = self.experiment if sources is None else replace(self.experiment, sources=tuple(sources))
         cases = cases_of(experiment.sources)
         constants = constants_of(experiment.sources, experiment.mixing)
-        breakdowns = {}
+        breakdowns, warnings = {}, list(self.warnings)
         for name, run in self.runs.items():
             rate = experiment.trajectories[name].rate
             given = (experiment.sources, experiment.mixing, rate, self.peaks[name])
@@ -77,8 +77,10 @@ class PreparedLaw:
                 )
                 for k, estimator in enumerate(self.estimators)
             }
+            for estimator, breakdown in breakdowns[name].items():
+                warnings += large_mean_error(f"{name}, {estimator}", breakdown.total)
         nominal = np.asarray(experiment.body.inertia)
-        return LawResult(nominal, breakdowns, self.warnings, experiment.inputs())
+        return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs())
 
 
 def law(

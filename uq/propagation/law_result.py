@@ -51,6 +51,11 @@ class LawStatistics:
         return 3 * np.sqrt(np.diag(self.covariance))
 
     @property
+    def three_rms(self) -> np.ndarray:
+        """Three times the root mean square error, ``3 √(σ² + b²)``, b the mean error."""
+        return 3 * np.sqrt(np.diag(self.covariance) + self.mean_error**2)
+
+    @property
     def textbook_three_sigma(self) -> np.ndarray:
         """Three standard deviations of the textbook's first-order law."""
         return 3 * np.sqrt(np.diag(self.textbook_covariance))
@@ -77,6 +82,7 @@ class LawResult(Result):
     breakdowns: Mapping[str, Mapping[str, Breakdown[LawStatistics]]]
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
+    """Among them every trajectory and estimator of which a mean error exceeds its 3σ."""
     provenance: Mapping[str, Any]
 
     def __getitem__(self, key: tuple[str, str]) -> Breakdown[LawStatistics]:
@@ -98,6 +104,10 @@ class LawResult(Result):
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }
+
+    def notes(self) -> list[str]:
+        """Return the warnings, a line each."""
+        return [f"attention: {text}" for text in self.warnings]
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of the summary: mean error and 3σ of each component, in g·m²; the textbook's below."""

@@ -56,6 +56,20 @@ def compare(predicted, result, errors, *, leave_out=""):
     return compared
 
 
+def test_a_mean_error_beyond_3_sigma_is_a_warning(short, prepared):
+    """The central difference's I33 in both, −30 and −70 g·m² against 8 to 13; nothing once the gyro's noise is small."""
+    predicted = prepared.evaluate()
+    assert [text.partition(" −")[0] for text in predicted.warnings] == [
+        f"{name}, central: the mean error exceeds 3σ: I33" for name in ("T1", "T3")
+    ]
+    assert predicted.to_dict()["warnings"] == list(predicted.warnings)
+    assert predicted.notes() == [f"attention: {text}" for text in predicted.warnings]
+    quiet = tuple(
+        eqx.tree_at(lambda s: s.sigma, s, 0.1 * s.sigma) if s.name == "omega_precision" else s for s in short.sources
+    )
+    assert prepared.evaluate(quiet).warnings == ()
+
+
 def test_law_and_monte_carlo_agree(short, prepared):
     """Two trajectories, two estimators, eleven cases, six components; 4.5 standard errors: 528 x 7e-6 false alarms."""
     result = montecarlo(short, trials=400, seed=5, trajectories=["T1", "T3"])

@@ -103,6 +103,21 @@ def test_page_warns_of_mean_errors_beyond_the_dispersion(html):
     assert "smoothed" not in findings
 
 
+def test_json_warns_of_the_same_pairs(html):
+    """Those of which its own figures have |mean error| > 3σ: the central difference, no other."""
+    content = campaign().to_dict()
+    beyond = {
+        f"{trajectory}, {estimator}"
+        for trajectory, estimators in content["trajectories"].items()
+        for estimator, breakdown in estimators.items()
+        if any(abs(breakdown["groups"]["total"]["mean_error"][c]) > breakdown["groups"]["total"]["three_sigma"][c]
+               for c in COMPONENTS)
+    }  # fmt: skip
+    assert beyond == {f"{name}, central" for name in ("T1", "T2", "T3", "T4")}
+    assert {text.partition(":")[0] for text in content["warnings"]} == beyond
+    assert paper_result().to_dict()["warnings"] == content["warnings"]
+
+
 def test_hostile_names_are_text():
     changed = document()
     changed["trajectory"] = {f"../{HOSTILE}": changed["trajectory"]["T1"]}
