@@ -84,7 +84,7 @@ def optimal_shares(function: Uncertainty, points: Complex[np.ndarray, "m 3"]) ->
     """Return the weights λ on the simplex at which ``f(Re Σ λ_k r_k r_kᴴ)`` is least, r_k the rows of ``points``."""
 
     def better(_, share: Array) -> Array:
-        raised = share * jnp.sqrt(steepness(function, points, share))
+        raised = share * jnp.sqrt(jnp.maximum(steepness(function, points, share), 0))
         return raised / raised.sum()
 
     iterate: Any = jax.jit(lambda first: jax.lax.fori_loop(0, STEPS, better, first))

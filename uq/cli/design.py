@@ -5,7 +5,7 @@ from typing import Any
 
 from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.excitation.design import design
-from uq.excitation.design_report import check_rate, design_report
+from uq.excitation.design_report import design_report
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity
 from uq.planning.achieved_motion import achieved
@@ -14,7 +14,18 @@ from uq.planning.pose_plan import POSES, plan_poses
 
 __all__ = ["ERRORS", "configure", "run"]
 
-ONLY_DESIGN = ("goal", "reference", "duration", "starts", "seed", "target", "poses", "rehearsal", "rehearsal_amplitude")
+ONLY_DESIGN = (
+    "goal",
+    "objective",
+    "reference",
+    "duration",
+    "starts",
+    "seed",
+    "target",
+    "poses",
+    "rehearsal",
+    "rehearsal_amplitude",
+)
 """Options that say nothing of a run that is there already."""
 
 
@@ -27,6 +38,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--goal", metavar="GOAL",
         help="what is to be known best: all, moments, products, worst, 'axis 1' to 'axis 3' (all)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--objective", metavar="OBJECTIVE",
+        help="what of each component counts: rms, 3√(σ² + mean error²), or 3sigma, the dispersion alone (rms)",
     )  # fmt: skip
     parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (T1)")
     parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
@@ -60,9 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.achieved is not None:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
-        check_rate(experiment, arguments.reference)
         with ProgressBar(unit="steps") as bar:
-            given = {name: value for name in ("goal", "reference", "starts", "seed")
+            given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
             designed = design(experiment, duration=duration, progress=bar, **given)
             report = design_report(designed, goal=given.get("goal", "all"), targets=targets, progress=bar)

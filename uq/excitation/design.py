@@ -2,21 +2,24 @@
 
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.motion.leg_limits import Limits, Peak
-from identify.signals.estimator_spec import EstimatorSpec
 from uq.excitation.design_bound import DesignBound, design_bound
-from uq.excitation.design_goal import GOALS, expanded, goal_of
+from uq.excitation.design_goal import GOALS, OBJECTIVES, Measure, goal_of
 from uq.excitation.design_search import GRID, Progress, searches
-from uq.excitation.reference_trajectory import PredictedTrajectory, best_reference, scaled
+from uq.excitation.designed_experiment import NAME
+from uq.excitation.reference_trajectory import (
+    PredictedTrajectory,
+    best_reference,
+    differentiator,
+    highest_frequency,
+    scaled,
+)
 from uq.excitation.rig_limits import resolved_limits, uses
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
 
-NAME = "designed"
-"""Of the designed trajectory in :meth:`Design.montecarlo_experiment`."""
 FINER = 10
 """Times as many at which the limits are checked in the end."""
 ACTIVE = 0.98
@@ -57,6 +60,10 @@ class Design:
     """Predicted 3σ of each component with the designed trajectory [kg·m²]."""
     expanded_reference: np.ndarray
     """The same with the reference."""
+    mean_error: np.ndarray
+    """Predicted mean error of each component with the designed trajectory [kg·m²]."""
+    mean_error_reference: np.ndarray
+    """The same with the reference."""
     bound: DesignBound | None
     """What no motion under these limits can beat; None: the limits do not tell."""
     peaks: list[Peak]
@@ -65,6 +72,8 @@ class Design:
     """Of the search."""
     band: float
     """Highest frequency of the designed trajectory [Hz], for the differentiator."""
+    objective: str = "rms"
+    """What was made small: three times the root mean square error, or 3σ (``3sigma``)."""
 
     @property
     def active(self) -> list[Peak]:
@@ -78,14 +87,14 @@ class Design:
 
     def montecarlo_experiment(self) -> Experiment:
         """Return the experiment with this trajectory and a differentiator matched to its band, named ``designed``."""
-        estimator = EstimatorSpec(NAME, "savitzky-golay", self.band)
-        return replace(self.experiment, trajectories={NAME: self.spec}, estimators=(estimator,))
+        return replace(self.experiment, trajectories={NAME: self.spec}, estimators=(differentiator(self.band),))
 
 
 def design(
     experiment: Experiment,
     *,
     goal: str = "all",
+    objective: str = "rms",
     reference: str = "T1",
     duration: float | None = None,
     starts: int = 6,
@@ -101,13 +110,15 @@ def design(
     centre, between two ramps: either in stages, one for each of the legs' optimal patterns
     (identify/motion/phase_patterns.py), each repeating a short period of its own, or one period for the whole run. Its
     predicted uncertainty, by the law of propagation with every declared source, is minimised over the amplitudes under
-    all limits at every instant, from several starts. The best motion of either kind is then made smaller until all
+    all limits at every instant, from several starts: for each component three times the root mean square error,
+    ``3 √(σ² + b²)`` with the mean error b, or 3σ. The best motion of either kind is then made smaller until all
     limits are met over the whole run, ramps included, on a grid ten times finer; the better one is returned.
 
     Args:
         experiment: body, sources, ``[platform] geometry`` and ``[platform.limits]``.
-        goal: ``all`` (average 3σ of moments and of products, each against the reference's), ``moments``, ``products``,
+        goal: ``all`` (averages of moments and of products, each against the reference's), ``moments``, ``products``,
             ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
+        objective: ``rms`` or ``3sigma``: what of each component counts.
         reference: name of the trajectory to be beaten; its size and speed are chosen for the limits.
         duration: of the run [s]; None: the reference's.
         starts: motions to start from: the first in stages, the second a spiral that keeps the centre of gravity still,
@@ -119,22 +130,28 @@ def design(
         progress: called with what is being done, the steps done and the steps in all.
 
     Raises:
-        ExperimentError: limits missing or exceeded at home, an unknown goal or trajectory, a number that cannot be.
+        ExperimentError: limits missing or exceeded at home, an unknown goal, objective or trajectory, a number that
+            cannot be, a sample rate at which a motion of the bandwidth cannot be differentiated.
     """
-    _check(goal, starts, period, duration)
+    _check(goal, objective, starts, period, duration)
     tell = progress or (lambda *_: None)
-    _, given = experiment.select(reference)
+    reference, given = experiment.select(reference)
+    _check_rate(experiment, reference, given)
     limits = resolved_limits(experiment, FINER * GRID)
     fine = FINER * GRID * limits.bandwidth
     given = given if duration is None else scaled(given, 1.0, 1.0, duration)
     if period * limits.bandwidth < 2 or 4 * period > given.duration:
         raise ExperimentError(f"a period of {period:g} s: give 2 / bandwidth to a quarter of the duration")
     inertia = np.asarray(experiment.body.inertia)
+
+    def measured_from(base: PredictedTrajectory) -> Measure:
+        return goal_of(goal, inertia, base.covariance, base.mean_error, objective)
+
     tell("reference", 0, 1)
     unscaled = PredictedTrajectory.of(experiment, given, limits.bandwidth)
-    to_beat = best_reference(experiment, given, limits, goal_of(goal, inertia, unscaled.covariance), fine)
+    to_beat = best_reference(experiment, given, limits, measured_from(unscaled), fine)
     tell("reference", 1, 1)
-    measure = goal_of(goal, inertia, to_beat.covariance)
+    measure = measured_from(to_beat)
     ends, candidates = [], [to_beat]
     for search, numbered in searches(experiment, to_beat.spec, limits, measure, period, starts):
         optima = []
@@ -144,19 +161,33 @@ def design(
         ends += [Start(end.goal, end.excess, end.evaluations, search.stages.count) for end in optima]
         designed = search.finish(min(optima, key=lambda end: end.goal + 10 * max(end.excess - 0.01, 0.0)), fine, tell)
         candidates += [] if designed is None else [designed]
-    best = min(candidates, key=lambda candidate: float(measure(jnp.asarray(candidate.covariance))))
+    best = min(candidates, key=lambda candidate: candidate.measured_by(measure))
     return Design(
-        experiment, best.spec, to_beat.spec, limits, np.asarray(expanded(jnp.asarray(best.covariance))),
-        np.asarray(expanded(jnp.asarray(to_beat.covariance))), design_bound(experiment, to_beat.spec, limits),
-        uses(experiment, best.spec, limits, fine), ends, limits.bandwidth,
+        experiment, best.spec, to_beat.spec, limits, best.expanded, to_beat.expanded, best.mean_error,
+        to_beat.mean_error, design_bound(experiment, to_beat.spec, limits), uses(experiment, best.spec, limits, fine),
+        ends, min(highest_frequency(best.spec), limits.bandwidth), objective,
     )  # fmt: skip
 
 
-def _check(goal: str, starts: int, period: float, duration: float | None) -> None:
-    if goal not in GOALS:
-        raise ExperimentError(f"unknown goal '{goal}': choose one of {', '.join(GOALS)}")
+def _check(goal: str, objective: str, starts: int, period: float, duration: float | None) -> None:
+    for what, given, choices in (("goal", goal, GOALS), ("objective", objective, OBJECTIVES)):
+        if given not in choices:
+            raise ExperimentError(f"unknown {what} '{given}': choose one of {', '.join(choices)}")
     if starts < 1:
         raise ExperimentError(f"{starts} starts: ask for one at least")
     for name, value in (("period", period), ("duration", duration)):
         if value is not None and not 0 < value < np.inf:
             raise ExperimentError(f"a {name} of {value:g} s: give seconds above zero")
+
+
+def _check_rate(experiment: Experiment, name: str, spec: TrajectorySpec) -> None:
+    """Refuse, before a long search, a sample rate at which the designed motion cannot be differentiated."""
+    band = np.inf if experiment.limits is None else experiment.limits.figures.bandwidth
+    if np.isfinite(band):
+        try:
+            differentiator(band).taps(spec.rate)
+        except ValueError:
+            raise ExperimentError(
+                f"trajectory.{name}.rate is {spec.rate:g} Hz, too low to differentiate a motion of {band:g} Hz: raise "
+                "it, or lower platform.limits.bandwidth"
+            ) from None

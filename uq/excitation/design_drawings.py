@@ -10,7 +10,7 @@ import numpy as np
 from identify.motion.leg_limits import effort, platform_motion
 from identify.reporting import Drawing
 from identify.results import measured_directions
-from uq.campaign.statistics import Breakdown
+from uq.campaign.statistics import Breakdown, Statistics
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
 from uq.excitation.platform_scene import FRAMES, Scene, scene
@@ -77,6 +77,15 @@ def design_drawings(
 
         return design_figures.budgets(laws, bound)
 
+    def components():
+        from uq.campaign.campaign_figures import contributions
+
+        exact = np.full(6, np.nan)  # the law has no standard errors
+        cases = {
+            name: Statistics(law.total.mean_error, exact, law.total.three_sigma, exact) for name, law in laws.items()
+        }
+        return contributions(cases)
+
     def growth():
         from uq.excitation import design_figures
 
@@ -89,6 +98,7 @@ def design_drawings(
         Drawing("motion", f"{t[-1] - t[0]:.0f} s from the middle.", motions),
         Drawing("legs", LEGS, legs),
         Drawing("coverage", COVERAGE.format(*visited), coverage),
+        Drawing("components", COMPONENTS_OF, components),
         Drawing("budgets", BUDGETS, budgets),
         Drawing("durations", DURATIONS, growth),
     ]
@@ -125,6 +135,7 @@ COVERAGE = (
     "with half its largest magnitude or more, the angular acceleration within 15° of {}."
 )
 LEGS = "The legs over the same seconds, each against its own limit; dashed: the limit."
+COMPONENTS_OF = "3σ and mean error of each component with each trajectory, all sources together."
 BUDGETS = (
     "Average 3σ of moments and of products, all sources and each alone; dashed: what no motion can beat, if known."
 )

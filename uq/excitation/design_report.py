@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 import msgspec
 import numpy as np
 
-from identify.signals.estimator_spec import EstimatorSpec
 from uq.excitation.design import Design
 from uq.excitation.design_result import GOALS, DesignReport
 from uq.excitation.designed_experiment import NAME, designed_files
-from uq.excitation.reference_trajectory import highest_frequency
-from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.excitation.reference_trajectory import differentiator, highest_frequency
+from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.provenance import provenance
 from uq.planning.required_duration import average, growth_of, required_duration
 from uq.planning.sensor_worth import sensor_worth
@@ -60,32 +59,9 @@ def design_report(
     return DesignReport(design, goal, laws, bands, sensors, tuple(durations), files, record)
 
 
-def check_rate(experiment: Experiment, reference: str | None = None) -> None:
-    """Refuse, before a long search, a sample rate at which the designed motion cannot be differentiated.
-
-    Args:
-        experiment: with ``[platform.limits]``.
-        reference: the trajectory whose sample rate the design takes; None for T1.
-
-    Raises:
-        ExperimentError: there is no such trajectory, or its rate is too low for the bandwidth.
-    """
-    name, spec = experiment.select(reference or "T1")
-    band = np.inf if experiment.limits is None else experiment.limits.figures.bandwidth
-    if np.isfinite(band):
-        try:
-            EstimatorSpec(NAME, "savitzky-golay", band).taps(spec.rate)
-        except ValueError:
-            raise ExperimentError(
-                f"trajectory.{name}.rate is {spec.rate:g} Hz, too low to differentiate a motion of {band:g} Hz: raise "
-                "it, or lower platform.limits.bandwidth"
-            ) from None
-
-
 def _matched(experiment: Experiment, name: str, spec: TrajectorySpec, band: float) -> Experiment:
     """The experiment with one trajectory and a differentiator matched to its band."""
-    estimator = EstimatorSpec(NAME, "savitzky-golay", band)
     recording = msgspec.structs.replace(experiment.recording, estimator=None)
     return dataclasses.replace(
-        experiment, trajectories={name: spec}, estimators=(estimator,), recording=recording, document={}
+        experiment, trajectories={name: spec}, estimators=(differentiator(band),), recording=recording, document={}
     )

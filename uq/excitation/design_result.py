@@ -9,7 +9,7 @@ import numpy as np
 from identify.reporting import Drawing, Result, Section, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table, fixed
-from uq.campaign.statistics import Breakdown
+from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
 from uq.planning.required_duration import Duration, average, duration_table
@@ -40,9 +40,11 @@ class DesignReport(Result):
     provenance: Mapping[str, Any]
     name: str = "design"
 
-    def averages(self, trajectory: str) -> dict[str, float]:
-        """Return the average 3σ of moments and products by the law [kg·m²]."""
-        return {goal: average(np.diag(self.laws[trajectory].total.covariance), goal) for goal in GOALS}
+    def averages(self, trajectory: str, objective: str = "3sigma") -> dict[str, float]:
+        """Return the average 3σ of moments and products by the law [kg·m²], or that of 3√(σ² + mean error²) (rms)."""
+        total = self.laws[trajectory].total
+        widths = total.three_rms if objective == "rms" else total.three_sigma
+        return {goal: average((widths / 3) ** 2, goal) for goal in GOALS}
 
     @property
     def bound(self) -> dict[str, float | None]:
@@ -65,11 +67,12 @@ class DesignReport(Result):
         return [replace(table, caption="") for table in self.tables()]
 
     def records(self) -> list[dict[str, Any]]:
-        """Return predicted 3σ by trajectory and component, in g·m²."""
+        """Return predicted 3σ, mean error and 3√(σ² + mean error²) by trajectory and component, in g·m²."""
         return [
-            {"trajectory": name, "component": component, "three_sigma": GRAM_METRE * value}
+            {"trajectory": name, "component": component}
+            | {key: GRAM_METRE * getattr(law.total, key)[k] for key in ("three_sigma", "mean_error", "three_rms")}
             for name, law in self.laws.items()
-            for component, value in zip(COMPONENTS, law.total.three_sigma, strict=True)
+            for k, component in enumerate(COMPONENTS)
         ]
 
     def drawings(self) -> list[Drawing]:
@@ -79,20 +82,28 @@ class DesignReport(Result):
         return design_drawings(self.design, self.laws, self.bound, self.durations)
 
     def trajectory_table(self) -> Table:
-        """Return 3σ of each trajectory by component, averages, change against the reference."""
-        base, rows = self.averages("reference"), []
+        """Return 3σ, mean error and both together by trajectory and component, averages, changes."""
+        rows = []
         for name, breakdown in self.laws.items():
-            averages = self.averages(name)
-            cells = [f"{GRAM_METRE * x:.3g}" for x in breakdown.total.three_sigma]
-            for goal in GOALS:
-                cells += [f"{GRAM_METRE * averages[goal]:.3g}", _change(averages[goal], base[goal])]
-            rows.append([name, f"{self.bands[name]:.3g}", *cells])
-        pairs = [(least, base[goal]) for goal, least in self.bound.items() if least is not None]
+            total = breakdown.total
+            for k, (text, values, objective) in enumerate((
+                ("3σ", total.three_sigma, "3sigma"), ("mean error", total.mean_error, None),
+                ("3 rms", total.three_rms, "rms"),
+            )):  # fmt: skip
+                head = ["", text, ""] if k else [name, text, f"{self.bands[name]:.3g}"]
+                last = ["", "", "", ""] if objective is None else self._against_reference(name, objective)
+                rows.append([*head, *map(_figure, values), *last])
+        pairs = [(least, self.averages("reference")[goal]) for goal, least in self.bound.items() if least is not None]
         if pairs:
-            cells = [cell for pair in pairs for cell in (f"{GRAM_METRE * pair[0]:.3g}", _change(*pair))]
-            rows.append(["bound", "", *("" for _ in COMPONENTS), *cells])
-        head = ["3σ, g·m²", "band, Hz", *COMPONENTS, "moments", "change, %", "products", "change, %"]
-        return Table("Predicted 3σ of each trajectory, g·m²", head, rows, BUDGET_NOTE)
+            cells = [cell for pair in pairs for cell in (_figure(pair[0]), _change(*pair))]
+            rows.append(["bound", "3σ", "", *("" for _ in COMPONENTS), *cells])
+        head = ["g·m²", "", "band, Hz", *COMPONENTS, "moments", "change, %", "products", "change, %"]
+        return Table("Predicted 3σ and mean error of each trajectory, g·m²", head, rows, BUDGET_NOTE)
+
+    def _against_reference(self, name: str, objective: str) -> list[str]:
+        """Averages of moments and products, each with its change against the reference's."""
+        averages, base = self.averages(name, objective), self.averages("reference", objective)
+        return [cell for goal in GOALS for cell in (_figure(averages[goal]), _change(averages[goal], base[goal]))]
 
     def source_table(self) -> Table:
         """Return the average 3σ of each source alone, by trajectory."""
@@ -114,13 +125,9 @@ class DesignReport(Result):
 
     def verdicts(self) -> list[str]:
         """Return what the design says in words."""
-        averages, base = self.averages(NAME), self.averages("reference")
-        changes = [
-            f"of the {goal} {GRAM_METRE * averages[goal]:.3g} g·m² ({_change(averages[goal], base[goal])} %)"
-            for goal in GOALS
-        ]
         sentences = [
-            f"Average 3σ {' and '.join(changes)}, against the reference, by the law with every declared source."
+            f"Average {WIDTHS[objective]} {self._averages_in_words(objective)}, against the reference{end}"
+            for objective, end in (("rms", "."), ("3sigma", ", by the law with every declared source."))
         ]
         if not self.design.improved:
             sentences.append("No design beat the reference: the reference itself is returned.")
@@ -130,8 +137,26 @@ class DesignReport(Result):
             bounds = [
                 f"{GRAM_METRE * least:.3g} g·m² ({goal})" for goal, least in self.bound.items() if least is not None
             ]
-            sentences.append(f"No motion under these limits promises less than {' and '.join(bounds)}.")
+            sentences.append(f"No motion under these limits promises a 3σ of less than {' and '.join(bounds)}.")
         return sentences
+
+    def _averages_in_words(self, objective: str) -> str:
+        cells = self._against_reference(NAME, objective)
+        return " and ".join(f"of the {goal} {cells[2 * k]} g·m² ({cells[2 * k + 1]} %)" for k, goal in enumerate(GOALS))
+
+    def findings(self) -> list[str]:
+        """Return what a reader must not miss: mean errors of design and reference that exceed their 3σ, and of what."""
+        excess = [text for name in (NAME, "reference") for text in large_mean_error(name, self.laws[name].total)]
+        if not excess:
+            return []
+        sources = {name: np.abs(case.mean_error).max() for name, case in self.laws[NAME].sources.items()}
+        most = max(sources, key=lambda name: sources[name]).replace("_", " ")
+        cure = "" if self.design.objective == "rms" else " The objective rms designs against it."
+        return [*excess, f"Most of the mean error is that of {most}, which a longer run does not reduce.{cure}"]
+
+    def notes(self) -> list[str]:
+        """Return the findings, a line each."""
+        return [f"attention: {text}" for text in self.findings()]
 
     def files(self) -> dict[str, bytes]:
         """Return the files' bytes by name."""
@@ -143,18 +168,24 @@ class DesignReport(Result):
         return {
             "unit": "g*m^2",
             "goal": self.goal,
+            "objective": design.objective,
             "improved": design.improved,
             "trajectories": {
                 name: {
                     "band_Hz": self.bands[name],
                     "groups": {group: s.to_dict() for group, s in breakdown.groups.items()},
                     "sources": {source: s.to_dict() for source, s in breakdown.sources.items()},
-                    "average_three_sigma": {goal: GRAM_METRE * x for goal, x in self.averages(name).items()},
+                    **{
+                        key: {goal: GRAM_METRE * x for goal, x in self.averages(name, objective).items()}
+                        for key, objective in (("average_three_sigma", "3sigma"), ("average_three_rms", "rms"))
+                    },
                 }
                 for name, breakdown in self.laws.items()
             },
             "promised_three_sigma": _by_component(GRAM_METRE * design.expanded),
             "promised_three_sigma_reference": _by_component(GRAM_METRE * design.expanded_reference),
+            "promised_mean_error": _by_component(GRAM_METRE * design.mean_error),
+            "promised_mean_error_reference": _by_component(GRAM_METRE * design.mean_error_reference),
             "bound": {goal: None if least is None else GRAM_METRE * least for goal, least in self.bound.items()},
             "bound_relaxes": [] if design.bound is None else list(design.bound.relaxes),
             "limits": [
@@ -166,6 +197,7 @@ class DesignReport(Result):
             "sensors": self.sensors.to_dict(),
             "durations": [duration.to_dict() for duration in self.durations],
             "files": list(self.files_of),
+            "warnings": self.findings(),
             "provenance": dict(self.provenance),
         }
 
@@ -178,6 +210,7 @@ class DesignReport(Result):
             "The best experiment that a platform can run",
             [*self.verdicts(), COMPUTED],
             [
+                *self.findings(),
                 *([] if design.improved else [stayed]),
                 *(f"A limit is exceeded: {peak}." for peak in design.peaks if peak.share > 1 + 1e-6),
             ],
@@ -201,16 +234,25 @@ def _by_component(values: np.ndarray) -> dict[str, float]:
     return dict(zip(COMPONENTS, np.asarray(values).tolist(), strict=True))
 
 
+def _figure(value: float) -> str:
+    return f"{GRAM_METRE * value:.3g}".replace("-", "−")
+
+
 def _change(value: float, base: float) -> str:
     return fixed(100 * (value / base - 1), 1)
 
 
 COMPUTED = (
-    "3σ is three standard deviations by the law of propagation with every declared source; each trajectory's "
+    "3σ is three standard deviations, the mean error the expected estimate less the truth, both by the law of "
+    "propagation with every declared source; each trajectory's "
     "differentiator is matched to its own band. The reference is the named trajectory at the size and speed that "
     "promise most under the same limits. Confirm it: inertia montecarlo designed.toml --trajectory designed."
 )
-BUDGET_NOTE = "change: of the average, against the reference's."
+WIDTHS = {"rms": "3√(σ² + mean error²)", "3sigma": "3σ"}
+BUDGET_NOTE = (
+    "3 rms: 3√(σ² + mean error²), three times the root mean square error. change: of the average, against the "
+    "reference's. A longer run makes 3σ smaller, but not the mean error."
+)
 LIMIT_NOTE = "Over the whole run with its ramps, on a grid ten times finer than the search's; from 98 % on it limits."
 SENSOR_NOTE = "By component: derivative of ln 3σ by ln sigma. 0.8 says that 1 % less of this sigma leaves 0.8 % less."
 ASSUMPTIONS = (

@@ -13,7 +13,7 @@ from identify.motion.periodic_motion import Periodic
 from identify.motion.stages import Stages
 from identify.motion.starting_motions import start
 from uq.excitation.design_goal import Measure
-from uq.excitation.reference_trajectory import WEIGHT, PredictedTrajectory
+from uq.excitation.reference_trajectory import WEIGHT, PredictedTrajectory, differentiator
 from uq.excitation.rig_limits import largest_size, largest_use
 from uq.excitation.search_starts import patterns_for, staged
 from uq.experiment.experiment import Experiment, TrajectorySpec
@@ -66,6 +66,7 @@ class Search:
         self.spec = replace(reference, still="omb")
         prediction = Prediction.of(experiment, self.spec)
         samples = jnp.asarray(reference.rate * stages.seconds)
+        gain = differentiator(float(np.max(stages.periodic.frequency))).alpha_noise_gain(reference.rate)
         names = limited(limits)
         r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
         platform, body = experiment.platform, experiment.body
@@ -73,9 +74,9 @@ class Search:
         def goal(unknowns):
             motion = stages.moved(platform, unknowns, r_cg, gravity)
             used = signed_shares(effort(platform, body, r_cg, motion.platform, gravity), limits)
-            covariance = prediction.covariance(motion.body, motion.jerk, samples)
+            mean_error, covariance = prediction.moments(motion.body, motion.jerk, gain, samples)
             shares = jnp.concatenate([jnp.abs(stages.finer(used[name])).ravel() for name in names])
-            return jnp.log(measure(covariance)), shares - 1
+            return jnp.log(measure(covariance, mean_error)), shares - 1
 
         self.lagrangian = Lagrangian(goal)
 

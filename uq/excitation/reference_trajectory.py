@@ -11,11 +11,13 @@ from jaxtyping import Float
 from identify.motion.leg_limits import Limits
 from identify.motion.multisine import Multisine
 from identify.motion.trajectory import Sphere
-from uq.excitation.design_goal import Measure
+from identify.signals.estimator_spec import EstimatorSpec
+from uq.excitation.design_goal import Measure, expanded
+from uq.excitation.designed_experiment import NAME
 from uq.excitation.rig_limits import FROM_LIMIT, largest_size, largest_use
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
-from uq.propagation.prediction import predicted_covariance
+from uq.propagation.prediction import predicted
 
 SPEEDS = 8
 """Factors of speed that are tried beside the given one, up to the bandwidth."""
@@ -32,20 +34,37 @@ class PredictedTrajectory:
     """A trajectory and the uncertainty that it promises."""
 
     spec: TrajectorySpec
+    mean_error: Float[np.ndarray, "6"]
+    """Of the tensor [kg·m²], with a differentiator matched to the trajectory's highest frequency."""
     covariance: Float[np.ndarray, "6 6"]
     """Of the tensor [(kg·m²)²]."""
 
     @classmethod
     def of(cls, experiment: Experiment, spec: TrajectorySpec, bandwidth: float) -> "PredictedTrajectory":
-        """Predict the covariance from ``PREDICTED`` instants in a period of the bandwidth [Hz].
+        """Predict both from ``PREDICTED`` instants in a period of the bandwidth [Hz].
 
         Raises:
             ExperimentError: the motion leaves a component of the tensor undetermined.
         """
-        covariance = predicted_covariance(experiment, spec, PREDICTED * bandwidth)
+        gain = differentiator(min(highest_frequency(spec), bandwidth)).alpha_noise_gain(spec.rate)
+        mean_error, covariance = predicted(experiment, spec, PREDICTED * bandwidth, gain)
         if not np.isfinite(covariance).all():
             raise ExperimentError("the reference trajectory does not tell all six components: choose another")
-        return cls(spec, covariance)
+        return cls(spec, np.asarray(mean_error), np.asarray(covariance))
+
+    @property
+    def expanded(self) -> Float[np.ndarray, "6"]:
+        """Three standard deviations of each component [kg·m²]."""
+        return np.asarray(expanded(jnp.asarray(self.covariance)))
+
+    def measured_by(self, measure: Measure) -> float:
+        """Return what is to be small."""
+        return float(measure(jnp.asarray(self.covariance), jnp.asarray(self.mean_error)))
+
+
+def differentiator(band: float) -> EstimatorSpec:
+    """Return the estimator of a trajectory whose highest frequency is ``band`` [Hz], named as the designed one."""
+    return EstimatorSpec(NAME, "savitzky-golay", band)
 
 
 def scaled(spec: TrajectorySpec, size: float, speed: float, duration: float | None = None) -> TrajectorySpec:
@@ -86,7 +105,7 @@ def best_reference(
         experiment: with platform, body and sources.
         spec: the trajectory; a Sphere, Harmonic or Multisine.
         limits: to be met at every instant.
-        measure: what is to be small, of the covariance.
+        measure: what is to be small.
         rate: of the instants at which the limits must be met in the end [Hz].
 
     Raises:
@@ -103,7 +122,7 @@ def best_reference(
             candidates.append(PredictedTrajectory.of(experiment, of_size(size), band))
     if not candidates:
         raise ExperimentError("the reference trajectory is faster than platform.limits.bandwidth: choose another")
-    best = min(candidates, key=lambda candidate: float(measure(jnp.asarray(candidate.covariance))))
+    best = min(candidates, key=lambda candidate: candidate.measured_by(measure))
     return _within_limits(experiment, best, limits, rate)
 
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from identify.motion.information_bound import tensor_covariance
 from identify.motion.leg_limits import Limits
@@ -11,7 +12,9 @@ from identify.motion.periodic_motion import Periodic, accelerations
 from identify.motion.phase_patterns import Mixture, mixture
 from identify.motion.stages import Stages
 from identify.motion.stewart_platform import jacobian, lengths
+from identify.rigid_body.regressor import omega_r
 from uq.excitation.design_goal import Measure
+from uq.excitation.reference_trajectory import differentiator
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.propagation.prediction import Prediction
 
@@ -22,19 +25,44 @@ DITHER = 0.03
 
 
 def patterns_for(experiment: Experiment, spec: TrajectorySpec, limits: Limits, measure: Measure) -> Mixture:
-    """Return the mixture of the legs' patterns that is best for a goal, by the load cell's white noise alone.
+    """Return the mixture of the legs' patterns that is best for a goal, by white noise of load cell and gyro alone.
 
     Args:
         experiment: body, platform and sources.
         spec: how long and how often is sampled.
         limits: in figures.
-        measure: what is to be small, of the covariance.
+        measure: what is to be small.
     """
-    noise = np.asarray(Prediction.of(experiment, spec).moment_noise)
+    prediction = Prediction.of(experiment, spec)
+    noise = np.asarray(prediction.moment_noise)
     covariance = tensor_covariance(spec.rate * spec.duration, noise if np.linalg.eigvalsh(noise)[0] > 0 else np.eye(3))
+    gain = differentiator(limits.bandwidth).alpha_noise_gain(spec.rate)
+    mean_error = attenuation(np.asarray(experiment.body.inertia), gain**2 * np.diag(np.asarray(prediction.gyro)))
     at_home = np.asarray(jacobian(experiment.platform, experiment.platform.home_pose))
     to_alpha = np.linalg.inv(at_home)[3:] * accelerations(limits)
-    return mixture(lambda moment: measure(covariance(moment)), to_alpha).both_ways()
+
+    def predicted(moment):
+        mean_square = moment / 2  # of sines, whose amplitudes are the patterns'
+        return measure(covariance(mean_square), mean_error(mean_square))
+
+    return mixture(predicted, to_alpha).both_ways()
+
+
+def attenuation(
+    inertia: Float[np.ndarray, "6"], noise: Float[np.ndarray, "3 3"]
+) -> Callable[[Float[Array, "3 3"]], Float[Array, "6"]]:
+    """Return the mean error that white noise of alpha causes [kg·m²] as a function of the second moment of alpha.
+
+    ``-(mean(ΩᵀΩ) + N)⁻¹ N i``, N what the noise adds to ``mean(ΩᵀΩ)``, with omega left out: errors in variables.
+
+    Args:
+        inertia: packed tensor i [kg·m²].
+        noise: covariance of alpha's noise at one sample [rad²/s⁴].
+    """
+    rows = np.stack([np.asarray(omega_r(jnp.zeros(3), jnp.eye(3)[axis])) for axis in range(3)])
+    each = jnp.asarray(np.einsum("aij,bil->abjl", rows, rows))
+    added = jnp.einsum("ab,abjl->jl", noise, each)
+    return lambda moment: -jnp.linalg.solve(jnp.einsum("ab,abjl->jl", moment, each) + added, added @ inertia)
 
 
 def harmonics(experiment: Experiment, limits: Limits) -> int:

@@ -1,9 +1,11 @@
 """The uncertainty predicted for a motion by the law of propagation: differentiable through the motion itself.
 
 An optimiser needs what :func:`uq.propagation.experiment_law.law` computes a thousand times over, and its gradient. So
-these are the law's first-order terms alone, for least squares with a perfect differentiator, from as few instants as a
-motion of limited band allows; each instant counts for the samples of the run that it stands for.
+these are the law's first-order covariance and second-order mean, for least squares with a differentiator that distorts
+nothing, from as few instants as a motion of limited band allows; each counts for the samples that it stands for.
 """
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -24,15 +26,25 @@ from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
 from uq.sources.constant_errors import perturbed
 
 
+class Predicted(NamedTuple):
+    """What a motion promises."""
+
+    mean_error: Float[Array, "6"]
+    """Expected estimate less the truth [kg·m²]."""
+    covariance: Float[Array, "6 6"]
+    """Of the tensor [(kg·m²)²]."""
+
+
 class Prediction(eqx.Module):
     """An experiment's errors, ready to be propagated through any motion."""
 
     body: Body
     platform: Platform
     """What carries it, whatever the trajectory."""
+    expected: Float[Array, " e"]
+    """Expectation of the errors that are drawn once, :class:`uq.sources.constant_errors.Errors` raveled."""
     directions: Float[Array, "e d"]
-    """What one standard deviation of each number that is drawn once does to the errors."""
-    correlation: Float[Array, "d d"]
+    """What one standard deviation of each of d uncorrelated numbers does to these errors."""
     wrench: Float[Array, "6 6"]
     """Covariance of the white noise of force and moment at one sample."""
     gyro: Float[Array, "3"]
@@ -58,8 +70,8 @@ class Prediction(eqx.Module):
         return cls(
             experiment.body,
             eqx.tree_at(lambda p: p.trajectory, platform_of(experiment, spec), None),
-            jnp.asarray(constants.errors * constants.sigma),
-            jnp.asarray(constants.correlation),
+            jnp.asarray(constants.errors @ constants.mean),
+            jnp.asarray((constants.errors * constants.sigma) @ _root(constants.correlation)),
             jnp.asarray(inputs.wrench[0]),
             jnp.asarray(inputs.gyro[0]),
             spec.rate,
@@ -67,14 +79,25 @@ class Prediction(eqx.Module):
         )
 
     @eqx.filter_jit
-    def covariance(
-        self, motion: Motion, jerk: Float[Array, "3 n"], each: Float[Array, " #n"] | float | None = None
-    ) -> Float[Array, "6 6"]:
-        """Return the covariance of the tensor [(kg·m²)²] predicted for a motion.
+    def moments(
+        self,
+        motion: Motion,
+        jerk: Float[Array, "3 n"],
+        gain: Float[Array, ""] | float,
+        each: Float[Array, " #n"] | float | None = None,
+    ) -> Predicted:
+        """Return mean error and covariance of the tensor predicted for a motion.
+
+        The mean error is ``f(E[S], E[θ]) + ½ tr(H Σ)`` less the truth: white noise of omega adds its own squares to the
+        sums S, most of all those of alpha's noise to ``ΩᵀΩ``, so that moments come out too small, however long the run;
+        errors θ that are drawn once enter by their expectation and, through the estimate's curvature H, by their
+        covariance Σ. First and second derivatives by θ are differences over one standard deviation each way, which cost
+        a fraction of exact ones to compile and are off by third derivatives.
 
         Args:
-            motion: at n instants, far fewer than the run's samples.
+            motion: at n instants, far fewer than the run's samples; from rest to rest or periodic.
             jerk: derivative of alpha in B [rad/s³].
+            gain: standard deviation of alpha's noise by that of omega's (``EstimatorSpec.alpha_noise_gain``) [1/s].
             each: samples that an instant stands for, one number or one an instant, where the motion is one period of
                 a longer run, or of each of its stages; None: those between two instants, which are uniform.
         """
@@ -84,8 +107,18 @@ class Prediction(eqx.Module):
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
         inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", each, rows, rows))
         noise = inverse @ (self._of_cell(rows, each) + self._of_gyro(motion, jerk, each)) @ inverse
-        by_constants = self._by_constants(motion, jerk, each)
-        return noise + by_constants @ self.correlation @ by_constants.T
+        run, of_alpha = self._run(motion, jerk, each), jnp.square(jnp.asarray(gain, float))
+
+        def estimate(error):
+            return tensor_of(equations_of(run, 0, self.expected + error, self.gyro, of_alpha))
+
+        there = self.directions.T
+        value, more, less = jnp.split(
+            jax.vmap(estimate)(jnp.concatenate([jnp.zeros_like(self.expected)[None], there, -there])),
+            [1, 1 + len(there)],
+        )
+        slope, curvature = (more - less) / 2, more + less - 2 * value
+        return Predicted(value[0] + curvature.sum(axis=0) / 2 - self.body.inertia, noise + slope.T @ slope)
 
     @property
     def moment_noise(self) -> Float[Array, "3 3"]:
@@ -109,30 +142,45 @@ class Prediction(eqx.Module):
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
         return jnp.einsum("n,nji,i,nki->jk", each, acts, self.gyro, acts)
 
-    def _by_constants(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 d"]:
+    def _run(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> NoiseFreeRun:
+        """Sums without noise, and their derivatives by a delay of the gyro.
+
+        From rest to rest, or over a period, the sums of omega's and alpha's products do not know a delay, and
+        ``Σ x'' y = -Σ x' y'``: the second derivative needs no more than the jerk. It is taken of ``M - r × F`` alone.
+        """
         wrench, t = self.columns.sampled(self.body, motion), motion.t - motion.t[0]
 
-        def sums(delay):
+        def features(delay):
             omega, alpha = motion.omega - delay * motion.alpha, motion.alpha - delay * jerk
-            phi = jnp.concatenate([true_elements(omega, alpha, t), alpha])
+            return jnp.concatenate([true_elements(omega, alpha, t), alpha])
+
+        def sums(phi):
             return TrueSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
 
-        now, later = jax.jvp(sums, (jnp.zeros(()),), (jnp.ones(()),))
-        run = NoiseFreeRun(self.body, self.platform, (now, later, jax.tree.map(jnp.zeros_like, now)), self.columns)
+        phi, slopes = jax.jvp(features, (jnp.zeros(()),), (jnp.ones(()),))
+        now, later = jax.jvp(sums, (phi,), (slopes,))
+        of_instant = lambda *at: jax.jvp(lambda w, a: omega_r(w, a) @ self.body.inertia, at[:2], at[1:])[1]  # noqa: E731
+        moment = jax.vmap(of_instant, in_axes=(1, 1, 1), out_axes=1)(motion.omega, motion.alpha, jerk)
+        twice = TrueSums(
+            jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(each[None] * slopes @ moment.T)
+        )
+        return NoiseFreeRun(self.body, self.platform, (now, later, twice), self.columns)
 
-        def estimate(numbers):
-            return tensor_of(equations_of(run, 0, self.directions @ numbers, jnp.zeros(3), jnp.zeros(())))
 
-        return jax.jacfwd(estimate)(jnp.zeros(self.directions.shape[1]))
+def _root(correlation: np.ndarray) -> np.ndarray:
+    """L with ``L Lᵀ`` a correlation matrix, which may be singular."""
+    values, vectors = np.linalg.eigh(correlation)
+    return vectors * np.sqrt(np.maximum(values, 0))
 
 
-def predicted_covariance(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Float[np.ndarray, "6 6"]:
-    """Return the covariance of the tensor [(kg·m²)²] predicted for a trajectory over its whole run.
+def predicted(experiment: Experiment, spec: TrajectorySpec, rate: float, gain: float) -> Predicted:
+    """Return mean error and covariance of the tensor predicted for a trajectory over its whole run.
 
     Args:
         experiment: with platform, body and sources.
         spec: the trajectory.
         rate: of the instants at which the motion is sampled [Hz].
+        gain: of the differentiator's noise, as in :meth:`Prediction.moments` [1/s].
 
     Raises:
         ExperimentError: a source that the law cannot take, or that moves nothing in its first order.
@@ -140,7 +188,8 @@ def predicted_covariance(experiment: Experiment, spec: TrajectorySpec, rate: flo
     still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
     t = jnp.arange(0.0, spec.duration, 1 / rate)
     motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
-    return np.asarray(Prediction.of(experiment, spec).covariance(motion, jerk_of(spec, motion)))
+    # an array: a plain number would be compiled in
+    return Prediction.of(experiment, spec).moments(motion, jerk_of(spec, motion), jnp.asarray(gain))
 
 
 def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:

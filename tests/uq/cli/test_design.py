@@ -63,6 +63,8 @@ def design(preset):
         limits,
         np.full(6, 1e-3),
         np.full(6, 2e-3),
+        np.full(6, -1e-4),
+        np.full(6, -2e-4),
         BOUND,
         used,
         [Start(0.7, 0.0, 9)],
@@ -84,7 +86,20 @@ def ran(design, preset, tmp_path_factory):
         return kept["report"]
 
     (folder / "e.toml").write_text(toml_text(document(preset)))
-    options = ["--goal", "moments", "--starts", "2", "--seed", "3", "--duration", "20 s", "--target", "1e-3 g*m^2"]
+    options = [
+        "--goal",
+        "moments",
+        "--objective",
+        "rms",
+        "--starts",
+        "2",
+        "--seed",
+        "3",
+        "--duration",
+        "20 s",
+        "--target",
+        "1e-3 g*m^2",
+    ]
     more = ["--rehearsal", "0.5", "--rehearsal-amplitude", "0.8", "--poses", "3"]
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
         patch.setattr(command, "design", found)
@@ -126,16 +141,17 @@ def test_the_designed_file_holds_the_designed_motion(content, design, tmp_path):
 
 
 def test_the_monte_carlo_runs_it_as_it_is(content, report, tmp_path, capsys):
-    """200 trials: a 3σ has a standard error of 5 %; six of them within four and a half (4e-5)."""
+    """200 trials: a 3σ has a standard error of 5 %; six of them, and mean errors, within four and a half (8e-5)."""
     for name in ("designed.toml", "designed.csv"):
         (tmp_path / name).write_bytes(content[name])
     run = ["montecarlo", str(tmp_path / "designed.toml"), "--trajectory", "designed", "--collapsed", "--trials", "200"]
     assert main([*run, "--out", str(tmp_path / "mc")]) == 0
     said = json.loads((tmp_path / "mc" / "result.json").read_text())["trajectories"]["designed"]["designed"]
     got = said["groups"]["total"]
-    ours = report.laws["designed"].total.to_dict()["three_sigma"]
-    for name, value in got["three_sigma"].items():
-        assert abs(value - ours[name]) < 4.5 * got["three_sigma_standard_error"][name]
+    ours = report.laws["designed"].total.to_dict()
+    for statistic in ("three_sigma", "mean_error"):
+        for name, value in got[statistic].items():
+            assert abs(value - ours[statistic][name]) < 4.5 * got[f"{statistic}_standard_error"][name]
 
 
 def test_the_figures_in_json_are_the_laws(content, report):
@@ -150,13 +166,48 @@ def test_the_figures_in_json_are_the_laws(content, report):
     assert said["limits"][0]["share"] >= said["limits"][-1]["share"]
 
 
+def test_the_mean_error_stands_beside_the_dispersion(content, report):
+    """In JSON and table, of every trajectory and component; 3 rms is 3√(σ² + b²)."""
+    said = json.loads(content["result.json"])
+    assert said["objective"] == "rms"
+    assert said["promised_mean_error"]["I11"] == pytest.approx(-0.1)
+    assert {"components.svg", "components.png"} <= set(content)
+    rows = report.trajectory_table().rows
+    for name, law in report.laws.items():
+        at = [row[0] for row in rows].index(name)
+        figures = [[float(cell.replace("−", "-")) for cell in row[3:9]] for row in rows[at : at + 3]]
+        sigma, mean, rms = np.array(figures)
+        np.testing.assert_allclose(mean, 1e3 * law.total.mean_error, rtol=6e-3)
+        np.testing.assert_allclose(rms**2, sigma**2 + (3 * mean) ** 2, rtol=0.02)
+        got = said["trajectories"][name]
+        assert got["groups"]["total"]["mean_error"]["I33"] == pytest.approx(1e3 * law.total.mean_error[5])
+        assert got["average_three_rms"]["products"] == pytest.approx(np.mean(1e3 * law.total.three_rms[[1, 2, 4]]))
+
+
+@pytest.mark.parametrize(("objective", "cure"), [("rms", ""), ("3sigma", " The objective rms designs against it.")])
+def test_a_mean_error_beyond_3_sigma_is_a_warning(report, objective, cure):
+    laws = dict(report.laws)
+    total, noise = laws["designed"].total, laws["designed"].sources["omega_precision"]
+    far = dataclasses.replace(total, mean_error=total.three_sigma * [0.99, 0, 0, 0, 0, -2])
+    sources = {**laws["designed"].sources, "omega_precision": dataclasses.replace(noise, mean_error=far.mean_error)}
+    laws["designed"] = dataclasses.replace(laws["designed"], groups={"total": far}, sources=sources)
+    changed = dataclasses.replace(report, laws=laws, design=dataclasses.replace(report.design, objective=objective))
+    first, second = changed.findings()
+    assert re.fullmatch(r"designed: the mean error exceeds 3σ: I33 −[\d.]+ g·m² \(2 × 3σ\)\.", first)
+    assert second == f"Most of the mean error is that of omega precision, which a longer run does not reduce.{cure}"
+    assert changed.to_dict()["warnings"] == list(changed.section().findings[:2]) == [first, second]
+    assert changed.notes() == [f"attention: {first}", f"attention: {second}"]
+    quiet = {name: dataclasses.replace(law, groups={"total": total}) for name, law in laws.items()}
+    assert dataclasses.replace(report, laws=quiet).findings() == []
+
+
 def test_the_report_says_what_was_asked(content, report):
     text = " ".join(Reader(content["report.html"].decode()).text)
     for words in ("What each limit is used to", "Which sensor should I buy?", "How long must I measure?",
                   "out of reach: r_cg", "Static poses to run", "Exported motion", "Average 3σ of the moments"):  # fmt: skip
         assert words in text, words
     assert text.count("change, %") >= 3
-    assert "No motion under these limits promises less than 1 g·m² (moments) and 0.5 g·m² (products)." in text
+    assert "No motion under these limits promises a 3σ of less than 1 g·m² (moments) and 0.5 g·m² (products)." in text
     assert "The bound leaves out: ramps take no time." in text
     assert report.trajectory_table().rows[-1][0] == "bound"
 
@@ -197,7 +248,7 @@ def test_a_browser_draws_and_prints_it(content, tmp_path):
 
 def test_the_command_asks_for_what_it_was_told(ran):
     asked, _, files, said = ran
-    assert asked == {"goal": "moments", "starts": 2, "seed": 3, "duration": 20.0}
+    assert asked == {"goal": "moments", "objective": "rms", "starts": 2, "seed": 3, "duration": 20.0}
     assert {"rehearsal.csv", "rehearsal.pi.txt", "rehearsal.moog.bin"} <= set(files)
     about = json.loads(files["rehearsal.json"])
     assert (about["speed"], about["amplitude"]) == (0.5, 0.8)
@@ -219,6 +270,7 @@ def test_the_command_asks_for_what_it_was_told(ran):
         (["--poses", "few"], "'few' is not a whole number"),
         (["--starts", "0"], "0 starts"),
         (["--goal", "everything"], "unknown goal"),
+        (["--objective", "bias"], "unknown objective 'bias': choose one of rms, 3sigma"),
         (["--reference", "T9"], "unknown trajectory 'T9'"),
         (["--trajectory", "T1"], "--trajectory names the plan of a recorded run"),
         (["--achieved", "run.mcap", "--goal", "moments"], "--goal designs a motion"),
