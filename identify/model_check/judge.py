@@ -19,7 +19,7 @@ from identify.model_check.run_fit import Declared, RunFit, fit_run
 from identify.model_check.specification import difference
 from identify.model_check.verdict_texts import sentence, signed
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.signals.filters import noise_level
 from identify.signals.run import Run
 
@@ -68,7 +68,7 @@ def judged(result: Identification, problem: Problem) -> Identification:
         warnings=(*result.warnings, *texts),
         by_held_errors=held,
     )
-    return told if result.admissible is not None else with_misfit(told, shifts)
+    return with_misfit(told, shifts if result.admissible is None else shifts * result.admissible.determined)
 
 
 def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
@@ -82,10 +82,11 @@ def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
         return result
     middle = result.inertia[:, None]
     reach = np.hypot(result.interval95 - middle, 2 * np.abs(shift)[:, None])
+    least = np.where(np.isin(range(6), MOMENTS) & (result.admissible is not None), 0.0, -np.inf)[:, None]
     budget = None if result.budget is None else {**result.budget, "model misfit": np.abs(shift)}
     return replace(
-        result, covariance=result.covariance + np.outer(shift, shift), interval95=middle + reach * [-1, 1],
-        budget=budget, misfit=shift,
+        result, covariance=result.covariance + np.outer(shift, shift),
+        interval95=np.maximum(middle + reach * [-1, 1], least), budget=budget, misfit=shift,
     )  # fmt: skip
 
 
