@@ -20,13 +20,13 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES = {
+    "rotation": Quantity("rotation vector of the IMU", 180 / np.pi, "°", "check the frames of load cell and IMU"),
     "mass": Quantity("mass", 1.0, "kg", "check the load cell's gain and the accelerometer's place (imu_position)"),
     "r_cg": Quantity("centre of gravity", 1e3, "mm", "check r_cg_from_q, and the load cell's zero and gain"),
     "force_offset": Quantity("zero of the force", 1.0, "N", "check that the load cell was not tared in between"),
     "moment_offset": Quantity("zero of the moment", 1.0, "N·m", "check that the load cell was not tared in between"),
     "gyro_bias": Quantity("zero of the gyro", 1e3, "mrad/s", "check its unit, or declare sigma_gyro_bias wider"),
     "delay": Quantity("delay", 1e3, "ms", "check the clocks, or declare the delay"),
-    "rotation": Quantity("rotation vector of the IMU", 180 / np.pi, "°", "check the frames of load cell and IMU"),
     "accelerometer_bias": Quantity(
         "zero of the accelerometer", 1.0, "m/s²", "check its place (imu_position), its scale and its axes"
     ),
@@ -38,7 +38,9 @@ QUANTITIES = {
     "gyro_scale": Quantity("scale error of the gyro", 100.0, "%", "declare it wider, or calibrate"),
     "cell_matrix": Quantity("error of the load cell's matrix", 100.0, "%", "declare it wider, or calibrate"),
 }  # fmt: skip
-"""By unknown of :class:`identify.joint.joint_model.Unknowns`; others only absorb slow errors."""
+"""By unknown of :class:`identify.joint.joint_model.Unknowns`, the rotation first, as all others are in its axes.
+
+Those that are missing only absorb slow errors."""
 
 
 def departures(theta: np.ndarray, mean: np.ndarray, beforehand: np.ndarray) -> list[str]:

@@ -31,6 +31,8 @@ def interval95(ten: InertialParameters, factor: np.ndarray | float) -> Float[np.
 def content(ten: InertialParameters, factor: np.ndarray | float, source: str) -> dict[str, Any]:
     """Return what result.json says of mass and centre of gravity, in SI; null for what is not known or counts as exact.
 
+    A mass that counts as exact is declared, though the centre of gravity be estimated.
+
     Args:
         ten: the ten parameters.
         factor: coverage factor of all four, or of each.
@@ -38,12 +40,13 @@ def content(ten: InertialParameters, factor: np.ndarray | float, source: str) ->
     """
     u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
     known, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
+    of_mass = DECLARED if source == ESTIMATED and not uncertain else source
     return {
         "mass": {
             "value": ten.mass if known else None,
             "standard_uncertainty": float(u[0]) if uncertain else None,
             "interval95": intervals[0] if uncertain else None,
-            "from": source if known else None,
+            "from": of_mass if known else None,
         },
         "cg": {
             "value": ten.r_cg.tolist(),

@@ -84,13 +84,16 @@ def identify_files(
 
     result = with_not_included(with_discordance(estimated(runs), runs, estimated), runs, experiment)
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
-    suspicious = [text for run in runs for text in convention_warnings(run, experiment)]
+    aligned = result.rotation is not None and result.rotation.estimated
+    suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned)]
+    # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
+    first, then = (result.warnings, suspicious) if aligned else (suspicious, result.warnings)
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*differing, *result.warnings, *suspicious, *noisy, *cautions(experiment.report, inputs)),
+        warnings=(*differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**declared_inputs, inputs=inputs),

@@ -59,6 +59,7 @@ class Declared:
     """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
 
     ``weighed``: whether the body's weight should be in the force, which it is not where the zero was taken with it.
+    ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
     """
 
     mass: float | None = None
@@ -69,6 +70,7 @@ class Declared:
     wrench_rotation: Matrix | None = None
     imu_rotation: Matrix | None = None
     weighed: bool = True
+    turn: Vector | None = None
 
 
 def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Finding]:
@@ -294,7 +296,8 @@ class _Examination:
             if sensor == "wrench":
                 self.sums = before.turned(wrench=exponential(turn).T)
             text = f"only a turn of the IMU's axes into the load cell's by {vector} fits both, or its stamps are late"
-            yield Finding("turned", self._topic(sensor), f"{text}: set {cure} in [recording], or correct the clock")
+            if self.declared.turn is None or (np.abs(turn) > 3 * self.declared.turn).any():
+                yield Finding("turned", self._topic(sensor), f"{text}: set {cure} in [recording], or correct the clock")
 
     def _centre(self, sums: ConventionSums) -> CentreFit:
         offset = ZERO_LEVER * float(np.linalg.norm(sums.mean(FORCE))) + sums.noise[1] / 2

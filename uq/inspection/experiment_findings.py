@@ -11,13 +11,16 @@ from uq.experiment.experiment import Experiment
 from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
 
 
-def experiment_findings(run: Run, experiment: Experiment, *, undone: bool = False) -> list[Finding]:
+def experiment_findings(
+    run: Run, experiment: Experiment, *, undone: bool = False, turn_free: bool = False
+) -> list[Finding]:
     """Judge the longest whole segment of a run that was read as the experiment declares.
 
     Args:
         run: wrench on the body about Q and motion, in B; without an accelerometer there is no finding.
         experiment: mass and centre of gravity, where stated, and what was declared already.
         undone: whether weight that a driver removed was put back.
+        turn_free: whether the estimate finds a small turn of the IMU by itself: no news within ``sigma_rotation``.
     """
     if run.specific_force is None:
         return []
@@ -31,6 +34,8 @@ def experiment_findings(run: Run, experiment: Experiment, *, undone: bool = Fals
         return from_imu
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     declared = _declared(run, experiment, undone=undone)
+    if turn_free and experiment.recording.sigma_rotation is not None:
+        declared = replace(declared, turn=np.broadcast_to(experiment.recording.sigma_rotation, 3))
     return [*from_imu, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
 
 
@@ -50,7 +55,7 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
     )
 
 
-def convention_warnings(run: Run, experiment: Experiment) -> tuple[str, ...]:
-    """The findings as warnings of a result."""
-    findings = experiment_findings(run, experiment, undone=True)
+def convention_warnings(run: Run, experiment: Experiment, *, turn_free: bool = False) -> tuple[str, ...]:
+    """The findings as warnings of a result; ``turn_free`` as in :func:`experiment_findings`."""
+    findings = experiment_findings(run, experiment, undone=True, turn_free=turn_free)
     return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in findings)
