@@ -106,10 +106,13 @@ def said(result, truth) -> dict:
     low, high = result.interval95.T
     with np.errstate(invalid="ignore", divide="ignore"):
         off = np.abs(truth - (low + high) / 2) / ((high - low) / 2)
+    effects = () if result.not_included is None else result.not_included.effects
+    priced = np.sqrt(sum((np.square(effect.inertia) for effect in effects), np.zeros(6)))
     return {
         "error": (result.inertia - truth).tolist(),
         "u": result.standard_uncertainty.tolist(),
         "off": off.tolist(),
+        "off_with_price": (np.abs(result.inertia - truth) / np.hypot((high - low) / 2, 2 * priced)).tolist(),
         "covered": ((low <= truth) & (truth <= high)).tolist(),
         "warnings": list(result.warnings),
         "causes": [verdict.cause for verdict in result.consistency] or symptoms(result.warnings),
@@ -195,6 +198,11 @@ def silently_wrong(row):
     return "crashed" in row or (not warned(row) and not all(value <= WRONG for value in row["off"]))
 
 
+def beyond_its_price(row):
+    """Whether an answer that is silently wrong is so beyond what the errors that are not included are said to add."""
+    return silently_wrong(row) and ("crashed" in row or not all(value <= 1 for value in row["off_with_price"]))
+
+
 def first_cause(row):
     return next(iter(row.get("causes", [])), "refused" if "refused" in row else "–")
 
@@ -239,8 +247,8 @@ def table(rows) -> str:
     """A line for each trouble, size and method."""
     lines = [
         "| trouble | size (median) | method | worst error / half-width: median, largest | covered | warned | first cause "
-        "| named right | silently wrong |",
-        "|---" * 9 + "|",
+        "| named right | silently wrong | beyond the price told |",
+        "|---" * 10 + "|",
     ]
     troubled = sorted(
         (row for row in rows if row["trouble"] != CLEAN),
@@ -259,7 +267,8 @@ def table(rows) -> str:
         lines.append(
             f"| {words} | {size} | {method} | {worst} | {sum(inside)} of {len(inside)} "
             f"| {sum(map(warned, some))} of {len(some)} | {_counted(some)} "
-            f"| {f'{sum(right)} of {len(right)}' if right else '–'} | {sum(map(silently_wrong, some))} |"
+            f"| {f'{sum(right)} of {len(right)}' if right else '–'} | {sum(map(silently_wrong, some))} "
+            f"| {sum(map(beyond_its_price, some))} |"
         )
     return "\n".join(lines)
 
