@@ -17,8 +17,8 @@ def made(trouble=study.CLEAN, *, off=0.5, level="large", method="source", seed=0
     cell = study.Cell(trouble, "" if trouble == study.CLEAN else level, method, seed)
     offs = [0.1] * 5 + [off]
     covered = [value <= 1 for value in offs]
-    return cell._asdict() | {"off": offs, "covered": covered, "u": [1e-3] * 6, "warnings": [], "causes": [], "size": 1.0,
-                             **more}  # fmt: skip
+    row = {"off": offs, "off_with_price": [value / 2 for value in offs], "covered": covered, "u": [1e-3] * 6}
+    return cell._asdict() | row | {"warnings": [], "causes": [], "size": 1.0, **more}
 
 
 def test_what_is_off_and_not_said_is_silently_wrong():
@@ -29,8 +29,11 @@ def test_what_is_off_and_not_said_is_silently_wrong():
     refused = {"refused": "no solution"} | study.Cell("cable", "small", "joint", 1)._asdict()
     assert not study.silently_wrong(refused)
     assert study.silently_wrong({"crashed": "ValueError()"} | refused | {"off": [0]})
-    assert study.named_right(made("delay", causes=["delay", "drift"]))
-    assert not study.named_right(made("delay", causes=["drift", "delay"]))
+    assert study.named_right(made("delay", causes=["delay", "drift"], warnings=["late"]))
+    assert study.named_right(made("delay", causes=["drift", "delay"], warnings=["late"])) is False
+    assert study.named_right(made("delay")) is None  # an unknown took it up
+    assert study.beyond_its_price(made("cable", off=2.1))
+    assert not study.beyond_its_price(made("cable", off=2.1, off_with_price=[0.9]))
     assert study.named_right(made("vibration")) is None
 
 
@@ -39,7 +42,7 @@ def test_tables_count_runs_components_and_causes():
     assert "| source | 4 | 21 of 24 | I33 1 of 4 | 1 | – 4 |" in study.clean_table(clean)
     rows = [made("delay", off=3.0, causes=["delay"], warnings=["late"]), made("delay", off=5.0, seed=1)]
     line = study.table([*clean, *rows]).splitlines()[-1]
-    assert line == "| delay | large: 1 s | source | 4, 5 | 10 of 12 | 1 of 2 | delay 1, – 1 | 1 of 2 | 1 |"
+    assert line == "| delay | large: 1 s | source | 4, 5 | 10 of 12 | 1 of 2 | delay 1, – 1 | 1 of 2 | 1 | 1 |"
 
 
 def test_cells_in_the_file_are_not_done_again(tmp_path, monkeypatch):
