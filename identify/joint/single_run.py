@@ -87,7 +87,10 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     model, beforehand, gyro_noise = prepare(run, setting)
     _check_excitation(run, model, setting, gyro_noise)
     raw = _raw_noise(run, model, beforehand) if setting.noise is None else np.diag(np.square(setting.noise))
-    fit, left = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
+    try:
+        fit, left = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
+    except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
+        raise _without_solution(run.name) from None
     return JointRun(run, model, beforehand, fit, left * model.rows.factor, gyro_noise)
 
 
@@ -194,16 +197,20 @@ def residual_noise(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
 def _check(name: str, model: Model, beforehand: Prior, fit: Fit) -> None:
     theta = np.asarray(beforehand.theta(fit.z))
     if not (np.isfinite(theta).all() and bool(fit.converged)):
-        raise RunError(
-            f"the joint estimate of {name} does not converge: check signs, frames and what is declared of the "
-            "centre of gravity's motion, or use the method source"
-        )
+        raise _without_solution(name)
     delay = float(theta[SLICES["delay"]][0])
     if abs(delay) > model.rows.reach:
         raise RunError(
             f"the delay of {name} comes to {1e3 * delay:.3g} ms, beyond what is declared of it: declare its "
             "standard uncertainty wider, or check the clocks"
         )
+
+
+def _without_solution(name: str) -> RunError:
+    return RunError(
+        f"the joint estimate of {name} does not converge: check signs, frames and what is declared of the "
+        "centre of gravity's motion, or use the method source"
+    )
 
 
 def _size(signal: np.ndarray | Array) -> float:

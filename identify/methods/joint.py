@@ -45,7 +45,8 @@ class JointEstimator(Estimator):
             raise RunError(
                 'the joint estimate finds offsets itself: write offsets = "estimate", or use the method source'
             )
-        declared_band = None if problem.estimator is None else problem.estimator.band
+        declared = problem.estimator
+        declared_band = None if declared is None else declared.band or declared.lowpass
         band = problem.band() if declared_band is None else declared_band
         specific_force = specific_force_source(problem)
         setting = Setting(

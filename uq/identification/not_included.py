@@ -106,10 +106,10 @@ def _typical(experiment: Experiment, runs: Sequence[Run]) -> list[Source]:
     sources = []
     for name, each in KINDS.items():
         figure = getattr(experiment.not_included, name)
-        if figure is None or not each.kind:
+        one = each.kind == "cross_talk"
+        if figure is None or not each.kind or (one and not all(size)):
             continue
         kind = kind_of(each.target, each.kind)
-        one = each.kind == "cross_talk"
         sigma = kind.placed(np.array(figure) if one else np.full(kind.shape, figure), np.repeat(size, 3))
         sources.append(Source(name, each.target, each.kind, "not included", sigma))
     return sources

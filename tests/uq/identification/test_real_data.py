@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identify.exceptions import RunError
 from identify.identification import identify
 from identify.rigid_body.inertia import COMPONENTS
 from uq.experiment.experiment import Experiment
@@ -87,3 +88,10 @@ def test_throws_are_too_brief_for_weights_and_gls_is_as_least_squares(thrown, ex
     assert any("too brief to learn weights" in text for text in alone.warnings)
     low, high = with_declared_sources(alone, runs, experiment).interval95.T
     assert ((low <= truth) & (truth <= high))[MOMENTS].all()
+
+
+def test_throws_are_too_brief_for_the_joint_estimate_which_says_so(thrown, experiment):
+    with pytest.raises(
+        RunError, match=r"lasts 0\.5\d* s, too short .* of 10 Hz: record for longer, or use the method source"
+    ):
+        identify_files(thrown[0], experiment, method="joint")
