@@ -210,12 +210,14 @@ def first_cause(row):
 def named_right(row):
     """Whether the first cause that was named is one of the trouble's.
 
-    None: it has none that could be named, or an unknown of the method took it up and the answer is right.
+    None: it has none that could be named; or nothing was said, and the answer is right (an unknown of the method took it
+    up) or does not depend on it (not even its largest size shifts it).
     """
-    right = TROUBLES[row["trouble"]].causes
-    if not right or (not warned(row) and "off" in row and max(row["off"]) <= 1):
+    trouble = TROUBLES[row["trouble"]]
+    harmless = max(row.get("off", [0.0])) <= (WRONG if row["size"] >= trouble.most else 1)
+    if not trouble.causes or (not warned(row) and harmless):
         return None
-    return first_cause(row) in right
+    return first_cause(row) in trouble.causes
 
 
 def groups(rows, *keys):
@@ -273,6 +275,35 @@ def table(rows) -> str:
     return "\n".join(lines)
 
 
+def summary(rows) -> str:
+    """A line for each trouble and size, and one for all: covered, warned, named right, silently wrong, by method."""
+    head = [f"{method}: covered | warned | named | silent" for method in METHODS]
+    lines = ["| trouble | size | " + " | ".join(head) + " |", "|---" * (2 + 4 * len(METHODS)) + "|"]
+    troubled = [row for row in rows if row["trouble"] != CLEAN]
+    names = [name for name in TROUBLES if any(row["trouble"] == name for row in troubled)]
+    for level in LEVELS:
+        for name in [*names, None]:
+            some = [row for row in troubled if row["level"] == level and name in (None, row["trouble"])]
+            if not some:
+                continue
+            sizes = "" if name is None else f" {np.median([row['size'] for row in some]):.2g} {TROUBLES[name].unit}"
+            cells = [_cells([row for row in some if row["method"] == method]) for method in METHODS]
+            lines.append(f"| {name or '**all**'} | {level}{sizes} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cells(rows):
+    """Covered, warned, named right and silently wrong, as four cells."""
+    inside = [value for row in rows for value in row.get("covered", [])]
+    right = [verdict for row in rows if (verdict := named_right(row)) is not None]
+    return " | ".join([
+        f"{100 * np.mean(inside):.0f} %" if inside else "–",
+        f"{sum(map(warned, rows))}/{len(rows)}",
+        f"{sum(right)}/{len(right)}" if right else "–",
+        f"{sum(map(silently_wrong, rows))} ({sum(map(beyond_its_price, rows))})",
+    ])  # fmt: skip
+
+
 def _counted(rows):
     """The first causes that were named, the most frequent first."""
     return ", ".join(f"{cause} {count}" for cause, count in Counter(map(first_cause, rows)).most_common(3))
@@ -287,6 +318,7 @@ def main(arguments=None):
     parser.add_argument("--levels", nargs="+", default=list(LEVELS), choices=LEVELS)
     parser.add_argument("--still", action="store_true", help="the motion that keeps the centre of gravity still")
     parser.add_argument("--declared", action="store_true", help="troubles declared as sources of their size")
+    parser.add_argument("--summary", action="store_true", help="a line for each trouble and size")
     parser.add_argument("--out", default="out/troubles.jsonl")
     parser.add_argument("--processes", type=int, default=2)
     asked = parser.parse_args(arguments)
@@ -296,7 +328,7 @@ def main(arguments=None):
     with contextlib.suppress(KeyboardInterrupt):
         run_cells(cells, asked.out, asked.processes)
     rows = rows_in(asked.out)
-    print(clean_table(rows), table(rows), sep="\n\n")
+    print(clean_table(rows), summary(rows) if asked.summary else table(rows), sep="\n\n")
 
 
 if __name__ == "__main__":
