@@ -9,10 +9,10 @@ from identify.model_check.causes import causes
 from identify.model_check.evidence import Base, Evidence, evidence
 from identify.model_check.run_fit import RunFit
 
-CHANCE = 3e-4
+CHANCE = 1e-4
 """Of residuals that follow one cause by accident, above which nothing is said."""
-LIKELY = 1.5
-"""Logarithm of the Bayes factor from which a cause is more probable than none: that of clean runs stays below zero."""
+LIKELY = 0.0
+"""Logarithm of the Bayes factor from which a cause is more probable than none; in clean runs it is some −4."""
 CLEAR = 3.0
 """The same from which it is more probable than another: twenty to one."""
 MOST = 3
