@@ -1,6 +1,7 @@
 """The joint estimate: tensor, mass, r_CG, offsets, delay and rotation together, most probable given data and priors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from identify.floating_point import check_precision
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
 from identify.joint.joint_result import joint_result
-from identify.joint.priors import STATIC, PriorBlock, error_blocks, linked
+from identify.joint.priors import STATIC, ConstantError, PriorBlock, error_blocks, linked
 from identify.joint.single_run import Setting, joint_run
 from identify.joint.still_check import check_still
 from identify.methods.base import Estimator, Problem
@@ -49,6 +50,7 @@ class JointEstimator(Estimator):
         declared_band = None if declared is None else declared.band or declared.lowpass
         band = problem.band() if declared_band is None else declared_band
         specific_force = specific_force_source(problem)
+        problem = replace(problem, errors=beside_alignment(problem.errors))
         setting = Setting(
             prior_blocks(problem, specific_force), problem.alignment or Alignment(), band, specific_force,
             problem.gravity, tensor_scale(problem.runs, band), errors=problem.errors,
@@ -59,6 +61,11 @@ class JointEstimator(Estimator):
             for run in fitted:
                 check_still(run)
         return joint_result(fitted, setting, problem.offsets)
+
+
+def beside_alignment(errors: Mapping[str, ConstantError]) -> dict[str, ConstantError]:
+    """Return declared errors without delay and rotation of the IMU, whose prior is the alignment's."""
+    return {name: error for name, error in errors.items() if error.unknown not in ("delay", "rotation")}
 
 
 def prior_blocks(problem: Problem, specific_force: SpecificForce) -> dict[tuple[str, ...], PriorBlock]:

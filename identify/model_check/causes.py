@@ -189,8 +189,8 @@ def _mass(run: Prediction) -> Made:
 
 
 OF_UNKNOWN = {"delay": "delay", "rotation": "rotation", "mass": "mass", "centre of gravity": "r_cg",
-              "still missed": "cg_from_still"}  # fmt: skip
-"""Causes that are one unknown of the joint model."""
+              "still missed": "cg_from_still", "gyro axes": "gyro_axes"}  # fmt: skip
+"""Causes that are one unknown of the joint model, and the gyro's axes alone."""
 MAKERS: dict[str, Callable[[Prediction], Made]] = {
     "delay": _unknown(("delay", 0.005)),
     "rotation": _unknown(("rotation", 0.03)),

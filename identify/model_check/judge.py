@@ -214,9 +214,11 @@ def _falls(run: Run, result: Identification, problem: Problem) -> bool:
 
 def _recorded(run: Run, result: Identification, problem: Problem) -> Recorded | None:
     """The run in its band; None: it is too short."""
-    delay = 0.0 if result.delay is None else float(result.delay.value[0])
+    delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
+    declared = [error for error in problem.errors.values() if error.unknown == "delay"]
+    reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
     try:
-        return Recorded(run, problem.band(), reach=abs(delay) + 0.005)
+        return Recorded(run, problem.band(), reach=max(delay, reach) + 0.005)
     except RunError:
         return None
 
@@ -226,6 +228,8 @@ def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
     free = {"mass"} if problem.mass is None and problem.centre is None else set()
     if problem.cg_motion != "still":
         free.add("cg_from_still")
+    if any(error.unknown == "rotation" for error in problem.errors.values()):
+        free.add("gyro_axes")
     return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
 
 

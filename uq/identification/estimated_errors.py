@@ -22,6 +22,8 @@ UNKNOWN: Mapping[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
     "gravity": ("gravity", np.atleast_1d),
     "r_cg_from_omb": ("cg_from_still", np.asarray),
     "gyro_scale": ("gyro_scale", np.asarray),
+    "gyro_delay": ("delay", np.atleast_1d),
+    "gyro_misalignment": ("rotation", np.asarray),
     "gyro_drift": ("gyro_drift", np.asarray),
     "cell_scale": ("cell_matrix", lambda scale: np.diag(scale).ravel()),
     "cell_cross_talk": ("cell_matrix", np.ravel),

@@ -11,6 +11,7 @@ from identify.choices import OffsetChoice
 from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.offsets import rest_of
 from identify.identification import identify
+from identify.joint.alignment_prior import Alignment
 from identify.methods.base import estimator_of
 from identify.results.covariances import checked
 from identify.results.identification_result import Identification
@@ -33,6 +34,7 @@ from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
 from uq.recorded.mounting import check_count, labelled
 from uq.recorded.time_window import TimeWindow, cut
+from uq.sources.constant_errors import declared_sigma
 
 
 def identify_files(
@@ -115,7 +117,7 @@ def _estimated(
         mass=experiment.mass,
         centre=prior,
         method=method or experiment.recording.method,
-        alignment=experiment.recording.alignment,
+        alignment=_alignment(experiment),
         cg_motion=experiment.recording.cg_motion,
         gravity=experiment.gravity,
         mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
@@ -125,6 +127,17 @@ def _estimated(
     if prior is None and experiment.scale is not None and "mass" not in estimates:
         result = replace(result, mass_uncertainty=experiment.scale[1])
     return checked(with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting))
+
+
+def _alignment(experiment: Experiment) -> Alignment:
+    """Prior of delay and rotation of the IMU: as the recording states, else as declared sources have it."""
+    recording, stated = experiment.recording, experiment.recording.alignment
+    delay, turn = (declared_sigma(experiment.sources, field) for field in ("gyro_delay", "gyro_misalignment"))
+    if recording.sigma_delay is None and delay > 0:
+        stated = replace(stated, sigma_delay=float(delay))
+    if recording.sigma_rotation is None and turn.any():
+        stated = replace(stated, sigma_rotation=(float(turn[0]), float(turn[1]), float(turn[2])))
+    return stated
 
 
 def _repeatability(repeats: ScatterVerdict) -> Verdict:

@@ -131,6 +131,7 @@ def _of_joint(
     added = {
         name: np.sqrt(np.einsum("ij,jk,ik->i", by_held[error.unknown], error.covariance, by_held[error.unknown]))
         for name, error in errors.items()
+        if error.unknown in by_held
     }
     for source in sources:
         if source.perturbs == "r_cg":

@@ -9,6 +9,7 @@ from identify.signals.run import Run
 from rig.inspection.channel_health import Finding
 from uq.experiment.experiment import Experiment
 from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
+from uq.sources.constant_errors import declared_sigma
 
 
 def experiment_findings(
@@ -20,7 +21,8 @@ def experiment_findings(
         run: wrench on the body about Q and motion, in B; without an accelerometer there is no finding.
         experiment: mass and centre of gravity, where stated, and what was declared already.
         undone: whether weight that a driver removed was put back.
-        turn_free: whether the estimate finds a small turn of the IMU by itself: no news within ``sigma_rotation``.
+        turn_free: whether the estimate finds a small turn of the IMU by itself: no news within ``sigma_rotation``. A
+            turn within a declared misalignment is none anyway.
     """
     if run.specific_force is None:
         return []
@@ -33,9 +35,7 @@ def experiment_findings(
     if any(finding.kind == "axes" for finding in from_imu):
         return from_imu
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
-    declared = _declared(run, experiment, undone=undone)
-    if turn_free and experiment.recording.sigma_rotation is not None:
-        declared = replace(declared, turn=np.broadcast_to(experiment.recording.sigma_rotation, 3))
+    declared = replace(_declared(run, experiment, undone=undone), turn=_sigma_turn(experiment, turn_free=turn_free))
     return [*from_imu, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
 
 
@@ -53,6 +53,14 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
         imu_rotation=recording.imu_rotation_to_body,
         weighed=recording.zero != "loaded" and not removed,
     )
+
+
+def _sigma_turn(experiment: Experiment, *, turn_free: bool) -> np.ndarray:
+    """Standard uncertainty of the turn between IMU and load cell that is declared, each axis [rad]."""
+    sigmas = [declared_sigma(experiment.sources, field) for field in ("gyro_misalignment", "cell_misalignment")]
+    if turn_free and experiment.recording.sigma_rotation is not None:
+        sigmas.append(np.broadcast_to(experiment.recording.sigma_rotation, 3))
+    return np.sqrt(sum((sigma**2 for sigma in sigmas), np.zeros(3)))
 
 
 def convention_warnings(run: Run, experiment: Experiment, *, turn_free: bool = False) -> tuple[str, ...]:

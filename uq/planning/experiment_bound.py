@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.joint import cramer_rao_bound
@@ -11,7 +10,7 @@ from identify.joint.joint_model import SpecificForce
 from identify.signals.filters import motion_band
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.sources.constant_errors import effect, no_errors
+from uq.sources.constant_errors import declared_sigma
 
 UNKNOWN_MASS = 1e3
 """Standard uncertainty of a mass that nothing is known of [kg]."""
@@ -48,28 +47,20 @@ def bound(
     run = simulate(replace(experiment, sources=(), mixing=()), name).run
     static = np.concatenate(
         [[UNKNOWN_MASS if sigma_mass is None else sigma_mass]]
-        + [_sigma(experiment, field) for field in ("r_cg", "cell_bias")]
+        + [declared_sigma(experiment.sources, field) for field in ("r_cg", "cell_bias")]
     )
     alignment = Alignment(
-        sigma_delay=float(_sigma(experiment, "gyro_delay")),
-        sigma_rotation=_each(_sigma(experiment, "gyro_misalignment")),
-        sigma_gyro_bias=_each(_sigma(experiment, "gyro_bias")),
+        sigma_delay=float(declared_sigma(experiment.sources, "gyro_delay")),
+        sigma_rotation=_each(declared_sigma(experiment.sources, "gyro_misalignment")),
+        sigma_gyro_bias=_each(declared_sigma(experiment.sources, "gyro_bias")),
     )
     return cramer_rao_bound.bound(
         run, experiment.body, band=motion_band(run.omega, run.rate) if band is None else band,
         noise=np.concatenate([_noise(experiment, 0), _noise(experiment, 1)]),
         gyro_noise=_noise(experiment, 2), static_covariance=np.diag(static**2), alignment=alignment,
         specific_force=specific_force or ("still" if spec.still == "cg" else "none"), gravity=experiment.gravity,
-        sigma_still=_sigma(experiment, "r_cg_from_omb"),
+        sigma_still=declared_sigma(experiment.sources, "r_cg_from_omb"),
     )  # fmt: skip
-
-
-def _sigma(experiment: Experiment, field: str) -> np.ndarray:
-    """Standard deviation of one field of the errors, of all sources that set it together."""
-    sources = [source for source in experiment.sources if source.perturbs == field]
-    effects = [getattr(effect(s, jnp.asarray(s.standard_deviation)), field) for s in sources]
-    zero = np.zeros(getattr(no_errors(), field).shape)
-    return np.asarray(np.sqrt(sum((np.square(values) for values in effects), zero)))
 
 
 def _noise(experiment: Experiment, signal: int) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from uq.sources.source import Source
@@ -90,3 +91,10 @@ def errors_of(sources: Sequence[Source], draws: Mapping[str, Array]) -> Errors:
 def perturbed(sources: Sequence[Source]) -> frozenset[str]:
     """Return the names of the fields of :class:`Errors` that some source sets."""
     return frozenset(source.perturbs for source in sources if source.perturbs)
+
+
+def declared_sigma(sources: Sequence[Source], field: str) -> np.ndarray:
+    """Return the standard deviation of one field of :class:`Errors`, of all sources that set it together; SI."""
+    effects = [effect(s, jnp.asarray(s.standard_deviation)) for s in sources if s.perturbs == field]
+    zero = np.zeros(getattr(no_errors(), field).shape)
+    return np.asarray(np.sqrt(sum((np.square(getattr(each, field)) for each in effects), zero)))

@@ -162,6 +162,22 @@ def test_a_gyro_that_is_turned_against_the_accelerometer():
     assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
 
 
+@pytest.mark.parametrize("method", ["source", "joint"])
+@pytest.mark.parametrize(
+    ("error", "target", "kind", "size"),
+    [
+        ({"imu_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3),
+        ({"imu_delay": 3e-3}, "omega", "delay", 2e-3),
+    ],
+)
+def test_a_declared_turn_or_delay_of_the_imu_is_no_news(tmp_path, method, error, target, kind, size):
+    measured = measure(4, **error, **SHORT)
+    result = identified_files(measured, tmp_path, method, [source("declared", target, kind, size)])
+    assert result.consistency == ()
+    assert not [text for text in result.warnings if "run0" in text]
+    assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
+
+
 def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_path):
     """The motion cannot tell whether IMU or load cell is turned; the tensor in the load cell's axes is what is given."""
     turn = np.array([2e-3, -4e-3, 3e-3])
