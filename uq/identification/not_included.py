@@ -5,6 +5,7 @@ By the derivatives of the estimate that was made: of least squares those of type
 :mod:`identify.model_check.held_errors`.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -106,11 +107,14 @@ def _typical(experiment: Experiment, runs: Sequence[Run]) -> list[Source]:
     sources = []
     for name, each in KINDS.items():
         figure = getattr(experiment.not_included, name)
-        one = each.kind == "cross_talk"
-        if figure is None or not each.kind or (one and not all(size)):
+        if figure is None or not each.kind:
             continue
         kind = kind_of(each.target, each.kind)
-        sigma = kind.placed(np.array(figure) if one else np.full(kind.shape, figure), np.repeat(size, 3))
+        of_full_scale = len(kind.wholes(each.target, None)) < math.prod(kind.shape)
+        if of_full_scale and not all(size):
+            continue
+        stated = np.array(figure) if of_full_scale else np.full(kind.shape, figure)
+        sigma = kind.placed(stated, np.repeat(size, 3))
         sources.append(Source(name, each.target, each.kind, "not included", sigma))
     return sources
 
@@ -119,8 +123,9 @@ def _open(source: Source, result: Identification, experiment: Experiment) -> boo
     """Whether an error is neither declared nor estimated."""
     if source.perturbs == "r_cg":
         return not np.any(result.sigma_r_cg > 0)
-    declared = {(each.target, each.kind) for each in experiment.sources}
-    return (source.target, source.kind) not in declared
+    return not any(
+        (each.perturbs, each.signal) == (source.perturbs, source.signal) for each in experiment.sources if each.perturbs
+    )
 
 
 def _of_joint(
