@@ -124,21 +124,32 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
             total = np.hypot(total, apart.value)
     lines = [verdict for verdict in _by_moment(run, result) if verdict.cause == "resonance"]
     if left_over > UNEXPLAINED:
-        on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
-        text = (
-            f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
-            "where the motion is: something that is none of the causes looked for; the interval is that much wider"
-        )
-        verdicts.append(Verdict("unexplained", on, 1 - left_over**-2, text, run.name))
+        verdicts.append(_unexplained(run, left_over, row))
         total = np.hypot(total, left_over * result.standard_uncertainty)
     peak = resonance(run, problem.band())
     if peak is not None:
         of_mounting = _of_mounting(fits[0], peak, result.inertia)
-        worst = int(np.argmax(np.abs(of_mounting)))
-        adds = f"; a mounting that does adds {GRAM_METRE * of_mounting[worst]:.2g} g·m² to {COMPONENTS[worst]}"
-        lines = lines or [peak.verdict(run, adds if of_mounting.any() else "")]
+        lines = lines or [peak.verdict(run, _adds(of_mounting))]
         total = np.hypot(total, of_mounting)
     return verdicts + lines, total
+
+
+def _unexplained(run: Run, left_over: float, row: int) -> Verdict:
+    """What no cause explains: root mean square of a row over its noise."""
+    on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
+    text = (
+        f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
+        "where the motion is: something that is none of the causes looked for; the interval is that much wider"
+    )
+    return Verdict("unexplained", on, 1 - left_over**-2, text, run.name)
+
+
+def _adds(of_mounting: np.ndarray) -> str:
+    """What a mounting that rings adds to the tensor, in words; '' where it adds nothing."""
+    if not of_mounting.any():
+        return ""
+    worst = int(np.argmax(np.abs(of_mounting)))
+    return f"; a mounting that does adds {GRAM_METRE * of_mounting[worst]:.2g} g·m² to {COMPONENTS[worst]}"
 
 
 def _of_mounting(fit: RunFit, peak: Peak, inertia: np.ndarray) -> np.ndarray:

@@ -221,8 +221,8 @@ def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
     whole, short = stages.multisine(unknowns), stages.multisine(unknowns, short=True)
     assert float(short.duration) == pytest.approx(4 + 2 * 2.8, abs=1.0)
     largest = [
-        np.abs(jax.jit(jax.vmap(one.omega))(jnp.arange(0, float(one.duration), 1 / 100))).max(axis=0)
-        for one in (whole, short)
+        np.abs(jax.jit(jax.vmap(motion.omega))(jnp.arange(0, float(motion.duration), 1 / 100))).max(axis=0)
+        for motion in (whole, short)
     ]
     np.testing.assert_allclose(*largest, rtol=1e-9)
 

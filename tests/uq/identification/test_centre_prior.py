@@ -95,9 +95,9 @@ def test_what_lasts_from_one_series_of_poses_to_the_next_moves_the_whole_result(
     lasting[:4, 0] = 2e-3, 1e-4, -3e-4, 2e-4
     plain = dataclasses.replace(centre_of(WHOLE), lasting=lasting)
     moved = dataclasses.replace(plain, mass=plain.mass + 2e-3, r_cg=plain.r_cg + lasting[1:4, 0])
-    one, other = (identify(run, centre=known, estimator=estimator) for known in (plain, moved))
-    effect = other.parameters.values - one.parameters.values
-    (stated,) = one.lasting.values()
+    before, after = (identify(run, centre=known, estimator=estimator) for known in (plain, moved))
+    effect = after.parameters.values - before.parameters.values
+    (stated,) = before.lasting.values()
     np.testing.assert_allclose(stated, effect, rtol=1e-3, atol=1e-3 * np.abs(effect[4:]).max())
 
 

@@ -55,7 +55,7 @@ def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(metho
 
 def test_terminal_result_and_report_hold_it(tmp_path, capsys):
     several = runs(strange=1)
-    paths = [str(write(tmp_path / f"run{k}.mcap", one)) for k, one in enumerate(several)]
+    paths = [str(write(tmp_path / f"run{k}.mcap", measured)) for k, measured in enumerate(several)]
     (tmp_path / "e.toml").write_text(toml_text(document(several[0])))
     assert main(["identify", *paths, "--experiment", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out")]) == 0
     assert "warning: run1.mcap leaves the others: " in capsys.readouterr().out
