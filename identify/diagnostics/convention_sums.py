@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from identify.rigid_body import regressor
 from identify.rigid_body.regressor import FEATURES, PAIRS
+from identify.rigid_body.rotation import cumulative_product, exponentials
 
 SMOOTHING = 0.05  # standard deviation of the Gaussian filter [s]: half the power at 2.6 Hz
 STEP = 0.05  # between the instants of the sums [s]
@@ -152,20 +153,23 @@ def carried_gravity(
 
     dg/dt = -ω × g + (f - g) / RECALL, begun at the mean of the first half second.
     """
-    size = float(np.median(np.linalg.norm(specific, axis=1)))
-    x, y, z = specific[: max(1, round(0.5 / step))].mean(axis=0).tolist()
-    gravity = np.empty_like(specific)
+    start = specific[: max(1, round(0.5 / step))].mean(axis=0)
     drift = omega.mean(axis=0)
     omega = omega - drift if float(np.linalg.norm(drift)) < LARGEST_BIAS else omega
-    share = step / RECALL
-    # plain numbers: one step follows the other, and NumPy on three numbers is far slower
-    for i, ((p, q, r), (fx, fy, fz)) in enumerate(zip(omega.tolist(), specific.tolist(), strict=True)):
-        x, y, z = (
-            x + step * (r * y - q * z) + share * (fx - x),
-            y + step * (p * z - r * x) + share * (fy - y),
-            z + step * (q * x - p * y) + share * (fz - z),
-        )
-        scale = size / max((x * x + y * y + z * z) ** 0.5, 1e-12)
-        x, y, z = x * scale, y * scale, z * scale
-        gravity[i] = x, y, z
-    return gravity
+    # in axes that stay as they are at the start, gravity is a mean that forgets
+    attitude = cumulative_product(exponentials(step * omega))
+    there = np.einsum("nij,nj->ni", attitude, specific)
+    gravity = np.einsum("nji,nj->ni", attitude, _forgetting_mean(there, step / RECALL, start))
+    size = float(np.median(np.linalg.norm(specific, axis=1)))
+    return np.asarray(size * gravity / np.maximum(np.linalg.norm(gravity, axis=1, keepdims=True), 1e-12))
+
+
+def _forgetting_mean(values: np.ndarray, share: float, start: np.ndarray) -> Float[np.ndarray, "n 3"]:
+    """``m[k] = (1 - share) m[k - 1] + share values[k]``, by sums over pieces in which little is forgotten."""
+    means, size = np.empty_like(values), max(int(1 / share), 1)
+    for first in range(0, len(values), size):
+        piece = values[first : first + size]
+        kept = (1 - share) ** np.arange(1, len(piece) + 1)[:, None]
+        means[first : first + size] = kept * (start + share * np.cumsum(piece / kept, axis=0))
+        start = means[first + len(piece) - 1]
+    return means

@@ -6,6 +6,7 @@ for residuals that are correlated in time (Newey and West, doi:10.2307/1913610).
 (doi:10.1214/aos/1176344136) is named first; others only for what is left beside it.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,11 @@ import scipy
 from jaxtyping import Float
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.residuals import Residuals, gyro_bias_columns, residuals
+from identify.diagnostics.residuals import Residuals, gyro_bias_columns, residual_moment, residuals
 from identify.diagnostics.spectral_lines import Line, line
 from identify.signals.correlation_time import correlation_time, score_covariance
 from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import motion_band
 from identify.signals.run import Run
 
 SIGNIFICANCE = 1e-5
@@ -115,9 +117,29 @@ def consistency(
     fits = _followed(rest, causes(left, inertia), base) if total > 0 else []
     plain = estimator.lowpass is None
     whole = left if plain else residuals(run, estimator, r_cg, inertia, offsets=offsets, filtered=False)
-    resonance = line(whole.moment - _unfiltered(fits, whole, inertia), run.rate, above=OVER_BAND_OF_LINES * left.band)
-    verdicts = [_verdict(fit, total, run.name) for fit in fits]
-    return (*verdicts, *([] if resonance is None or resonance.share < LEAST else [_line_verdict(resonance, run.name)]))
+    lines = _lines(run, whole.moment - _unfiltered(fits, whole, inertia), left.band)
+    return (*(_verdict(fit, total, run.name) for fit in fits), *lines)
+
+
+def resonances(
+    run: Run,
+    estimator: EstimatorSpec,
+    r_cg: Float[np.ndarray, "3"],
+    inertia: Float[np.ndarray, "6"],
+    *,
+    offsets: OffsetChoice = "estimate",
+) -> tuple[Verdict, ...]:
+    """Return the line in a run's residual moment above the motion's band, if there is one.
+
+    Arguments are those of :func:`consistency`, which looks for it beside what else the residuals follow.
+    """
+    moment = residual_moment(run, replace(estimator, lowpass=None), r_cg, inertia, offsets=offsets)
+    return () if len(moment) < SHORTEST else _lines(run, moment, motion_band(run.omega, run.rate))
+
+
+def _lines(run: Run, moment: np.ndarray, band: float) -> tuple[Verdict, ...]:
+    resonance = line(moment, run.rate, above=OVER_BAND_OF_LINES * band)
+    return () if resonance is None or resonance.share < LEAST else (_line_verdict(resonance, run.name),)
 
 
 def _followed(rest: np.ndarray, open_to: list[Cause], base: np.ndarray) -> list[Fit]:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -63,22 +62,44 @@ def residuals(
         filtered: whether the estimator's low-pass acts.
     """
     estimator = estimator if filtered else replace(estimator, lowpass=None)
-    phi, force, moment = (np.asarray(signal) for signal in rows_of(run, estimator)[:3])
+    phi, force, moment = rows_of(run, estimator)[:3]
     lost = estimator.lost(run.rate)
     keep, half = usable_rows(run, len(run.t) - lost), lost // 2
+    rows, about_cg = _sides(run, phi, force, moment, r_cg, offsets)
+    left, spin = about_cg - rows @ inertia, rows @ inertia
+    if offsets == "estimate":
+        spin = spin + np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi.mean(axis=1)) @ inertia
+    band = motion_band(run.omega, run.rate)
+    smooth = _Smoother(run.rate, OVER_BAND * band, len(keep))
+    alpha = smooth(phi[ALPHA].T)
+    fitted = force_of_motion(force.T, upward_by_force(run, r_cg)[half + keep], phi[1:4].T, alpha)
+    return Residuals(run.t[half + keep] - run.t[0], left, rows, smooth(spin), fitted, phi[1:4].T, alpha, run.rate, band)
+
+
+def residual_moment(
+    run: Run,
+    estimator: EstimatorSpec,
+    r_cg: Float[np.ndarray, "3"],
+    inertia: Float[np.ndarray, "6"],
+    *,
+    offsets: OffsetChoice = "estimate",
+) -> Float[np.ndarray, "n 3"]:
+    """Return the residual moment of :func:`residuals` alone [N·m]."""
+    rows, about_cg = _sides(run, *rows_of(run, estimator)[:3], r_cg, offsets)
+    return np.asarray(about_cg - rows @ inertia)
+
+
+def _sides(
+    run: Run, phi: np.ndarray, force: np.ndarray, moment: np.ndarray, r_cg: np.ndarray, offsets: OffsetChoice
+) -> tuple[np.ndarray, np.ndarray]:
+    """``Ω`` and the moment about the centre of gravity, less their means or the load cell's offset."""
     if offsets == "still":
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
     rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
     about_cg = moment.T - np.cross(r_cg, force.T)
-    spin = rows @ inertia
-    if offsets == "estimate":
-        rows, about_cg = rows - rows.mean(axis=0), about_cg - about_cg.mean(axis=0)
-    band = motion_band(run.omega, run.rate)
-    smooth = _Smoother(run.rate, OVER_BAND * band, len(keep))
-    left = about_cg - rows @ inertia
-    alpha = smooth(phi[ALPHA].T)
-    fitted = force_of_motion(force.T, upward_by_force(run, r_cg)[half + keep], phi[1:4].T, alpha)
-    return Residuals(run.t[half + keep] - run.t[0], left, rows, smooth(spin), fitted, phi[1:4].T, alpha, run.rate, band)
+    if offsets != "estimate":
+        return rows, about_cg
+    return rows - rows.mean(axis=0), about_cg - about_cg.mean(axis=0)
 
 
 def upward_by_force(run: Run, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
@@ -128,6 +149,6 @@ class _Smoother:
 
 def gyro_bias_columns(left: Residuals, inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3 3"]:
     """Return what a bias of the angular velocity about each axis adds to ``Ω i``: ``e × I omega + omega × I e``."""
-    tensor = np.asarray(unpack(jnp.asarray(inertia)))
+    tensor = unpack(inertia)
     unit, momentum = np.eye(3), left.omega @ tensor
     return np.stack([np.cross(e, momentum) + np.cross(left.omega, tensor @ e) for e in unit], axis=2)

@@ -14,7 +14,6 @@ weights from, the run is fitted by ordinary least squares.
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
@@ -103,7 +102,7 @@ def whitened(
     inside = _inside(run, lines, passed)
     if inside < lines.constants + FEWEST:
         return _unweighed(plain, lines.transform(matrix - matrix.mean(axis=0) if offsets == "estimate" else matrix))
-    force, moment, motion = np.asarray(rows.force).T, np.asarray(rows.moment).T, np.asarray(rows.phi)
+    force, moment, motion = rows.force.T, rows.moment.T, rows.phi
     mean_force = force.mean(axis=0)
     if offsets == "still":
         force, moment = force - resting(run).force, moment - resting(run).moment
@@ -119,9 +118,7 @@ def whitened(
     sides = (y[:inside], lever[:inside])
     weighed = _reduced(columns[:inside], fit)
     weighted = _equations_of(weighed, x[:inside], *sides)
-    noise_of_fit = np.outer(
-        shape, np.asarray(unpack(jnp.asarray(fit.value[:6]))) ** 2 @ alpha_noise(run, estimator) ** 2
-    )
+    noise_of_fit = np.outer(shape, unpack(fit.value[:6]) ** 2 @ alpha_noise(run, estimator) ** 2)
     angle = lines.transform(angle_turned(motion[OMEGA].T, rows.segments, run.rate))
     follows = motion_columns(
         x[:inside] @ fit.value[:6], pushes[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 
 N_FEATURES = len(OMEGA_R_OF_FEATURES)
 
@@ -54,14 +54,15 @@ def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Fl
     ones, w, squares, (w12, w13, w23), a = phi[:1], phi[1:4], phi[4:7], phi[7:10], phi[10:13]
     b1, b2, b3 = offset
     each = offset.reshape(3, *[1] * (phi.ndim - 1))
-    crossed = jnp.stack(
+    xp = phi.__array_namespace__()
+    crossed = xp.stack(
         [
             w12 + b1 * w[1] + b2 * w[0] + ones[0] * b1 * b2,
             w13 + b1 * w[2] + b3 * w[0] + ones[0] * b1 * b3,
             w23 + b2 * w[2] + b3 * w[1] + ones[0] * b2 * b3,
         ]
     )
-    return jnp.concatenate([ones, w + ones * each, squares + 2 * each * w + ones * each**2, crossed, a])
+    return xp.concat([ones, w + ones * each, squares + 2 * each * w + ones * each**2, crossed, a])
 
 
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
@@ -71,9 +72,10 @@ def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
 
 def normal_equations(sums: Sums, r_cg: Float[Array, "3"]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
     """Return ``ΩᵀΩ`` and ``Ωᵀ(M - r × F)`` of (10)."""
-    matrix = jnp.einsum("iekl,kl->ie", _GRAM_TO_NORMAL.astype(sums.gram.dtype), sums.gram)
-    right = sums.moment - jnp.cross(r_cg, sums.force)
-    return matrix, jnp.einsum("kji,kj->i", OMEGA_R_OF_FEATURES.astype(right.dtype), right)
+    xp = sums.gram.__array_namespace__()
+    matrix = xp.einsum("iekl,kl->ie", _GRAM_TO_NORMAL.astype(sums.gram.dtype), sums.gram)
+    right = sums.moment - xp.cross(r_cg, sums.force)
+    return matrix, xp.einsum("kji,kj->i", OMEGA_R_OF_FEATURES.astype(right.dtype), right)
 
 
 def solve(sums: Sums, r_cg: Float[Array, "3"]) -> Estimate:

@@ -3,10 +3,8 @@
 from itertools import pairwise
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.differentiate import derivative
@@ -21,10 +19,10 @@ SPLINE_REACH = 3
 class Rows(NamedTuple):
     """Features, force and moment of the instants that count, component first."""
 
-    phi: Float[Array, "13 n"]
-    force: Float[Array, "3 n"]
+    phi: Float[np.ndarray, "13 n"]
+    force: Float[np.ndarray, "3 n"]
     """[N]."""
-    moment: Float[Array, "3 n"]
+    moment: Float[np.ndarray, "3 n"]
     """About Q [N·m]."""
     segments: tuple[slice, ...]
     """Instants that follow one another without a gap."""
@@ -34,7 +32,7 @@ class Rows(NamedTuple):
     @property
     def matrix(self) -> Float[np.ndarray, "n 3 6"]:
         """``Omega_R`` of each instant."""
-        return np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, np.asarray(self.phi), optimize=True)
+        return np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, self.phi, optimize=True)
 
 
 def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
@@ -56,8 +54,7 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
             f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
             f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
         )
-    signals = [jnp.asarray(signal.T) for signal in (run.omega, run.force, run.moment)]
-    phi, force, moment = _filtered(*signals, jnp.asarray(taps), jnp.asarray(smoothing))
+    phi, force, moment = _filtered(run.omega.T, run.force.T, run.moment.T, taps, smoothing)
     keep = usable_rows(run, phi.shape[1])
     if len(keep) < 3:
         raise RunError(
@@ -84,14 +81,14 @@ def usable_rows(run: Run, rows: int) -> np.ndarray:
     return np.flatnonzero(~touched[half : half + rows])
 
 
-@jax.jit
 def _filtered(
-    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"], taps: Array, smoothing: Array
-) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:
+    omega: Float[np.ndarray, "3 n"], force: Float[np.ndarray, "3 n"], moment: Float[np.ndarray, "3 n"],
+    taps: np.ndarray, smoothing: np.ndarray,
+) -> tuple[Float[np.ndarray, "13 m"], Float[np.ndarray, "3 m"], Float[np.ndarray, "3 m"]]:  # fmt: skip
     """Features, force and moment of the instants that have a derivative, all through the same filter."""
     inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
     phi = features(omega[:, inner], derivative(omega, taps))
     if smoothing.shape[0] == 1:
         return phi, force[:, inner], moment[:, inner]
-    filtered = apply(jnp.concatenate([phi, force[:, inner], moment[:, inner]]), smoothing)
+    filtered = apply(np.concatenate([phi, force[:, inner], moment[:, inner]]), smoothing)
     return filtered[:13], filtered[13:16], filtered[16:]

@@ -7,7 +7,6 @@ the textbook ``σ²(ΩᵀΩ)⁻¹``.
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 import scipy
 
@@ -94,7 +93,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     """
     rows = rows_of(run, estimator)
     phi, force, moment = rows.phi, rows.force, rows.moment
-    count, motion = phi.shape[1], np.asarray(phi)
+    count, motion = phi.shape[1], phi
     means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
     if offsets == "estimate":
         phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
@@ -103,7 +102,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     normal, right, by_centre = _equations(sums_of(phi, force, moment), r_cg)
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
     matrix = rows._replace(phi=phi).matrix
-    about_cg = np.asarray(moment - jnp.cross(jnp.asarray(r_cg), force, axisb=0, axisc=0))
+    about_cg = moment - np.cross(r_cg, force, axisb=0, axisc=0)
     residuals = about_cg.T - matrix @ inertia
     lines = Lines.of(rows.segments, run.rate)
     transformed, spread = lines.transform(matrix), np.linalg.pinv(normal, hermitian=True)
@@ -114,11 +113,11 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     removed = None
     if offsets == "estimate":
         of_mean = errors.values[0] / count
-        mean_phi, mean_force, mean_moment = (np.asarray(mean)[:, 0] for mean in means)
+        mean_phi, mean_force, mean_moment = (mean[:, 0] for mean in means)
         removed = estimated(mean_phi, mean_force, mean_moment, r_cg, inertia, spread @ scores @ spread, of_mean)
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
-        total = count * np.einsum("kji,k->ij", OMEGA_R_OF_FEATURES, np.asarray(means[0])[:, 0])
+        total = count * np.einsum("kji,k->ij", OMEGA_R_OF_FEATURES, means[0][:, 0])
         scores = scores + total @ removed.covariance @ total.T
     return Information(
         run,
@@ -141,8 +140,8 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
 
 def _equations(sums: Sums, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Normal equations at a centre of gravity, and the derivative of their right side, which is linear in it."""
-    normal, right = map(np.asarray, normal_equations(sums, jnp.asarray(r_cg)))
-    shifted = [np.asarray(normal_equations(sums, jnp.asarray(r_cg + unit))[1]) for unit in np.eye(3)]
+    normal, right = normal_equations(sums, r_cg)
+    shifted = [normal_equations(sums, r_cg + unit)[1] for unit in np.eye(3)]
     return normal, right, np.array(shifted).T - right[:, None]
 
 

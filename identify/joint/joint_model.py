@@ -16,11 +16,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.motion.attitude import magnus_turn
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
-from identify.rigid_body.regressor import cross_matrix
+from identify.rigid_body.regressor import Array, cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import InBand, cell_of, evaluate
 

@@ -5,6 +5,8 @@ is no evidence. The evidence is the logarithm of the Bayes factor of two normal 
 doi:10.1080/01621459.1995.10476572).
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +14,6 @@ import scipy
 from jaxtyping import Float
 
 from identify.model_check.causes import Cause
-from identify.model_check.run_fit import Lines
 
 SMOOTHED = 10
 """Lines on each side over which the residuals' spectrum is taken."""
@@ -20,7 +21,8 @@ FEWEST = 4.0
 """Residuals a coefficient that a cause needs to be judged at all."""
 
 
-class Base(NamedTuple):
+@dataclass(frozen=True)
+class Base:
     """What a run's estimate has fitted, line by line."""
 
     residuals: Float[np.ndarray, "m 6"]
@@ -30,10 +32,14 @@ class Base(NamedTuple):
     precision: Float[np.ndarray, " q"]
     """Of its prior."""
 
+    @cached_property
+    def normal(self) -> Float[np.ndarray, "q q"]:
+        """Of the unknowns, with their prior."""
+        return products(self.columns, self.columns) + np.diag(self.precision)
+
     def beside(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what the base does not absorb of some columns, and by how much the unknowns follow each, (q, p)."""
-        normal = products(self.columns, self.columns) + np.diag(self.precision)
-        follows = np.linalg.solve(normal, products(self.columns, columns))
+        follows = np.linalg.solve(self.normal, products(self.columns, columns))
         return columns - self.columns @ follows, follows
 
     def taking(self, columns: np.ndarray, coefficients: np.ndarray) -> "Base":
@@ -74,15 +80,14 @@ class Evidence(NamedTuple):
         return np.asarray(self.columns @ self.coefficients)
 
 
-def evidence(base: Base, cause: Cause, lines: Lines) -> Evidence | None:
+def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> Evidence | None:
     """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
 
     Args:
         base: what is fitted.
         cause: its signals.
-        lines: the transform.
+        columns: their lines, for coefficients in units of its size.
     """
-    columns = lines(cause.columns * cause.size)
     beside, follows = base.beside(columns)
     normal = products(beside, columns)
     values, vectors = np.linalg.eigh((normal + normal.T) / 2)
@@ -117,4 +122,4 @@ def spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:
 
 def products(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the sum over lines and rows of each column times each, (p, q)."""
-    return np.tensordot(left, right, axes=((0, 1), (0, 1)))
+    return np.asarray(left.reshape(-1, left.shape[2]).T @ right.reshape(-1, right.shape[2]))

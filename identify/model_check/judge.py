@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.diagnostics.residual_causes import Verdict, consistency
+from identify.diagnostics.residual_causes import Verdict, consistency, resonances
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import error_blocks, root_of
@@ -122,7 +122,7 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
         if apart.clear:
             verdicts.append(Verdict("least squares", "", 0.0, f"{run.name}: {apart.text}", run.name))
             total = np.hypot(total, apart.value)
-    lines = [verdict for verdict in _by_moment(run, result) if verdict.cause == "resonance"]
+    lines = _lines(run, result)
     if left_over > UNEXPLAINED:
         verdicts.append(_unexplained(run, left_over, row))
         total = np.hypot(total, left_over * result.standard_uncertainty)
@@ -182,6 +182,13 @@ def _by_moment(run: Run, result: Identification) -> list[Verdict]:
         return []
     verdicts = consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
     return list(verdicts)
+
+
+def _lines(run: Run, result: Identification) -> list[Verdict]:
+    """A line in the residual moment."""
+    if result.method == "joint":
+        return []
+    return list(resonances(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets))
 
 
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:

@@ -58,11 +58,12 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         run: at its best.
         free: unknowns of which nothing is declared.
     """
-    base, open_to = Base(run.residuals, run.columns, run.precision), causes(run.prediction, free=free)
+    base = Base(run.residuals, run.columns, run.precision)
+    open_to = [(cause, run.lines(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
     named: list[Followed] = []
     first = 0.0
     while len(named) < MOST:
-        judged = [e for cause in open_to if (e := evidence(base, cause, run.lines)) is not None]
+        judged = [e for each in open_to if (e := evidence(base, *each)) is not None]
         likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > LIKELY), key=lambda e: -e.logarithm)
         if not likely:
             break
@@ -74,7 +75,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         rivals = tuple(e.cause.name for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR)
         named.append(Followed(best, rivals, best.shift[run.tensor]))
         base = base.taking(best.columns, best.coefficients)
-        open_to = [cause for cause in open_to if cause.name != best.cause.name]
+        open_to = [each for each in open_to if each[0].name != best.cause.name]
     above = run.lines.above(run.prediction.residuals)
     ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
     return Judgement(named, float(ratio.max()), int(np.argmax(ratio)))

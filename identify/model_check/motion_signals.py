@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from identify.joint.joint_model import WANDER
 from identify.rigid_body.dynamics import acceleration_at
+from identify.rigid_body.rotation import cumulative_product
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
@@ -112,8 +113,4 @@ class Recorded:
         points = [starts + (0.5 + sign * np.sqrt(3) / 6) * step for sign in (-1, 1)]
         first, second = ((self.motion(t)[:, :3] - self._slow(t, slow, x)) / (1 + x["gyro_scale"]) for t in points)
         turns = Rotation.from_rotvec(step / 2 * (first + second) + np.sqrt(3) / 12 * step**2 * np.cross(first, second))
-        product, attitude = np.eye(3), [np.eye(3)]
-        for matrix in turns.as_matrix():
-            product = product @ matrix
-            attitude.append(product)
-        return np.array(attitude)
+        return cumulative_product(np.concatenate([np.eye(3)[None], turns.as_matrix()]))

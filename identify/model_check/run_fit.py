@@ -127,7 +127,8 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         sizes = {name: block.shape[2] for name, block in blocks.items()}
         precision = np.concatenate([np.full(size, float(name not in declared.flat)) for name, size in sizes.items()])
         z = np.concatenate([distance.get(name, np.zeros(size)) for name, size in sizes.items()])
-        normal = np.tensordot(columns, columns, axes=((0, 1), (0, 1))) + np.diag(precision)
+        flat = columns.reshape(-1, columns.shape[2])
+        normal = flat.T @ flat + np.diag(precision)
         change = _solved(normal, np.einsum("mip,mi->p", columns, residuals) - precision * z)
         left = residuals - columns @ change
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)

@@ -2,11 +2,11 @@
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.rigid_body.inertia import Body, unpack
+from identify.rigid_body.regressor import Array
 
 Vectors = Float[Array, "... 3"] | Float[np.ndarray, "... 3"]
 """Of JAX or NumPy."""
@@ -34,7 +34,8 @@ def wrench(
         F of (4) and M of (5), solved for M.
     """
     force = body.mass * specific_force_cg
-    return Wrench(force, moment_about_cg(body.inertia, omega, alpha) + jnp.cross(body.r_cg_from_q, force))
+    xp = omega.__array_namespace__()
+    return Wrench(force, moment_about_cg(body.inertia, omega, alpha) + xp.cross(body.r_cg_from_q, force))
 
 
 def moment_about_cg(
@@ -48,7 +49,7 @@ def moment_about_cg(
         alpha: angular acceleration [rad/s²], components first.
     """
     tensor = unpack(inertia)
-    return tensor @ alpha + jnp.cross(omega, tensor @ omega, axis=0)
+    return tensor @ alpha + omega.__array_namespace__().cross(omega, tensor @ omega, axis=0)
 
 
 def acceleration_at(offset: Vectors, omega: Vectors, alpha: Vectors) -> Any:

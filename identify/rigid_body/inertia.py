@@ -1,14 +1,16 @@
 """The inertia tensor: packing, the parallel axis, another frame.
 
 A packed tensor is ``(I11, I12, I13, I22, I23, I33)`` in kg·m². Its off-diagonal terms are the tensor's entries,
-``I_ij = ∫(δij |ζ|² - ζi ζj) dm``, the sign that URDF and MJCF use.
+``I_ij = ∫(δij |ζ|² - ζi ζj) dm``, the sign that URDF and MJCF use. Every function takes arrays of JAX or of NumPy and
+returns the same kind; nothing here imports JAX.
 """
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
+
+from identify.rigid_body.regressor import Array
 
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
@@ -38,12 +40,13 @@ def pack(tensor: Float[Array, "3 3"]) -> Float[Array, "6"]:
 def unpack(inertia: Float[Array, "6"]) -> Float[Array, "3 3"]:
     """Return the symmetric 3×3 tensor of a packed one."""
     i11, i12, i13, i22, i23, i33 = inertia
-    return jnp.array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
+    return inertia.__array_namespace__().array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
 
 
 def parallel_axis(inertia: Float[Array, "6"], mass: Float[Array, ""], offset: Float[Array, "3"]) -> Float[Array, "6"]:
     """Return the tensor about a point at ``offset`` [m] from the centre of gravity (Huygens–Steiner)."""
-    return inertia + mass * pack(jnp.dot(offset, offset) * jnp.eye(3) - jnp.outer(offset, offset))
+    xp = offset.__array_namespace__()
+    return inertia + mass * pack(xp.dot(offset, offset) * xp.eye(3) - xp.outer(offset, offset))
 
 
 def rotate(inertia: Float[Array, "6"], rotation: Float[Array, "3 3"]) -> Float[Array, "6"]:

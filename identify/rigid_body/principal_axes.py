@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from identify.rigid_body.inertia import rotate, unpack
+from identify.rigid_body.regressor import Array
 
 LARGEST_ANGLE = 0.2
 """Standard uncertainty of a principal axis [rad] beyond which it counts as not determined: 95 % are ±23°."""
@@ -65,9 +64,9 @@ def principal_axes(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray
         inertia: packed tensor [kg·m²].
         covariance: its covariance [(kg·m²)²].
     """
-    moments, axes = map(np.asarray, principal(jnp.asarray(inertia)))
-    _, turned = propagated(lambda x: rotate(x, jnp.asarray(axes)), inertia, covariance)
-    spread = np.sqrt(np.diag(turned))
+    moments, axes = principal(np.asarray(inertia))
+    turn = np.array([rotate(unit, axes) for unit in np.eye(6)]).T
+    spread = np.sqrt(np.diag(turn @ covariance @ turn.T))
     gaps = np.abs(np.array([moments[1] - moments[2], moments[2] - moments[0], moments[0] - moments[1]]))
     with np.errstate(divide="ignore", invalid="ignore"):
         angles = np.where(gaps > 0, spread[[4, 2, 1]] / gaps, np.inf)
@@ -75,16 +74,21 @@ def principal_axes(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray
 
 
 def principal(inertia: Float[Array, "6"]) -> tuple[Float[Array, "3"], Float[Array, "3 3"]]:
-    """Return the principal moments [kg·m²], ascending, and their axes in B as the rows of a rotation matrix."""
-    moments, vectors = jnp.linalg.eigh(unpack(inertia))
+    """Return the principal moments [kg·m²], ascending, and their axes in B as the rows of a rotation matrix.
+
+    Of an array of JAX or of NumPy, arrays of the same kind.
+    """
+    xp = inertia.__array_namespace__()
+    moments, vectors = xp.linalg.eigh(unpack(inertia))
     axes = vectors.T
-    return moments, axes * jnp.array([1.0, 1.0, jnp.sign(jnp.linalg.det(axes))])[:, None]
+    return moments, axes * xp.array([1.0, 1.0, xp.sign(xp.linalg.det(axes))])[:, None]
 
 
-def propagated(
-    function: Callable[[jnp.ndarray], jnp.ndarray], at: np.ndarray, covariance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def propagated(function: Callable[[Any], Any], at: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return a function's value and covariance: ``J V Jᵀ`` (JCGM 102, 6.2.1.3), J by autodiff."""
+    import jax  # the rest of this module starts without it
+    import jax.numpy as jnp
+
     point = jnp.asarray(at)
     jacobian = np.asarray(jax.jacobian(function)(point))
     return np.array(function(point)), jacobian @ covariance @ jacobian.T

@@ -3,15 +3,11 @@
 A rotation vector may be an array of JAX or of NumPy; nothing here imports JAX.
 """
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from identify.rigid_body.regressor import cross_matrix
-
-Array = Any  # of JAX or NumPy: jaxtyping's Array would import JAX
+from identify.rigid_body.regressor import Array, cross_matrix
 
 TOLERANCE = 1e-3
 """Departure of a written matrix from orthonormal that counts as rounding of its decimals."""
@@ -85,6 +81,30 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
     hat = cross_matrix(turn)
     return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
+
+
+def exponentials(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the rotation matrices of many rotation vectors [rad], :func:`exponential` of each, in NumPy."""
+    angle = np.sqrt((turns**2).sum(axis=1))[:, None, None]
+    hats = np.moveaxis(cross_matrix(turns.T), 2, 0)
+    sine, cosine = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    return np.asarray(np.eye(3) + sine * hats + cosine * (hats @ hats))
+
+
+def cumulative_product(matrices: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the products of the first 1 … n matrices, in √n rows that are multiplied side by side: √n steps, not n.
+
+    As :func:`identify.motion.attitude.running_product` does it in JAX.
+    """
+    n, unit = len(matrices), np.eye(3)
+    size = int(np.ceil(np.sqrt(n)))
+    rows = np.concatenate([matrices, np.broadcast_to(unit, (size * size - n, 3, 3))]).reshape(size, size, 3, 3)
+    for k in range(1, size):
+        rows[:, k] = rows[:, k - 1] @ rows[:, k]
+    before = [unit]
+    for end in rows[:-1, -1]:
+        before.append(before[-1] @ end)
+    return np.asarray((np.array(before)[:, None] @ rows).reshape(-1, 3, 3)[:n])
 
 
 def rate_of_turn(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:

@@ -11,8 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
+from identify.rigid_body.regressor import Array
 from identify.signals.run import Run, RunError
 
 ROWS_PER_PERIOD = 10.0
@@ -99,9 +100,8 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
     motion = np.hstack([run.omega, run.specific_force]) if accelerometer else run.omega  # type: ignore[list-item]
     usable = _usable(run, len(taps))[first :: fine * stride][:rows]
     return InBand(
-        jnp.asarray(step * np.arange(margin, margin + rows * stride, stride)),
-        jnp.asarray(wrench[:, :3].T), jnp.asarray(wrench[:, 3:].T), jnp.asarray(usable),
-        jnp.asarray(spline_of(_decimated(motion, taps, fine), step)), float(step), stride, margin, fine * stride,
+        step * np.arange(margin, margin + rows * stride, stride), wrench[:, :3].T, wrench[:, 3:].T, usable,
+        spline_of(_decimated(motion, taps, fine), step), float(step), stride, margin, fine * stride,
         float(band),
     )  # fmt: skip
 

@@ -4,8 +4,12 @@ A differentiator is its taps ``c``, ``alpha[k] = sum_j c[j] (omega[k+j] - omega[
 antisymmetric it has no phase error and ignores a constant bias; what it does to the motion is one real gain.
 """
 
+import functools
+
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
+
+from identify.rigid_body.regressor import Array
 
 GAIN_TOLERANCE = 1e-4
 """Largest departure of a matched differentiator's gain from jω over the motion's band."""
@@ -49,6 +53,7 @@ def worst_gain(taps: np.ndarray, rate: float, band: float) -> float:
     return float(np.max(np.abs(gain(taps, rate, np.linspace(band / 200, band, 200)) - 1)))
 
 
+@functools.cache
 def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
     """Return the longest Savitzky–Golay differentiator that keeps its gain within 1e-4 of jω over the band.
 
@@ -72,6 +77,7 @@ def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
             f"Argument `rate` must be high enough to differentiate a motion of {band:g} Hz within {GAIN_TOLERANCE:g}, "
             f"but is {rate:g} Hz."
         )
+    best.flags.writeable = False  # all callers share it
     return best
 
 

@@ -1,10 +1,10 @@
 """Low-pass filters without phase, for both sides of the regression; and the band of a recorded motion."""
 
-import jax
 import numpy as np
 import scipy
-from jax.scipy.signal import fftconvolve
-from jaxtyping import Array, Float
+from jaxtyping import Float
+
+from identify.rigid_body.regressor import Array
 
 ATTENUATION = 100.0
 """Of the low-pass that brings unequal rates together [dB]."""
@@ -39,9 +39,14 @@ def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray
 
 
 def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Array, "k m"]:
-    """Filter each row; half the taps are lost at either end, m = n - taps + 1."""
+    """Filter each row, of an array of JAX or of NumPy; half the taps are lost at either end, m = n - taps + 1."""
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")
+    if isinstance(signals, np.ndarray):
+        return scipy.signal.fftconvolve(signals, taps[None], mode="valid", axes=1)
+    import jax
+    from jax.scipy.signal import fftconvolve
+
     filtered = lambda signal: fftconvolve(signal, taps.astype(signal.dtype), mode="valid")  # noqa: E731
     return jax.vmap(filtered)(signals)
 

@@ -7,15 +7,12 @@ gyro's mean at rest and the first direction is the level's.
 
 from collections.abc import Sequence
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from identify.motion.attitude import running_product
 from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import cross_matrix
-from identify.rigid_body.rotation import exponential
+from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment
 
@@ -68,10 +65,4 @@ def _turned(run: Run, bias: np.ndarray) -> np.ndarray:
     w = run.omega - bias
     step = 1 / run.rate
     turns = step / 2 * (w[1:] + w[:-1]) + step**2 / 12 * np.cross(w[:-1], w[1:])
-    return np.asarray(_attitudes(jnp.asarray(turns))).transpose(0, 2, 1)
-
-
-@jax.jit
-def _attitudes(turns: Float[Array, "n 3"]) -> Float[Array, "m 3 3"]:
-    """The products of the turns, R_AB, from the identity on."""
-    return running_product(jax.vmap(exponential)(jnp.concatenate([jnp.zeros((1, 3)), turns])))
+    return cumulative_product(exponentials(np.concatenate([np.zeros((1, 3)), turns]))).transpose(0, 2, 1)

@@ -17,14 +17,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
 from identify.estimators.regressor_rows import unbroken, usable_rows
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.spectrum import Lines
@@ -112,12 +112,12 @@ def run_sums(
         left = elements if fixed is None else fixed
         gram.append(weight * left @ elements.T)
         with_wrench.append(weight * left @ wrench.T)
-    return RunSums(jnp.asarray(np.array(gram)), jnp.asarray(np.array(with_wrench)))
+    return RunSums(np.array(gram), np.array(with_wrench))
 
 
 def added(runs: Sequence[RunSums]) -> RunSums:
     """Return the sums of several runs together."""
-    return jax.tree.map(lambda *parts: jnp.sum(jnp.stack(parts), axis=0), *runs)
+    return RunSums(*(np.sum(parts, axis=0) for parts in zip(*runs, strict=True)))
 
 
 def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], at: Float[Array, " delays"]) -> Sums:

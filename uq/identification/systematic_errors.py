@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
@@ -24,6 +24,7 @@ from identify.results.covariances import with_cross
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
 from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import Array
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
@@ -207,14 +208,13 @@ def problem_of(
     by_mounting = tuple(
         added([run for run, label in zip(sums, labels, strict=True) if label == mounting]) for mounting in mountings
     )
-    body = Body(jnp.asarray(result.mass or 0.0), jnp.asarray(result.r_cg), jnp.asarray(result.inertia))
+    body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(Unknown(np.array(0.0)), np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return Problem(
-        by_mounting, body, platform, sources, mixing, jnp.asarray(nodes), columns,
-        {name: jnp.asarray(of.by_draw) for name, of in _shared(result, sources, mixing, redrawn).items()},
-        acting_redrawn, result.offsets,
-        any(fitted.weighed is not None for fitted in result.runs),
+        by_mounting, body, platform, sources, mixing, nodes, columns,
+        {name: of.by_draw for name, of in _shared(result, sources, mixing, redrawn).items()},
+        acting_redrawn, result.offsets, any(fitted.weighed is not None for fitted in result.runs),
     )  # fmt: skip
 
 
@@ -280,10 +280,10 @@ def _nodes(sources: Sequence[Source]) -> np.ndarray:
 def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:
     """Return the errors that one trial draws, for each mounting; the first one's are what all others share."""
     draw = lambda key: draw_constants(problem.sources, problem.mixing, key, index, float)  # noqa: E731
-    first = draw(key)
+    first, count = draw(key), len(problem.sums)
     if not problem.redrawn:
-        return [first] * len(problem.sums)
-    others = [draw(jax.random.fold_in(key, number)) for number in range(1, len(problem.sums))]
+        return [first] * count
+    others = [draw(jax.random.fold_in(key, number)) for number in range(1, count)]
     return [first, *(first | {name: drawn[name] for name in problem.redrawn} for drawn in others)]
 
 

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from identify.rigid_body.regressor import Array
 from uq.sources.source import Source
 
 CELL_CHANNELS = {"F": 0, "M": 3}
@@ -59,7 +60,7 @@ def no_errors() -> Errors:
     """Return what a perfect rig has."""
     sizes = {"gravity": (), "gyro_delay": (), "displaced_air": (4,), "entrained_air": (10,), "cell_cross_talk": (6, 6)}
     wrench = {"cell_scale": (6,), "cell_bias": (6,), "cell_drift": (6,)}
-    return Errors(*(jnp.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
+    return Errors(*(np.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
 
 
 def effect(source: Source, draw: Float[Array, "..."]) -> Errors:
