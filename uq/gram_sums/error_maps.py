@@ -13,13 +13,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.estimators.gram import shift_omega
 from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body, unpack
-from identify.rigid_body.regressor import ALPHA, features
+from identify.rigid_body.regressor import ALPHA, Array, features
 from identify.rigid_body.rotation import exponential
 from uq.sources.constant_errors import Errors, no_errors, perturbed
 from uq.sources.source import Source
