@@ -180,18 +180,27 @@ def admissible(
     if len(seen) == 6 and inside >= NEAR:
         return None
     data = _data(inertia, covariance, seen)
-    least = data.distance(nearest(data))
+    closest = nearest(data)
+    least = data.distance(closest)
     if least > CONTRADICTED**2:
         return None
     determined = np.abs(seen.T @ seen - np.eye(6)).max(axis=1) < 1e-3
     half = np.where(determined, coverage_factor * np.sqrt(np.diag(covariance)), np.nan)
     plain = np.stack([inertia - half, inertia + half], axis=1)
     well_inside = len(seen) == 6 and inside > 0
-    value = inertia if well_inside else fit(log_cholesky, inertia, data.information, free_of(_inner(data)))
+    value = inertia if well_inside else _rounded(data, closest)
     interval = ends(data, least + coverage_factor**2)
     interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
     distance = 0.0 if well_inside else float(np.sqrt(max(least, 0.0)))
     return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside), distance)
+
+
+def _rounded(data: Data, closest: np.ndarray) -> np.ndarray:
+    """The body of :func:`fit`; where that does not converge, as of figures that are nearly exact, the nearest one."""
+    try:
+        return fit(log_cholesky, data.estimate, data.information, free_of(_inner(data)))
+    except ValueError:
+        return closest
 
 
 def _inner(data: Data) -> np.ndarray:

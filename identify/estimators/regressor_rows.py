@@ -14,6 +14,8 @@ from identify.signals.run import Run, RunError
 
 SPLINE_REACH = 3
 """Samples beside a gap that the interpolation across it touches."""
+FEWEST = 24
+"""Samples that a run needs: with few more rows than unknowns, the residuals would say that there is no noise."""
 
 
 class Rows(NamedTuple):
@@ -56,9 +58,9 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
         )
     phi, force, moment = _filtered(run.omega.T, run.force.T, run.moment.T, taps, smoothing)
     keep = usable_rows(run, phi.shape[1])
-    if len(keep) < 3:
+    if len(keep) < FEWEST:
         raise RunError(
-            f"{run.name} has fewer than three samples that may be used: "
+            f"{run.name} has {len(keep)} samples that may be used, fewer than {FEWEST}: "
             f"{run.cure('record without gaps, or choose a longer part')}"
         )
     half = (len(run.t) - phi.shape[1]) // 2

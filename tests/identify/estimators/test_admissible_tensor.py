@@ -82,6 +82,23 @@ def test_a_contradiction_is_not_weak_data():
     assert margin(wrong, np.eye(6) * 1e-6) < -100
 
 
+def test_where_the_fit_does_not_converge_it_is_the_nearest_body(monkeypatch):
+    """As it happens with figures that are nearly exact: the answer is on the edge, its intervals are the same."""
+    flat, covariance = PLATE + [0.01, 0, 0, 0, 0, 0], 0.01**2 * np.eye(6)
+    outside = flat - [0.02, 0, 0, 0, 0, 0]
+    rounded = admissible(outside, covariance, np.full(6, 1.96))
+
+    def diverges(*_):
+        raise ValueError("did not converge")
+
+    monkeypatch.setattr("identify.estimators.admissible_tensor.fit", diverges)
+    nearest_body = admissible(outside, covariance, np.full(6, 1.96))
+    np.testing.assert_allclose(nearest_body.interval95, rounded.interval95)
+    assert np.linalg.eigvalsh(second_moment(nearest_body.inertia)).min() == pytest.approx(0, abs=1e-4)
+    # the plane of I11 + I22 = I33 is 0.01 / √3 away
+    assert np.linalg.norm(nearest_body.inertia - outside) == pytest.approx(0.01 / np.sqrt(3), rel=0.02)
+
+
 @pytest.mark.parametrize("off", [0.5, 2.5, 6.0])
 def test_the_distance_from_every_body(off):
     """From diag(a, b, a + b + d) to the triangle's plane it is d / √3; equal standard uncertainties."""
