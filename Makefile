@@ -7,14 +7,17 @@ OUT ?= out/paper
 
 .PHONY: env paper test check unit bench study lock clean
 
+# Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
+# longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
+# since is compiled in memory.
 env: $(ENV)/.ready
+	$(BIN)/python -m compileall -q uq identify rig
 
 $(UV): requirements-uv.lock
 	$(PYTHON) -m venv .uv
 	.uv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-uv.lock
 	touch $@
 
-# Bytecode of what is installed is made once here: where nothing may write it later, every start would take seconds.
 $(ENV)/.ready: $(UV) requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv --without-pip $(ENV)
 	$(UV) pip sync --quiet --compile-bytecode --python $(BIN)/python --require-hashes requirements.lock

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
 
 from identify.rigid_body import regressor
 from identify.rigid_body.regressor import FEATURES, PAIRS
@@ -125,10 +126,16 @@ def _smoothed_sums(step: float, wrenches: np.ndarray, specific: np.ndarray, omeg
     slope = -time * bell / (bell @ time**2)
     motion = regressor.features(omega.T, omega.T)
     columns = [*wrenches.T, *specific.T, *carried_gravity(step, omega, specific).T, *motion]
-    filters = [slope if ALPHA.start <= k < ALPHA.stop else bell for k in range(WIDTH)]
-    smooth = [np.convolve(column, taps, mode="valid") for column, taps in zip(columns, filters, strict=True)]
-    rows = np.stack(smooth, axis=1)[:: max(1, round(STEP / step))]
-    rough = wrenches[half : len(wrenches) - half] - np.stack(smooth[:6], axis=1)
+    every = max(1, round(STEP / step))
+    rows = np.stack(
+        [
+            sliding_window_view(column, len(bell))[::every] @ (slope if k in range(WIDTH)[ALPHA] else bell)[::-1]
+            for k, column in enumerate(columns)
+        ],
+        axis=1,
+    )
+    smooth = np.stack([np.convolve(column, bell, mode="valid") for column in wrenches.T], axis=1)
+    rough = wrenches[half : len(wrenches) - half] - smooth
     noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
     width = 2 * np.sqrt(np.pi) * SMOOTHING
     return ConventionSums(rows.T @ rows / len(rows), len(rows) * STEP / width, noise, step / width)

@@ -33,7 +33,7 @@ def wrong_units(imu: ImuSignal) -> dict[str, float]:
         return {}
     if GRAVITY_IN_G[0] < specific_force < GRAVITY_IN_G[1]:
         wrong["g"] = specific_force
-    if _gravity_shows(imu):
+    if _steady(imu):
         by_gyro, by_accelerometer = _turns(imu)
         if by_gyro > LEAST_TURN and by_gyro > UNLIKE * by_accelerometer:
             wrong["deg/s"] = by_gyro / by_accelerometer if by_accelerometer > 0 else np.inf
@@ -51,7 +51,7 @@ def in_free_fall(imu: ImuSignal) -> bool:
     step = float(time[-1] - time[0]) / (len(time) - 1)
     width = max(1, round(SMOOTHED / step))
     omega, force = _average(omega, width), _average(specific_force, width)[::width]
-    motion = regressor.features(omega.T, np.gradient(omega, step, axis=0).T)[:, ::width]
+    motion = regressor.features(omega[::width].T, np.gradient(omega, step, axis=0)[::width].T)
     of_lever = np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)
     columns = np.concatenate([of_lever, np.broadcast_to(np.eye(3), of_lever.shape)], axis=2)
     power = max(float((force**2).sum()), 1e-12)
@@ -66,7 +66,7 @@ def accelerometer_axes(imu: ImuSignal) -> Float[np.ndarray, "3 3"] | None:
 
     A signed permutation, mirrored ones included.
     """
-    if not _gravity_shows(imu) or _turns(imu)[0] < LEAST_TILT:
+    if not _steady(imu) or in_free_fall(imu) or _turns(imu)[0] < LEAST_TILT:
         return None
     candidates = signed_axes()
     fits = [_correlation(imu, matrix) for matrix in candidates]
@@ -97,18 +97,18 @@ def _turns(imu: ImuSignal) -> tuple[float, float]:
 
 def _average(x: np.ndarray, width: int) -> Float[np.ndarray, "n 3"]:
     """The mean over ``width`` samples about each, over fewer at the ends."""
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(x, axis=0)])
-    low = np.maximum(np.arange(len(x)) - width // 2, 0)
-    high = np.minimum(np.arange(len(x)) + (width + 1) // 2, len(x))
-    return (total[high] - total[low]) / (high - low)[:, None]
+    n, half = len(x), width // 2
+    total = np.concatenate([np.zeros((half + 1, 3)), np.cumsum(x, axis=0)])
+    total = np.pad(total, ((0, width - half), (0, 0)), mode="edge")
+    count = np.minimum(np.arange(n) + width - half, n) - np.maximum(np.arange(n) - half, 0)
+    return (total[width : width + n] - total[:n]) / count[:, None]
 
 
-def _gravity_shows(imu: ImuSignal) -> bool:
-    """Whether the accelerometer shows gravity and little else, so that its turning can be compared with the gyro."""
+def _steady(imu: ImuSignal) -> bool:
+    """Whether the accelerometer shows gravity and little else, unless in free fall: its turning is then the gyro's."""
     magnitude = np.linalg.norm(imu.specific_force, axis=1)
     middle = float(np.median(magnitude))
-    steady = float(np.median(np.abs(magnitude - middle))) < STEADY * middle
-    return steady and middle > GRAVITY_IN_G[0] and not in_free_fall(imu)
+    return float(np.median(np.abs(magnitude - middle))) < STEADY * middle and middle > GRAVITY_IN_G[0]
 
 
 def _correlation(imu: ImuSignal, axes: np.ndarray) -> float:

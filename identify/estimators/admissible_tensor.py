@@ -16,7 +16,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jaxtyping import Array, Float
 
 from identify.estimators.admissible_range import Data, ends, nearest, size
@@ -103,6 +102,8 @@ def fit(
 
 @eqx.filter_jit
 def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, start: Array) -> tuple[Array, Array]:
+    import optimistix  # a fifth of a second, which few results need
+
     def cost(free: Array) -> Array:
         left = body(free) - estimate
         return 0.5 * left @ information @ left + ROUNDNESS * roundness(body(free)[-6:])
@@ -112,8 +113,8 @@ def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, st
     scale = 1 / jnp.sqrt(jnp.diag(metric))
     root = jnp.linalg.cholesky(metric * jnp.outer(scale, scale))
     to_free = lambda z: start + scale * jax.scipy.linalg.solve_triangular(root.T, z)  # noqa: E731
-    solver: optimistix.BFGS = optimistix.BFGS(rtol=1e-9, atol=1e-7)
-    solution: optimistix.Solution = optimistix.minimise(
+    solver: Any = optimistix.BFGS(rtol=1e-9, atol=1e-7)
+    solution: Any = optimistix.minimise(
         lambda z, _: cost(to_free(z)), solver, jnp.zeros_like(start), max_steps=2000, throw=False
     )
     return to_free(solution.value), jnp.asarray(solution.result == optimistix.RESULTS.successful)

@@ -9,9 +9,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax
 import numpy as np
-import optimistix
 from jaxtyping import Array, Bool, Float
 
 from identify.joint.joint_model import Model, kinematics, residuals, unknowns
@@ -54,6 +52,8 @@ def solve(
         start: z to start from.
         tolerance: of the solution, in standard uncertainties of the prior.
     """
+    import lineax  # both take a fifth of a second, which no other method needs
+    import optimistix
 
     def weighed(z: Array, _: None) -> Any:
         return _whitened(model, prior, whitener, z), prior.counted * z

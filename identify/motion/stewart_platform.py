@@ -12,7 +12,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jaxtyping import Array, Float
 
 from identify.rigid_body.dynamics import acceleration_at, wrench
@@ -141,6 +140,8 @@ def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = 
     Up to forty poses share six lengths; the one that Newton's method reaches is the start's assembly. Never raises:
     where there is none, ``residual`` is not small.
     """
+    import optimistix  # a fifth of a second, which few commands need
+
     first = platform.home_pose if start is None else start
 
     def miss(step, _):

@@ -12,9 +12,8 @@ from identify.exceptions import RunError
 from identify.reporting import Result, Section, plain
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.text_tables import Table
-from uq.bodies.export_formats import ExportFormat, export_format, names
+from uq.bodies.export_formats import ExportFormat, chosen, export_format
 from uq.bodies.exported_body import ExportedBody, principal_axes
-from uq.files.document import ExperimentError
 
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
@@ -92,7 +91,7 @@ def export(
             which are farther than three standard uncertainties from the data.
         OSError: the folder cannot be written.
     """
-    wanted = {name: export_format(name) for name in formats_of(formats)}
+    wanted = {name: export_format(name) for name in chosen(formats)}
     body, warnings = _body(result, force=force)
     contents = {of.file: of.text(body) for of in wanted.values()}
     made = Exported(contents, wanted, warnings, getattr(result, "provenance", {}))
@@ -119,19 +118,6 @@ def _body(result: Any, *, force: bool) -> tuple[ExportedBody, tuple[str, ...]]:
     notes = tuple(_notes(parameters, frame, runs, warnings))
     content = {"frame": frame} | _content(parameters, runs, warnings)
     return ExportedBody(float(parameters.mass), parameters.r_cg, parameters.inertia, notes, content), warnings
-
-
-def formats_of(formats: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the names of formats, each once, from names or from one string of them with commas.
-
-    Raises:
-        ExperimentError: no format, or one that there is not.
-    """
-    given = formats.split(",") if isinstance(formats, str) else formats
-    wanted = tuple(dict.fromkeys(name.strip() for name in given))
-    if unknown := [name for name in wanted or ("",) if name not in names()]:
-        raise ExperimentError(f"unknown export format '{unknown[0]}': choose of {', '.join(names())}")
-    return wanted
 
 
 def _parameters(result: Any) -> tuple[InertialParameters, str]:

@@ -3,10 +3,8 @@
 import argparse
 
 from identify import methods
+from identify.reporting import Result
 from uq.bodies import export_formats
-from uq.bodies.comparison import compare
-from uq.bodies.export import export, formats_of
-from uq.bodies.reference import load_reference
 from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
@@ -68,9 +66,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise ExperimentError("--export has no folder: add --out DIR")
     if arguments.force and arguments.export is None:
         raise ExperimentError("--force is for --export, which is not given: add --export FORMATS")
-    formats = None if arguments.export is None else formats_of(arguments.export)
+    formats = None if arguments.export is None else export_formats.chosen(arguments.export)
     experiment = Experiment.load(arguments.experiment)
-    reference = None if arguments.expected is None else load_reference(arguments.expected)
+    reference = None
+    if arguments.expected is not None:
+        from uq.bodies.reference import load_reference
+
+        reference = load_reference(arguments.expected)
     check_tare(arguments.tare, experiment, arguments.tare_centre)
     with output_folder(arguments.out) as out:
         result = identify_files(
@@ -92,7 +94,14 @@ def run(arguments: argparse.Namespace) -> int:
             tare_centre=arguments.tare_centre,
             method=arguments.method,
         )
-        more = [] if reference is None else [compare(result, reference)]
-        exported = [] if formats is None else [export(result, formats, force=arguments.force)]
-        finish(Certificate(result), out, *more, *exported)
+        more: list[Result] = []
+        if reference is not None:
+            from uq.bodies.comparison import compare
+
+            more.append(compare(result, reference))
+        if formats is not None:
+            from uq.bodies.export import export
+
+            more.append(export(result, formats, force=arguments.force))
+        finish(Certificate(result), out, *more)
     return 0

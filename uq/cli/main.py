@@ -54,6 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if "--no-cache" in rest:
         rest.remove("--no-cache")
         os.environ["INERTIA_CACHE"] = "off"
+    # Matrices are small here: two threads of BLAS would wait for each other, and starting them takes 0.05 s.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)

@@ -17,6 +17,17 @@ POWER = re.compile(r"(\*\*|\^)(?!-?\d(\.\d)?([\s*/)]|$))|\d\s*(\*\*|\^)")
 """A power that no unit has: more than one digit, or of a power."""
 
 
+USUAL = {
+    ("mm", "m"): 0.001,
+    ("g", "kg"): 0.001,
+    ("g*m^2", "kg*m^2"): 0.001,
+    ("ms", "s"): 0.001,
+    ("deg", "rad"): 0.017453292519943295,
+    ("deg/s", "rad/s"): 0.017453292519943295,
+}
+"""What most experiment files are written in, as pint converts it: so that they are read without it."""
+
+
 UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
 """What pint raises for a text that it cannot read, beside pint.PintError."""
 
@@ -31,7 +42,7 @@ class DimensionError(ValueError):
 
 @cache
 def _registry() -> Any:
-    import pint  # takes a quarter of a second: not before a unit is read
+    import pint  # takes a third of a second: not before a unit beside the usual is read
 
     return pint.UnitRegistry(cache_folder=None)
 
@@ -79,6 +90,10 @@ def _factor(name: str, unit: str) -> float:
     """How many ``unit`` the unit ``name`` is."""
     if not UNIT.fullmatch(name) or POWER.search(name):
         raise ValueError(f"{name!r} is not a unit")
+    if name == unit:
+        return 1.0
+    if (name, unit) in USUAL:
+        return USUAL[name, unit]
     registry = _registry()
     import pint
 

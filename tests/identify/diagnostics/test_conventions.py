@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from identify.diagnostics import convention_fit, convention_sums, conventions
 from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
@@ -83,3 +84,20 @@ def test_turned_features_are_those_of_turned_signals():
     np.testing.assert_allclose(
         sums(run).turned(imu=matrix, wrench=matrix.T).gram, sums(run.of_imu(matrix).of_wrench(matrix.T)).gram, atol=1e-6
     )
+
+
+def test_carried_gravity_stays_gravity_through_any_turn_and_forgets_a_wrong_start():
+    """True gravity in the body's frame, from the attitude as SciPy integrates it; the start is the mean of half a second."""
+    step = 0.0025
+    time = np.arange(0, 120, step)
+    omega = 2.0 * np.stack([np.sin(time), 0.2 + np.cos(1.3 * time), np.sin(0.7 * time + 1)], axis=1)
+    attitude = Rotation.identity()
+    gravity = np.empty_like(omega)
+    for i, turn in enumerate(Rotation.from_rotvec(step * omega)):
+        attitude = attitude * turn
+        gravity[i] = attitude.apply([0, 0, 9.81], inverse=True)
+    carried = convention_sums.carried_gravity(step, omega, gravity)
+    np.testing.assert_allclose(np.linalg.norm(carried, axis=1), 9.81, rtol=1e-9)
+    miss = np.linalg.norm(carried - gravity, axis=1)
+    assert miss[-1] == pytest.approx(miss[0] * np.exp(-time[-1] / convention_sums.RECALL), rel=0.1)
+    assert miss[0] > 0.1

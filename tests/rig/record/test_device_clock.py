@@ -59,6 +59,20 @@ def test_over_a_short_time_the_skew_is_taken_as_zero():
     assert device_clock.fit(device[:0], device[:0]) == (0.0, 0.0, 0)
 
 
+@pytest.mark.parametrize("late", [1, 3, 10**6, 10**12, 10**17])
+@pytest.mark.parametrize("back", [0, 3])
+def test_the_fit_of_a_run_is_the_tracker_s_to_the_last_bit(late, back):
+    """The points that it leaves out are no corners; times that go back, ties and delays near overflow included."""
+    draw = np.random.default_rng(3)
+    for count in [*range(8), *draw.integers(8, 200, 40)]:
+        device = np.cumsum(draw.integers(-back, 9, count) * 10**8)
+        arrival = device + draw.integers(0, late, count)
+        tracker = device_clock.ClockTracker()
+        for pair in zip(device.tolist(), arrival.tolist(), strict=True):
+            tracker.add(*pair)
+        assert device_clock.fit(device, arrival) == tracker.fit
+
+
 @pytest.mark.parametrize("shift", [-0.2137, 0.0, 0.0213, 0.3])
 def test_a_delay_is_found(shift):
     t, u = np.arange(0, 8, 0.005), np.arange(0.013, 8, 0.002)

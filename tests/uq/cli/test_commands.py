@@ -259,3 +259,29 @@ def test_packages_start_without_jax():
     subprocess.run([sys.executable, "-c", code], check=True)
     code = "import identify, uq.campaign.campaign, jax; assert not jax.config.jax_enable_x64"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("command", "unused"),
+    [
+        ("record", "jax numpy scipy serial"),
+        ("schema", "jax numpy scipy msgspec"),
+        ("import_", "optimistix equinox scipy.linalg scipy.special pint matplotlib"),
+        ("identify", "optimistix lineax pint matplotlib jinja2 serial uq.bodies.reference uq.bodies.export"),
+        ("centre", "optimistix lineax scipy.spatial scipy.stats scipy.signal pint matplotlib jinja2"),
+        ("montecarlo", "optimistix lineax scipy.stats pint matplotlib jinja2"),
+        ("paper", "optimistix lineax scipy.stats pint matplotlib jinja2"),
+        ("design", "optimistix lineax scipy.stats pint matplotlib jinja2"),
+    ],
+)
+def test_a_command_starts_without_what_few_of_its_calls_use(command, unused):
+    code = f"import sys, uq.cli.{command}; print(*set(sys.argv[1:]) & set(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code, *unused.split()], check=True, capture_output=True, text=True)
+    assert loaded.stdout.split() == []
+
+
+def test_a_usual_experiment_is_read_without_the_library_of_units():
+    """It takes longer than everything else that reads the file."""
+    code = "import sys; from uq.experiment.experiment import Experiment; Experiment.load('barreto2016'); "
+    code += "sys.exit('pint' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -2,9 +2,10 @@
 
 import math
 
+import pint
 import pytest
 
-from uq.files.units import UnitError, quantity
+from uq.files.units import USUAL, UnitError, quantity
 
 
 @pytest.mark.parametrize(
@@ -65,3 +66,11 @@ def test_a_value_is_converted_once(text, unit, value):
 def test_what_is_not_a_value_of_that_dimension_is_refused(text, unit):
     with pytest.raises(UnitError, match="write"):
         quantity(text, unit)
+
+
+@pytest.mark.parametrize(("name", "unit"), USUAL)
+def test_what_is_usual_is_what_pint_says(name, unit):
+    registry = pint.UnitRegistry(cache_folder=None)
+    assert (
+        registry.Quantity(1, registry.parse_units(name)).to(registry.parse_units(unit)).magnitude == USUAL[name, unit]
+    )

@@ -1,5 +1,7 @@
 """``inspect`` finds each planted defect, and nothing in a clean run."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -136,3 +138,15 @@ def test_the_command(tmp_path, capsys):
     (tmp_path / "cut.mcap").write_bytes((tmp_path / "good.mcap").read_bytes()[:9999])
     assert main(["inspect", str(tmp_path / "cut.mcap")]) == 2
     assert capsys.readouterr().err.startswith("error: cut or damaged")
+
+
+def test_the_command_needs_neither_jax_nor_scipy(tmp_path):
+    """With either it would take twice as long."""
+    wrench, imu = clean()
+    runs.write(tmp_path / "good.mcap", wrench=wrench, imu=imu)
+    code = "import sys; from uq.cli.main import main; assert main(sys.argv[1:]) == 0; "
+    code += "sys.exit(' '.join({'jax', 'scipy', 'equinox', 'pint', 'matplotlib', 'msgspec'} & set(sys.modules)) or 0)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "inspect", tmp_path / "good.mcap"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr.strip()) == (0, "")

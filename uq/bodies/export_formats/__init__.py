@@ -3,12 +3,13 @@
 A new format is one new file; see docs/extending.md.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import NamedTuple
 
 from uq.bodies.exported_body import ExportedBody
+from uq.files.document import ExperimentError
 
 
 class ExportFormat(NamedTuple):
@@ -24,6 +25,19 @@ class ExportFormat(NamedTuple):
 def names() -> tuple[str, ...]:
     """Return the names of all formats, without importing them."""
     return tuple(sorted(module.name for module in iter_modules(__path__)))
+
+
+def chosen(formats: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of formats, each once, from names or from one string of them with commas.
+
+    Raises:
+        ExperimentError: no format, or one that there is not.
+    """
+    given = formats.split(",") if isinstance(formats, str) else formats
+    wanted = tuple(dict.fromkeys(name.strip() for name in given))
+    if unknown := [name for name in wanted or ("",) if name not in names()]:
+        raise ExperimentError(f"unknown export format '{unknown[0]}': choose of {', '.join(names())}")
+    return wanted
 
 
 def export_format(name: str) -> ExportFormat:
