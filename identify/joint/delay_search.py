@@ -68,8 +68,8 @@ def tensor_at_delay(rows: InBand, turn: Float[np.ndarray, "3 3"], delay: float) 
 def features_at_delay(rows: InBand, turn: Float[np.ndarray, "3 3"], delay: float) -> Float[np.ndarray, "13 n"]:
     """Return the regressor's features of the motion in B; zero where a row must not be used."""
     value, slope = motion_at_delay(rows, delay)
-    phi = features(jnp.asarray(turn @ value[:3]), jnp.asarray(turn @ slope[:3]))
-    return np.asarray(phi) * np.asarray(rows.used)
+    phi = features(turn @ value[:3], turn @ slope[:3])
+    return np.asarray(phi * rows.used)
 
 
 def motion_at_delay(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray]:

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER
+from identify.rigid_body.regressor import Array
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
 """What static poses determine, in the order of their covariance."""
@@ -164,7 +164,7 @@ def prior(
         spread[np.ix_(where, where)] = root_of(block.covariance)
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
     counted = (free >= SIZES["inertia"]).astype(float)
-    return Prior(jnp.asarray(mean), jnp.asarray(spread[:, free]), jnp.asarray(counted))
+    return Prior(mean, spread[:, free], counted)
 
 
 def indices(names: Iterable[str]) -> np.ndarray:

@@ -64,7 +64,7 @@ class JointRun:
     @property
     def theta(self) -> np.ndarray:
         """The most probable unknowns, flat."""
-        return np.asarray(self.prior.theta(self.fit.z))
+        return np.asarray(self.prior.theta(np.asarray(self.fit.z)))
 
     def prior_sigma(self, name: str) -> np.ndarray:
         """Return the standard uncertainties of an unknown beforehand; zero where it has no prior or is exact."""
@@ -132,12 +132,12 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
     beforehand = prior(
         setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still"
     )
-    to_imu = np.asarray(exponential(jnp.asarray(alignment.rotation, float))).T
-    up, gravity = jnp.asarray(to_imu[:, 2]), jnp.asarray(float(setting.gravity))
-    model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
+    to_imu = exponential(np.asarray(alignment.rotation, float)).T
+    up, gravity = to_imu[:, 2], np.asarray(float(setting.gravity))
+    model = Model(rows, up, gravity, imu_position, kind)
     if kind == "still" and alignment.sigma_tilt is None:
-        up = jnp.asarray(_up(model, to_imu, _start_bias(model, to_imu, alignment)))
-        model = Model(rows, up, gravity, jnp.asarray(imu_position), kind)
+        up = _up(model, to_imu, _start_bias(model, to_imu, alignment))
+        model = Model(rows, up, gravity, imu_position, kind)
     return model, beforehand
 
 
@@ -195,7 +195,7 @@ def residual_noise(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
 
 
 def _check(name: str, model: Model, beforehand: Prior, fit: Fit) -> None:
-    theta = np.asarray(beforehand.theta(fit.z))
+    theta = beforehand.theta(np.asarray(fit.z))
     if not (np.isfinite(theta).all() and bool(fit.converged)):
         raise _without_solution(name)
     delay = float(theta[SLICES["delay"]][0])
@@ -239,7 +239,7 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
 def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
     """Start of the search: delay and tensor by cross-correlation, the gyro's bias from the slow turn of the force."""
     theta, alignment = np.array(beforehand.mean), setting.alignment
-    turn = np.asarray(exponential(jnp.asarray(alignment.rotation, float)))
+    turn = exponential(np.asarray(alignment.rotation, float))
     best = search_delay(model.rows, alignment, turn)
     theta[SLICES["delay"]], theta[SLICES["inertia"]] = best.delay, best.inertia
     if model.specific_force == "still":
