@@ -178,5 +178,5 @@ def _slopes(problem: Problem) -> Float[Array, "6 count"]:
         return estimate(problem, [errors_of(problem.sources, drawn)] * len(problem.sums))
 
     steps = STEP * jnp.eye(sum(sizes))
-    ends = [jax.vmap(tensor)(sign * steps) for sign in (1, -1)]
-    return (ends[0] - ends[1]).T / (2 * STEP)
+    ends = jax.vmap(tensor)(jnp.concatenate([steps, -steps]))
+    return (ends[: len(steps)] - ends[len(steps) :]).T / (2 * STEP)
