@@ -102,4 +102,14 @@ def test_no_answer_is_silently_wrong(tmp_path):
     print(study.clean_table(rows), study.table(rows), sep="\n\n")
     assert {study.Cell.of(row) for row in rows} >= set(cells)
     assert not [row["crashed"] for row in rows if "crashed" in row]
-    assert all(np.isfinite(row["u"]).all() for row in rows if row["trouble"] == study.CLEAN)
+    clean = [row for row in rows if row["trouble"] == study.CLEAN and not row["still"]]
+    assert sum(map(study.warned, clean)) <= 0.05 * len(clean)
+    for method in study.METHODS:
+        covered = np.array([row["covered"] for row in clean if row["method"] == method])
+        assert 0.93 <= covered.mean() <= 0.98 and covered.mean(axis=0).min() >= 0.9
+    # what leaves no trace in the residuals is told beforehand, by its price
+    assert not any(map(study.beyond_its_price, rows))
+    large = [row for row in rows if row["level"] == "large"]
+    assert {row["trouble"] for row in large if study.silently_wrong(row)} <= {"gain of moment"}
+    named = [right for row in large if (right := study.named_right(row)) is not None]
+    assert np.mean(named) >= 0.8
