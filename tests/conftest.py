@@ -41,10 +41,10 @@ settings.load_profile("same")
 
 @pytest.fixture(autouse=True, scope="module")
 def room():
-    """What a worker has compiled is dropped once it holds 2 GiB: the cache folder has it still."""
+    """What a worker has compiled is dropped once it holds 4 GiB: the cache folder has it still."""
     yield
     pages = int(Path("/proc/self/statm").read_text().split()[1]) if Path("/proc/self/statm").exists() else 0
-    if pages * os.sysconf("SC_PAGE_SIZE") > 2**31:
+    if pages * os.sysconf("SC_PAGE_SIZE") > 2**32:
         jax.clear_caches()
 
 
