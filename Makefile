@@ -50,8 +50,10 @@ unit: env
 	    -m "not study and not optimised" notebooks tests
 	XLA_FLAGS= $(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
 
+# The paper's campaign against its references, then what whole commands take.
 bench: env
 	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.answers
 
 # Slow statistical studies; their results are kept in docs/.
 study: env

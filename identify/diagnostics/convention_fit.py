@@ -55,22 +55,27 @@ COUNTERWEIGHT_AT = slice(len(MOMENT_TERMS), len(MOMENT_TERMS_WITH_WEIGHT))
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The unknowns of an equation, their covariance, and chi-square: left over, weighted, with what the priors cost."""
+    """The unknowns of an equation, their covariance, and chi-square: left over, weighted, with what the priors cost.
 
-    values: Float[np.ndarray, " p"]
-    covariance: Float[np.ndarray, "p p"]
-    misfit: float
+    Of several sums side by side, one each.
+    """
 
-    def significance(self, unknowns: slice) -> float:
+    values: Float[np.ndarray, "*m p"]
+    covariance: Float[np.ndarray, "*m p p"]
+    misfit: Float[np.ndarray, "*m"]
+
+    def significance(self, unknowns: slice) -> Float[np.ndarray, "*m"]:
         """How many standard deviations some unknowns are from zero (as a length)."""
-        values, spread = self.values[unknowns], self.covariance[unknowns, unknowns]
-        return float(np.sqrt(values @ np.linalg.solve(spread, values)))
+        values, spread = self.values[..., unknowns], self.covariance[..., unknowns, unknowns]
+        return np.asarray(np.sqrt((values * np.linalg.solve(spread, values[..., None])[..., 0]).sum(axis=-1)))
 
 
 def _normal_equations(sums: ConventionSums, terms: Terms, answer: slice) -> tuple[np.ndarray, np.ndarray]:
     """Normal matrix (p, p) and right side (p,) of fitting ``answer`` by ``terms``, as means over the instants."""
-    products = terms @ sums.gram
-    return np.einsum("pij,qij->pq", products, terms), np.einsum("pii->p", products[:, :, answer])
+    count = len(terms)
+    products = (terms.reshape(-1, WIDTH) @ sums.gram).reshape(*sums.gram.shape[:-2], count, 3, WIDTH)
+    flat = products.reshape(*products.shape[:-2], 3 * WIDTH)
+    return flat @ terms.reshape(count, -1).T, np.trace(products[..., answer], axis1=-2, axis2=-1)
 
 
 def solve(
@@ -86,40 +91,42 @@ def solve(
     ``priors`` (p,): standard deviation about zero of each unknown, inf where none is stated.
     """
     normal, right = _normal_equations(sums, terms, answer)
-    total = float(np.trace(sums.gram[answer, answer]))
+    total = np.trace(sums.gram[..., answer, answer], axis1=-2, axis2=-1)
     weight = sums.instants / variance
     loose = np.full(len(terms), np.inf) if priors is None else priors
-    scale = np.maximum(np.diag(normal), 1e-300)
-    matrix = weight * normal + np.diag(1 / loose**2) + np.diag(1e-10 * weight * scale + 1e-30)
-    values = np.linalg.solve(matrix, weight * right)
-    misfit = weight * (total - 2 * right @ values + values @ normal @ values) + ((values / loose) ** 2).sum()
-    return Fit(values, np.linalg.inv(matrix), float(misfit))
+    scale = np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), 1e-300)
+    matrix = weight * normal + (1 / loose**2 + 1e-10 * weight * scale + 1e-30)[..., None] * np.eye(len(terms))
+    inverse = np.linalg.inv(matrix)
+    values = np.linalg.solve(matrix, weight * right[..., None])[..., 0]
+    squared = (values * (normal @ values[..., None])[..., 0]).sum(axis=-1)
+    misfit = weight * (total - 2 * (right * values).sum(axis=-1) + squared) + ((values / loose) ** 2).sum(axis=-1)
+    return Fit(values, inverse, np.asarray(misfit))
 
 
 def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
-    """Variance per component that a fit leaves [unit²], at least ``LEAST_MISFIT`` of its changes, squared."""
-    changes = float(np.trace(sums.covariance(answer))) / 3
+    """Variance per component that a fit leaves [unit²], at least ``LEAST_MISFIT`` of its changes, squared.
+
+    The least of several sums.
+    """
+    changes = np.trace(sums.covariance(answer), axis1=-2, axis2=-1) / 3
     left = solve(sums, terms, answer, variance=1.0).misfit / (3 * sums.instants)
     free = max(1 - len(terms) / (3 * sums.instants), 0.1)
-    return max(left / free, LEAST_MISFIT**2 * changes, 1e-18)
+    return max(float(np.maximum(left / free, LEAST_MISFIT**2 * changes).min()), 1e-18)
 
 
-def tensor(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "3 3"]:
-    """The 3 × 3 matrix of a packed tensor (``unpack`` without JAX)."""
-    matrix = np.empty((3, 3))
-    matrix[ROWS, COLUMNS] = matrix[COLUMNS, ROWS] = inertia
+def tensor(inertia: Float[np.ndarray, "*m 6"]) -> Float[np.ndarray, "*m 3 3"]:
+    """The 3 × 3 matrix of a packed tensor."""
+    matrix = np.empty((*inertia.shape[:-1], 3, 3))
+    matrix[..., ROWS, COLUMNS] = matrix[..., COLUMNS, ROWS] = inertia
     return matrix
 
 
-def negativity(fit: Fit) -> float:
+def negativity(fit: Fit) -> Float[np.ndarray, "*m"]:
     """Increase of chi-square when a tensor's negative moments are raised to zero."""
-    moments, axes = np.linalg.eigh(tensor(fit.values[INERTIA_AT]))
-    cost = 0.0
-    for moment, axis in zip(moments, axes.T, strict=True):
-        if moment < 0:
-            form = axis[ROWS] * axis[COLUMNS] * np.where(ROWS == COLUMNS, 1, 2)
-            cost = max(cost, moment**2 / float(form @ fit.covariance[INERTIA_AT, INERTIA_AT] @ form))
-    return cost
+    moments, axes = np.linalg.eigh(tensor(fit.values[..., INERTIA_AT]))
+    forms = axes[..., ROWS, :] * axes[..., COLUMNS, :] * np.where(ROWS == COLUMNS, 1, 2)[:, None]
+    spread = (forms * (fit.covariance[..., INERTIA_AT, INERTIA_AT] @ forms)).sum(axis=-2)
+    return np.asarray(np.where(moments < 0, moments**2 / spread, 0.0).max(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ and takes the noise off; every hypothesis about signs, axes, units and zeros is 
 the same sums. NumPy only: ``inertia inspect`` starts without JAX.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -54,35 +55,41 @@ class ConventionSums:
     """Means of the products of all columns, (25, 25), and how many independent instants they stand for.
 
     The columns: force [N], moment [N·m], specific force [m/s²], gravity as the gyro carries it along [m/s²], the
-    thirteen features of the motion.
+    thirteen features of the motion. Several hypotheses of the same instants stand side by side, leading.
     """
 
-    gram: Float[np.ndarray, "25 25"]
+    gram: Float[np.ndarray, "*m 25 25"]
     instants: float
     noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviation of the noise that the filter removed from force [N] and moment [N·m]."""
     white: float = 0.0
     """Part of white noise's variance that passes the filter."""
 
-    def mean(self, columns: slice) -> Float[np.ndarray, " k"]:
-        """The mean of some columns."""
-        return self.gram[columns, CONSTANT]
+    @classmethod
+    def stacked(cls, several: Sequence["ConventionSums"]) -> "ConventionSums":
+        """Hypotheses of the same instants, side by side."""
+        return replace(several[0], gram=np.stack([sums.gram for sums in several]))
 
-    def covariance(self, columns: slice) -> Float[np.ndarray, "k k"]:
+    def mean(self, columns: slice) -> Float[np.ndarray, "*m k"]:
+        """The mean of some columns."""
+        return self.gram[..., columns, CONSTANT]
+
+    def covariance(self, columns: slice) -> Float[np.ndarray, "*m k k"]:
         """The covariance of some columns over the run."""
-        return self.gram[columns, columns] - np.outer(self.mean(columns), self.mean(columns))
+        mean = self.mean(columns)
+        return self.gram[..., columns, columns] - mean[..., :, None] * mean[..., None, :]
 
     def turned(
-        self, *, wrench: Float[np.ndarray, "3 3"] | None = None, imu: Float[np.ndarray, "3 3"] | None = None
+        self, *, wrench: Float[np.ndarray, "3 3"] | None = None, imu: Float[np.ndarray, "*m 3 3"] | None = None
     ) -> "ConventionSums":
-        """The sums with the axes of the wrench or of the IMU turned (or mirrored) by a matrix."""
-        change = np.eye(WIDTH)
+        """The sums with the axes of the wrench or of the IMU turned (or mirrored) by a matrix, or by each of some."""
+        change = np.broadcast_to(np.eye(WIDTH), (*(() if imu is None else imu.shape[:-2]), WIDTH, WIDTH)).copy()
         if wrench is not None:
-            change[FORCE, FORCE] = change[MOMENT, MOMENT] = wrench
+            change[..., FORCE, FORCE] = change[..., MOMENT, MOMENT] = wrench
         if imu is not None:
-            change[SPECIFIC, SPECIFIC] = change[GRAVITY, GRAVITY] = imu
-            change[MOTION, MOTION] = _turned_features(imu)
-        return replace(self, gram=change @ self.gram @ change.T)
+            change[..., SPECIFIC, SPECIFIC] = change[..., GRAVITY, GRAVITY] = imu
+            change[..., MOTION, MOTION] = _turned_features(imu)
+        return replace(self, gram=change @ self.gram @ np.swapaxes(change, -1, -2))
 
     def scaled(self, columns: slice, factor: float) -> "ConventionSums":
         """The sums with some of the columns multiplied."""
@@ -92,13 +99,15 @@ class ConventionSums:
         return replace(self, gram=self.gram * np.outer(change, change), noise=noise)
 
 
-def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "13 13"]:
+def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "*m 13 13"]:
     """``T`` with ``features(matrix @ omega, matrix @ alpha) == T @ features(omega, alpha)``."""
-    change = np.eye(len(FEATURES))
-    change[regressor.OMEGA, regressor.OMEGA] = change[regressor.ALPHA, regressor.ALPHA] = matrix
+    count = len(FEATURES)
+    change = np.broadcast_to(np.eye(count), (*matrix.shape[:-2], count, count)).copy()
+    change[..., regressor.OMEGA, regressor.OMEGA] = change[..., regressor.ALPHA, regressor.ALPHA] = matrix
     i, j = np.array(PAIRS).T
-    products = matrix[np.ix_(i, i)] * matrix[np.ix_(j, j)] + matrix[np.ix_(i, j)] * matrix[np.ix_(j, i)]
-    change[regressor.PRODUCTS, regressor.PRODUCTS] = products / np.where(i == j, 2.0, 1.0)
+    of = lambda rows, columns: matrix[..., rows[:, None], columns]  # noqa: E731
+    products = of(i, i) * of(j, j) + of(i, j) * of(j, i)
+    change[..., regressor.PRODUCTS, regressor.PRODUCTS] = products / np.where(i == j, 2.0, 1.0)
     return change
 
 

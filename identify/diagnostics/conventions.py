@@ -1,5 +1,6 @@
 """Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
@@ -10,7 +11,7 @@ from jaxtyping import Float
 from identify.diagnostics import convention_fit
 from identify.diagnostics.convention_fit import FORCE_TERMS, MASS_AT, MOMENT_TERMS_WITH_WEIGHT, Terms
 from identify.diagnostics.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
-from identify.rigid_body.rotation import exponential
+from identify.rigid_body.rotation import exponential, exponentials
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,8 @@ def signed_axes() -> list[Float[np.ndarray, "3 3"]]:
     return [np.array(signs)[:, None] * matrix for matrix in rows for signs in product((1.0, -1.0), repeat=3)]
 
 
-def hypotheses() -> list[Hypothesis]:
+@functools.cache
+def hypotheses() -> tuple[Hypothesis, ...]:
     """As it is; the wrench's sign reversed; turned; the wrench mirrored (or reversed and turned); the IMU mirrored."""
     candidates = []
     for matrix in signed_axes():
@@ -44,7 +46,7 @@ def hypotheses() -> list[Hypothesis]:
         candidates.append(Hypothesis("wrench", matrix, cost))
         if not proper:
             candidates.append(Hypothesis("imu", matrix, 14.0))
-    return sorted(candidates, key=lambda hypothesis: hypothesis.cost)
+    return tuple(sorted(candidates, key=lambda hypothesis: hypothesis.cost))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,33 +77,32 @@ def scales(
     candidates: Sequence[Hypothesis] | None = None,
 ) -> Scales:
     """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
-    tried = [hypothesis.applied(sums) for hypothesis in candidates or hypotheses()]
-    force = min(convention_fit.variance_left(turned, FORCE_TERMS, FORCE) for turned in tried)
+    tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in candidates or hypotheses()])
+    force = convention_fit.variance_left(tried, FORCE_TERMS, FORCE)
     mean = float(np.linalg.norm(sums.mean(FORCE)))
     mass = mean / max(float(np.linalg.norm(sums.mean(SPECIFIC))), 1e-9)
     priors = (max(OFFSET * mean, sums.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
     given = Scales(force, np.inf, *priors, terms)
-    quiet = [_fitted_force(turned, given)[1] for turned in tried]
-    return replace(given, moment=min(convention_fit.variance_left(turned, terms, MOMENT) for turned in quiet))
+    return replace(given, moment=convention_fit.variance_left(_fitted_force(tried, given)[1], terms, MOMENT))
 
 
 def _fitted_force(sums: ConventionSums, given: Scales) -> tuple[convention_fit.Fit, ConventionSums]:
     """The force's fit, and the sums with the fitted force for the measured one, whose noise would mislead."""
     fit = convention_fit.solve(sums, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
-    change = np.eye(len(sums.gram))
-    change[FORCE] = np.einsum("p,pij->ij", fit.values, FORCE_TERMS)
-    return fit, replace(sums, gram=change @ sums.gram @ change.T)
+    change = np.broadcast_to(np.eye(sums.gram.shape[-1]), sums.gram.shape).copy()
+    change[..., FORCE, :] = np.tensordot(fit.values, FORCE_TERMS, axes=1)
+    return fit, replace(sums, gram=change @ sums.gram @ np.swapaxes(change, -1, -2))
 
 
-def chi_square(sums: ConventionSums, given: Scales, *, admissible: bool = True) -> float:
+def chi_square(sums: ConventionSums, given: Scales, *, admissible: bool = True) -> Float[np.ndarray, "*m"]:
     """How badly both equations fit; ``admissible``: with what mass and moments of inertia below zero cost."""
     force, quiet = _fitted_force(sums, given)
     moment = convention_fit.solve(quiet, given.terms, MOMENT, variance=given.moment)
     total = force.misfit + moment.misfit
     if not admissible:
-        return total
-    below = force.significance(MASS_AT) ** 2 if force.values[0] < 0 else 0.0
-    return total + below + convention_fit.negativity(moment)
+        return np.asarray(total)
+    below = np.where(force.values[..., 0] < 0, force.significance(MASS_AT) ** 2, 0.0)
+    return np.asarray(total + below + convention_fit.negativity(moment))
 
 
 DECISIVE = 60.0  # of chi-square, a likelihood of exp(30): no clean run comes near by chance
@@ -110,9 +111,9 @@ EQUAL = 12.0  # of chi-square: not told apart
 
 def best_axes(sums: ConventionSums, given: Scales) -> list[Hypothesis]:
     """The hypotheses that fit best and cannot be told apart, simplest first; the first is 'as it is' unless refuted."""
-    scored = [
-        (chi_square(hypothesis.applied(sums), given) + hypothesis.cost, hypothesis) for hypothesis in hypotheses()
-    ]
+    tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in hypotheses()])
+    fits = chi_square(tried, given).tolist()
+    scored = [(fit + hypothesis.cost, hypothesis) for fit, hypothesis in zip(fits, hypotheses(), strict=True)]
     best = min(score for score, _ in scored)
     if scored[0][0] - best < DECISIVE:
         return [scored[0][1]]
@@ -134,7 +135,7 @@ def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray,
     if np.linalg.norm(turn) >= 0.35:
         return np.zeros(3), 0.0
     turned = sums.turned(imu=exponential(turn))
-    gain = chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False)
+    gain = float(chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False))
     return turn, min(gain, float(turn @ hessian @ turn) / 2)
 
 
@@ -142,16 +143,13 @@ def derivatives(
     sums: ConventionSums, given: Scales, at: np.ndarray, step: float = 2e-3
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
     """Gradient and Hessian of chi-square by the rotation vector, by central differences."""
-
-    def cost(delta: np.ndarray) -> float:
-        return chi_square(sums.turned(imu=exponential(at + delta)), given, admissible=False)
-
-    unit = step * np.eye(3)
-    crossed = {(i, j): cost(unit[i] + unit[j]) + cost(-unit[i] - unit[j]) for i in range(3) for j in range(i)}
-    plus, minus = (np.array([cost(sign * delta) for delta in unit]) for sign in (1, -1))
-    middle = cost(np.zeros(3))
+    unit, pairs = np.eye(3), [(i, j) for i in range(3) for j in range(i)]
+    turns = np.array([np.zeros(3), *unit, *(unit[i] + unit[j] for i, j in pairs)])
+    both_ways = sums.turned(imu=exponentials(at + step * np.concatenate([turns, -turns])))
+    forth, back = chi_square(both_ways, given, admissible=False).reshape(2, -1)
+    plus, minus, middle = forth[1:4], back[1:4], forth[0]
     single = plus + minus - 2 * middle
     hessian = np.diag(single)
-    for (i, j), both in crossed.items():
+    for (i, j), both in zip(pairs, forth[4:] + back[4:], strict=True):
         hessian[i, j] = hessian[j, i] = (both - 2 * middle - single[i] - single[j]) / 2
     return (plus - minus) / (2 * step), hessian / step**2

@@ -77,14 +77,12 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
     """
     scored = []
     for reverse in REVERSED:
-        reversed_sums = reverse.applied(sums)
-        scored += [
-            (chi_square(reversed_sums.turned(imu=matrix), given) + reverse.cost, matrix, reverse) for matrix in GRID
-        ]
+        fits = chi_square(reverse.applied(sums).turned(imu=GRID), given).tolist()
+        scored += [(fit + reverse.cost, matrix, reverse) for fit, matrix in zip(fits, GRID, strict=True)]
     scored.sort(key=lambda item: item[0])
     polished = [(_polished(reverse.applied(sums), given, matrix), reverse) for _, matrix, reverse in scored[:STARTS]]
     matrix, reverse = min(
-        polished, key=lambda item: chi_square(item[1].applied(sums).turned(imu=item[0]), given) + item[1].cost
+        polished, key=lambda item: float(chi_square(item[1].applied(sums).turned(imu=item[0]), given)) + item[1].cost
     )
     reversed_sums = reverse.applied(sums)
     narrow = scales(reversed_sums.turned(imu=matrix), weight=weight, terms=terms, candidates=(AS_IT_IS,))
@@ -93,15 +91,15 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
     hessian = derivatives(turned, narrow, np.zeros(3))[1]
     values, vectors = np.linalg.eigh(hessian)
     covariance = 2 * vectors / np.maximum(values, 1e-9) @ vectors.T
-    gain = chi_square(sums, narrow) - chi_square(turned, narrow) - reverse.cost
+    gain = float(chi_square(sums, narrow) - chi_square(turned, narrow)) - reverse.cost
     return FreeRotation(matrix, reverse, covariance, narrow, gain)
 
 
-def _grid() -> list[Float[np.ndarray, "3 3"]]:
+def _grid() -> Float[np.ndarray, "n 3 3"]:
     """The 24 right-handed orders of the axes, and each turned about its faces' and corners' axes."""
     axes = [*np.eye(3), *-np.eye(3), *(np.array(signs) / np.sqrt(3) for signs in product((1.0, -1.0), repeat=3))]
     around = [np.eye(3), *(exponential(BETWEEN * axis) for axis in axes)]
-    return [turn @ matrix for matrix in signed_axes() if np.linalg.det(matrix) > 0 for turn in around]
+    return np.array([turn @ matrix for matrix in signed_axes() if np.linalg.det(matrix) > 0 for turn in around])
 
 
 GRID = _grid()
@@ -109,7 +107,7 @@ GRID = _grid()
 
 def _polished(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.ndarray:
     """The rotation of least chi-square near a first one, by Newton's method, downhill where it is not convex."""
-    left = chi_square(sums.turned(imu=matrix), given, admissible=False)
+    left = float(chi_square(sums.turned(imu=matrix), given, admissible=False))
     for _ in range(15):
         gradient, hessian = derivatives(sums.turned(imu=matrix), given, np.zeros(3))
         values, vectors = np.linalg.eigh(hessian)
@@ -117,7 +115,7 @@ def _polished(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.nda
         change *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(change)), 1e-12))
         for _ in range(5):
             candidate = exponential(change) @ matrix
-            new = chi_square(sums.turned(imu=candidate), given, admissible=False)
+            new = float(chi_square(sums.turned(imu=candidate), given, admissible=False))
             if new < left:
                 break
             change = change / 2
