@@ -6,6 +6,7 @@ the tensors with ``Σ ⪰ 0`` at a distance ``Q`` from the data of at most ``q``
 component is found by Newton steps behind logarithmic barriers (Boyd and Vandenberghe 2004, 11.3).
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -75,6 +76,8 @@ def _farthest(data: Data, direction: np.ndarray, start: np.ndarray, most: float)
     return float(direction @ x) + BARRIERS / weight
 
 
+_FLAT, _TRACE = SECOND_MOMENT.reshape(6, 9), np.trace(SECOND_MOMENT, axis1=1, axis2=2)
+
 Function = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 """Value, gradient and Hessian at a tensor; infinite outside."""
 
@@ -111,15 +114,17 @@ def _within(data: Data, most: float) -> Function:
 
 def _bodies(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """``-log det Σ - log(LARGEST - tr Σ)``."""
-    moments = second_moment(x)
-    slack = LARGEST - np.trace(moments)
-    if slack <= 0 or not (np.linalg.eigvalsh(moments) > 0).all():
+    flat = x @ _FLAT
+    slack = LARGEST - float(x @ _TRACE)
+    corner = flat[0] * flat[4] - flat[1] * flat[3]
+    moments = flat.reshape(3, 3)
+    if slack <= 0 or flat[0] <= 0 or corner <= 0 or (determinant := float(np.linalg.det(moments))) <= 0:
         return np.inf, np.zeros(6), np.zeros((6, 6))
-    of_trace = np.trace(SECOND_MOMENT, axis1=1, axis2=2) / slack
-    solved = np.linalg.solve(moments, SECOND_MOMENT)
+    of_trace = _TRACE / slack
+    solved = np.linalg.inv(moments) @ SECOND_MOMENT
     slope = of_trace - np.trace(solved, axis1=1, axis2=2)
-    curvature = np.outer(of_trace, of_trace) + np.einsum("iab,jba->ij", solved, solved)
-    return -np.linalg.slogdet(moments)[1] - np.log(slack), slope, curvature
+    crossed = solved.reshape(6, 9) @ solved.transpose(0, 2, 1).reshape(6, 9).T
+    return -math.log(determinant) - math.log(slack), slope, np.outer(of_trace, of_trace) + crossed
 
 
 def _newton(function: Function, x: np.ndarray) -> np.ndarray:
