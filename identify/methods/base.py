@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from typing import ClassVar
 
@@ -54,6 +55,10 @@ class Problem:
         Raises:
             RunError: a run is too short for it.
         """
+        return self._band
+
+    @cached_property
+    def _band(self) -> float:
         for run in self.runs:
             samples = len(longest(run))
             if samples < SHORTEST:
