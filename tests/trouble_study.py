@@ -292,6 +292,21 @@ def summary(rows) -> str:
     return "\n".join(lines)
 
 
+def silence(rows) -> str:
+    """Who is silently wrong, by how many half-widths, and by what part of that with the price that is told."""
+    lines = []
+    for level in LEVELS:
+        some = [row for row in rows if row["level"] == level]
+        wrong = [row for row in some if silently_wrong(row)]
+        kinds = ", ".join(f"{name} {count}" for name, count in Counter(row["trouble"] for row in wrong).most_common())
+        lines.append(f"{level}: {len(wrong)} of {len(some)} silently wrong{': ' * bool(kinds)}{kinds}")
+        off, priced = ([np.max(row[name]) for row in wrong if name in row] for name in ("off", "off_with_price"))
+        if off:
+            lines[-1] += f"; half-widths: {np.median(off):.2g} median, {max(off):.2g} most"
+            lines[-1] += f"; with the price told {min(priced):.2f} to {max(priced):.2f}"
+    return "\n".join(lines)
+
+
 def _cells(rows):
     """Covered, warned, named right and silently wrong, as four cells."""
     inside = [value for row in rows for value in row.get("covered", [])]
@@ -328,7 +343,7 @@ def main(arguments=None):
     with contextlib.suppress(KeyboardInterrupt):
         run_cells(cells, asked.out, asked.processes)
     rows = rows_in(asked.out)
-    print(clean_table(rows), summary(rows) if asked.summary else table(rows), sep="\n\n")
+    print(clean_table(rows), summary(rows) if asked.summary else table(rows), silence(rows), sep="\n\n")
 
 
 if __name__ == "__main__":

@@ -23,10 +23,12 @@ from identify.diagnostics.convention_sums import (
     WIDTH,
     ConventionSums,
 )
+from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, OMEGA_R_OF_FEATURES, PI_OF_FORCE
 
 LEAST_MISFIT = 0.01  # of a signal's changes: no sensor is believed to be better
 ROWS, COLUMNS = np.triu_indices(3)
+UNPACKED = unpack(np.arange(6.0)).astype(int)  # where the entries of a tensor stand among its packed ones
 
 Terms = Float[np.ndarray, "p 3 25"]
 """What each of p unknowns is multiplied by in the three components, in the columns of the sums."""
@@ -96,11 +98,10 @@ def solve(
     loose = np.full(len(terms), np.inf) if priors is None else priors
     scale = np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), 1e-300)
     matrix = weight * normal + (1 / loose**2 + 1e-10 * weight * scale + 1e-30)[..., None] * np.eye(len(terms))
-    inverse = np.linalg.inv(matrix)
     values = np.linalg.solve(matrix, weight * right[..., None])[..., 0]
     squared = (values * (normal @ values[..., None])[..., 0]).sum(axis=-1)
     misfit = weight * (total - 2 * (right * values).sum(axis=-1) + squared) + ((values / loose) ** 2).sum(axis=-1)
-    return Fit(values, inverse, np.asarray(misfit))
+    return Fit(values, np.linalg.inv(matrix), np.asarray(misfit))
 
 
 def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
@@ -114,16 +115,9 @@ def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
     return max(float(np.maximum(left / free, LEAST_MISFIT**2 * changes).min()), 1e-18)
 
 
-def tensor(inertia: Float[np.ndarray, "*m 6"]) -> Float[np.ndarray, "*m 3 3"]:
-    """The 3 × 3 matrix of a packed tensor."""
-    matrix = np.empty((*inertia.shape[:-1], 3, 3))
-    matrix[..., ROWS, COLUMNS] = matrix[..., COLUMNS, ROWS] = inertia
-    return matrix
-
-
 def negativity(fit: Fit) -> Float[np.ndarray, "*m"]:
     """Increase of chi-square when a tensor's negative moments are raised to zero."""
-    moments, axes = np.linalg.eigh(tensor(fit.values[..., INERTIA_AT]))
+    moments, axes = np.linalg.eigh(fit.values[..., INERTIA_AT][..., UNPACKED])
     forms = axes[..., ROWS, :] * axes[..., COLUMNS, :] * np.where(ROWS == COLUMNS, 1, 2)[:, None]
     spread = (forms * (fit.covariance[..., INERTIA_AT, INERTIA_AT] @ forms)).sum(axis=-2)
     return np.asarray(np.where(moments < 0, moments**2 / spread, 0.0).max(axis=-1))

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED
 from identify.methods.base import Problem
 from identify.model_check.causes import accelerometer_scale, derivative
+from identify.model_check.evidence import products
 from identify.model_check.predicted_wrench import Columns, Prediction, about_centre
 from identify.model_check.run_fit import RunFit
 from identify.results.identification_result import Identification
@@ -88,8 +89,8 @@ def _of_least_squares(result: Identification, fits: Sequence[RunFit]) -> np.ndar
         rows, moment = at.regressor, about_centre(flexing(at), at.x["r_cg"])
         if result.offsets == "estimate":
             rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
-        normal += of_run.weight * np.tensordot(rows, rows, axes=((0, 1), (0, 1)))
-        right += of_run.weight * np.tensordot(rows, moment, axes=((0, 1), (0, 1)))
+        normal += of_run.weight * products(rows, rows)
+        right += of_run.weight * products(rows, moment)
     return np.vstack([np.zeros((4, 3)), np.linalg.solve(normal, right)])
 
 
@@ -101,8 +102,8 @@ def _shift(fits: Sequence[RunFit], added: Sequence[np.ndarray], shared: set[str]
     count, size = len(common), added[0].shape[2]
     normal, right = np.diag(first.precision[common]), np.zeros((count, size))
     for fit, columns in zip(fits, added, strict=True):
-        matrix = np.tensordot(fit.columns, fit.columns, axes=((0, 1), (0, 1)))
-        side = np.tensordot(fit.columns, columns, axes=((0, 1), (0, 1)))
+        matrix = products(fit.columns, fit.columns)
+        side = products(fit.columns, columns)
         local = np.setdiff1d(np.arange(len(matrix)), common)
         by_local = _scaled_solve(
             matrix[np.ix_(local, local)] + np.diag(fit.precision[local]),

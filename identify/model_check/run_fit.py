@@ -11,6 +11,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.joint.joint_model import WANDER
+from identify.model_check.evidence import products
 from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Force, Prediction, about_centre, zero_unknowns
 from identify.signals.band_limited_run import PASSED
@@ -127,8 +128,7 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         sizes = {name: block.shape[2] for name, block in blocks.items()}
         precision = np.concatenate([np.full(size, float(name not in declared.flat)) for name, size in sizes.items()])
         z = np.concatenate([distance.get(name, np.zeros(size)) for name, size in sizes.items()])
-        flat = columns.reshape(-1, columns.shape[2])
-        normal = flat.T @ flat + np.diag(precision)
+        normal = products(columns, columns) + np.diag(precision)
         change = _solved(normal, np.einsum("mip,mi->p", columns, residuals) - precision * z)
         left = residuals - columns @ change
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from identify.diagnostics import convention_fit, convention_sums, conventions
 from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
+from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import PAIRS
 from identify.rigid_body.rotation import exponential
 from tests.spoiled_runs import T1, sensors
@@ -65,7 +66,7 @@ def test_the_equations_are_exact(generator):
     draw = generator.normal(size=(n, 12)) * 2
     omega, alpha, specific = draw[:, :3], draw[:, 3:6], draw[:, 6:9] + [0, 0, 9.81]
     inertia = np.array([0.4, 0.02, -0.03, 0.5, 0.05, 0.6])
-    tensor = convention_fit.tensor(inertia)
+    tensor = unpack(inertia)
     at_cg = specific + np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
     force = mass * at_cg
     moment = np.cross(r, force) + alpha @ tensor + np.cross(omega, omega @ tensor)
