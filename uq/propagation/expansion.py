@@ -5,7 +5,6 @@ become normal equations, and these are solved (:mod:`identify.estimators.gram`).
 white noise through the mean and covariance of the sums (:mod:`uq.gram_sums.gram_moments`).
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -26,6 +25,11 @@ from uq.sources.random_normals import Index
 OF_NOISE = (0, 1, 2, 3, 10)
 """Those of ``true_elements`` that multiply the noise in other elements: 1, omega and t."""
 TRIANGLE = np.triu_indices(6)
+MATRIX = np.zeros((27, 6, 6))
+"""Derivative of the normal equations' matrix by their 27 packed numbers."""
+MATRIX[np.arange(21), TRIANGLE[0], TRIANGLE[1]] = MATRIX[np.arange(21), TRIANGLE[1], TRIANGLE[0]] = 1.0
+RIGHT = np.eye(6, 27, 21)
+"""The same of their right-hand side."""
 
 
 class TrueSums(NamedTuple):
@@ -68,54 +72,60 @@ class Point(NamedTuple):
 
 
 class Expansion(NamedTuple):
-    """The estimate about a point."""
+    """The estimate about a point; of several estimators and cases, these lead."""
 
-    value: Float[Array, "6"]
-    jacobian: Float[Array, "6 d"]
-    """By the numbers that constant sources draw, in their standard deviations."""
-    hessian: Float[Array, "6 d d"]
-    by_equations: Float[Array, "6 27"]
+    value: Float[Array | np.ndarray, "*n 6"]
+    jacobian: Float[Array | np.ndarray, "*n 6 d"]
+    """By the numbers that constant sources draw, in SI."""
+    hessian: Float[Array | np.ndarray, "*n 6 d d"]
+    by_equations: Float[Array | np.ndarray, "*n 6 27"]
     """By the normal equations: the matrix's upper triangle, then the right-hand side."""
-    twice_by_equations: Float[Array, "6 27 27"]
+    twice_by_equations: Float[Array | np.ndarray, "*n 6 27 27"]
 
 
-def expand_at(run: RunSums, estimator: Index, point: Point, directions: Float[Array, "e d"]) -> Expansion:
+def expand_at(run: RunSums, estimator: Index, point: Point, errors: Float[Array, "e d"]) -> Expansion:
     """Expand one estimator's estimate about a point, to the second order.
 
     Args:
         run: its sums and their moments.
         estimator: its number.
         point: expected errors and noise.
-        directions: what one standard deviation of each number does to the errors.
+        errors: how they follow from the d numbers that are drawn.
     """
 
     def equations(z):
         of_alpha = run.moments.alphas[estimator, estimator]
-        return equations_of(run.noise_free, estimator, point.errors + directions @ z, point.variance, of_alpha)
-
-    def estimate(z):
-        return tensor_of(equations(z))
-
-    zero = jnp.zeros(directions.shape[1])
-    jacobian, by_equations = _twice(estimate, zero), _twice(tensor_of, equations(zero))
-    return Expansion(estimate(zero), *jacobian, *by_equations)
-
-
-def _twice(function: Callable[[Array], Array], at: Array) -> tuple[Array, Array]:
-    """First and second derivatives."""
+        return equations_of(run.noise_free, estimator, point.errors + errors @ z, point.variance, of_alpha)
 
     def first(z):
-        jacobian = jax.jacfwd(function)(z)
+        jacobian = jax.jacfwd(equations)(z)
         return jacobian, jacobian
 
-    hessian, jacobian = jax.jacfwd(first, has_aux=True)(at)
-    return jacobian, hessian
+    zero = jnp.zeros(errors.shape[1])
+    second, slopes = jax.jacfwd(first, has_aux=True)(zero)
+    solution = equations(zero)
+    by_equations, twice = _of_solution(solution)
+    hessian = jnp.einsum("ak,kij->aij", by_equations, second) + jnp.einsum("ki,akl,lj->aij", slopes, twice, slopes)
+    return Expansion(tensor_of(solution), by_equations @ slopes, hessian, by_equations, twice)
+
+
+def _of_solution(equations: Float[Array, "27"]) -> tuple[Float[Array, "6 27"], Float[Array, "6 27 27"]]:
+    """First and second derivatives of ``x = A⁻¹ y`` by A's upper triangle and y: ``dx = A⁻¹ (dy - dA x)``."""
+    matrix = _matrix_of(equations)
+    inverse = jnp.linalg.inv(matrix)
+    first = inverse @ (RIGHT - jnp.einsum("kij,j->ik", MATRIX, inverse @ equations[21:]))
+    crossed = jnp.einsum("ai,kij,jl->akl", inverse, MATRIX, first)
+    return first, -crossed - crossed.swapaxes(1, 2)
+
+
+def _matrix_of(equations: Array) -> Float[Array, "6 6"]:
+    upper = jnp.zeros((6, 6)).at[TRIANGLE].set(equations[:21])
+    return upper + jnp.triu(upper, 1).T
 
 
 def tensor_of(equations: Float[Array, "27"]) -> Float[Array, "6"]:
     """Return the estimate from packed normal equations."""
-    upper = jnp.zeros((6, 6)).at[TRIANGLE].set(equations[:21])
-    return solve_normal(upper + jnp.triu(upper, 1).T, equations[21:]).inertia
+    return solve_normal(_matrix_of(equations), equations[21:]).inertia
 
 
 def _packed(sums: Sums, r_cg: Array) -> Float[Array, "27"]:
@@ -183,50 +193,57 @@ def to_equations(r_cg: Float[Array, "3"]) -> Float[Array, "27 products"]:
 
 
 def of_wrench_noise(
-    sums: Float[Array, " products"], covariance: Float[Array, "6 6"], equations: Float[Array, "27 products"]
-) -> Float[Array, "27 27"]:
+    sums: Float[np.ndarray, "... products"],
+    covariance: Float[np.ndarray, "... 6 6"],
+    equations: Float[np.ndarray, "27 products"],
+) -> Float[np.ndarray, "... 27 27"]:
     """Return the covariance of the normal equations under the load cell's white noise: features' Gram times its own."""
-    gram = unpack(sums, N_FEATURES).gram
-    wrench_columns = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
-    return jnp.einsum("aki,km,ij,bmj->ab", wrench_columns, gram, covariance, wrench_columns, optimize="optimal")
+    row, column = np.triu_indices(N_FEATURES)
+    gram = np.zeros((*sums.shape[:-1], N_FEATURES, N_FEATURES))
+    gram[..., row, column] = gram[..., column, row] = sums[..., : len(row)]
+    by_wrench = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
+    left, right = gram[..., None, :, :] @ by_wrench, by_wrench @ covariance[..., None, :, :]
+    return _flat(left) @ _flat(right).swapaxes(-1, -2)
+
+
+def _flat(stack: np.ndarray) -> np.ndarray:
+    return stack.reshape(*stack.shape[:-2], -1)
 
 
 class Moments(NamedTuple):
     """The estimate's moments by an expansion."""
 
-    mean: Float[Array, "6"]
-    first_order: Float[Array, "6 6"]
-    covariance: Float[Array, "6 6"]
+    mean: Float[np.ndarray, "... 6"]
+    first_order: Float[np.ndarray, "... 6 6"]
+    covariance: Float[np.ndarray, "... 6 6"]
 
 
 def propagate_case(
     expansion: Expansion,
-    correlation: Float[Array, "d d"],
-    scatter: Float[Array, "27 27"],
-    change: Float[Array, "27"] | float = 0.0,
+    covariance: Float[np.ndarray, "... d d"],
+    scatter: Float[np.ndarray, "... 27 27"],
+    change: Float[np.ndarray, "... 27"] | None = None,
 ) -> Moments:
-    """Return mean and covariance of an estimate for normal errors.
+    """Return mean and covariance of estimates for normal errors, in NumPy: nothing waits for a compiler.
 
     Args:
-        expansion: about the errors' and sums' expectations.
-        correlation: of the numbers that act; zero rows for those that do not.
+        expansion: about the errors' and sums' expectations, one for each of n cases.
+        covariance: of the numbers that act; zero rows for those that do not.
         scatter: covariance of the normal equations under white noise.
-        change: mean of the normal equations less those of the point.
+        change: mean of the normal equations less those of the point; None: none.
 
     Returns:
         The mean with ``½ tr(H Σ)``; the covariance ``J Σ Jᵀ`` and that with ``½ tr(H Σ H Σ)`` (GUM 5.1.2), in the
         constant errors and in the sums. Products of a constant error's and the noise's effects are left out: relative
         to the noise's own they are of the square of the constant error's relative size.
     """
-    shift, second = jnp.zeros(6), jnp.zeros((6, 6))
-    first = jnp.zeros((6, 6))
-    for jacobian, hessian, sigma in (
-        (expansion.jacobian, expansion.hessian, correlation),
-        (expansion.by_equations, expansion.twice_by_equations, scatter),
-    ):
-        curved = jnp.einsum("aij,jk->aik", hessian, sigma)
-        shift = shift + 0.5 * jnp.trace(curved, axis1=1, axis2=2)
-        first = first + jacobian @ sigma @ jacobian.T
-        second = second + 0.5 * jnp.einsum("aik,bki->ab", curved, curved)
-    mean = expansion.value + shift + expansion.by_equations @ jnp.broadcast_to(change, (27,))
+    mean, first, second = np.asarray(expansion.value), np.zeros(()), np.zeros(())
+    _, *derivatives = map(np.asarray, expansion)
+    for jacobian, hessian, sigma in zip(derivatives[::2], derivatives[1::2], (covariance, scatter), strict=True):
+        curved = hessian @ sigma[..., None, :, :]
+        mean = mean + 0.5 * np.trace(curved, axis1=-2, axis2=-1)
+        first = first + jacobian @ sigma @ jacobian.swapaxes(-1, -2)
+        second = second + 0.5 * _flat(curved) @ _flat(curved.swapaxes(-1, -2)).swapaxes(-1, -2)
+    if change is not None:
+        mean = mean + (derivatives[2] @ change[..., None])[..., 0]
     return Moments(mean, first, first + second)

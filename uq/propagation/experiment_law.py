@@ -6,40 +6,22 @@ sums. The law is therefore expanded about the EXPECTED sums; the textbook's, abo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float
 
 from identify.floating_point import check_precision
-from identify.motion.trajectory import Motion
 from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown, large_mean_error
-from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
-from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
-from uq.gram_sums import gram_moments
-from uq.gram_sums.error_maps import Columns, true_elements
-from uq.gram_sums.gram_moments import products_of_estimator
-from uq.gram_sums.setup import Estimator, cases_of
-from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
-from uq.propagation.expansion import (
-    NoiseFreeRun,
-    Point,
-    RunSums,
-    TrueSums,
-    expand_at,
-    of_wrench_noise,
-    propagate_case,
-    to_equations,
-)
-from uq.propagation.inputs import CaseInputs, Constants, Peaks, constants_of, inputs_of_cases
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.gram_sums.setup import cases_of
+from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
+from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.law_result import LawResult, LawStatistics
+from uq.propagation.prepared_run import PreparedRun, Scatter, prepared_run
 from uq.sources.constant_errors import perturbed
 from uq.sources.source import Source
-from uq.trials.trial import valid_samples
 
 
 @dataclass(frozen=True)
@@ -48,9 +30,8 @@ class PreparedLaw:
 
     experiment: Experiment
     estimators: tuple[str, ...]
-    runs: dict[str, RunSums]
+    runs: dict[str, PreparedRun]
     """By trajectory."""
-    peaks: dict[str, Peaks]
     warnings: tuple[str, ...]
 
     def evaluate(self, sources: Sequence[Source] | None = None) -> LawResult:
@@ -69,7 +50,7 @@ class PreparedLaw:
         breakdowns, warnings = {}, list(self.warnings)
         for name, run in self.runs.items():
             rate = experiment.trajectories[name].rate
-            given = (experiment.sources, experiment.mixing, rate, self.peaks[name])
+            given = (experiment.sources, experiment.mixing, rate, run.peaks)
             statistics = _of_run(run, constants, inputs_of_cases(cases, constants, *given))
             breakdowns[name] = {
                 estimator: Breakdown.of(
@@ -110,170 +91,58 @@ def prepare_law(
     trajectories: str | Sequence[str] | None = None,
     estimators: str | Sequence[str] | None = None,
 ) -> PreparedLaw:
-    """Sum over every trajectory once; see :func:`law`."""
+    """Sum over every trajectory once, unless an earlier call has; see :func:`law`."""
     warnings = check_precision("float64")
     chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
-    runs, peaks = {}, {}
-    for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
-        name, spec = experiment.select(name)
-        motion = true_motion(experiment, spec)
-        runs[name], peaks[name] = _run_sums(experiment, spec, motion, fitted_estimators(chosen, spec, len(motion.t)))
-    return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, peaks, tuple(warnings))
-
-
-def _run_sums(
-    experiment: Experiment, spec: TrajectorySpec, motion: Motion, estimators: Sequence[Estimator]
-) -> tuple[RunSums, Peaks]:
-    columns, platform = Columns.of(experiment.sources), platform_of(experiment, spec)
-    wrench = columns.sampled(experiment.body, motion)
-    taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
-    alphas = alphas_of(motion.omega, taps)
-    moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
-    t = motion.t - motion.t[0]
-
-    def sums(delay):
-        omega = jax.vmap(spec.trajectory.omega, out_axes=1)(motion.t - delay)
-        return _true_sums(omega, t, wrench, valid, taps)
-
-    if "gyro_delay" in perturbed(experiment.sources):
-        slope = lambda delay: jax.jvp(sums, (delay,), (jnp.ones(()),))[1]  # noqa: E731
-        derivatives = jax.jit(lambda: jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)))()
-    else:
-        derivatives = None
-    now = _true_sums(motion.omega, t, wrench, valid, taps)
-    first, second = derivatives or (jax.tree.map(jnp.zeros_like, now),) * 2
-    signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
-    peaks = Peaks(
-        {name: np.asarray(jnp.max(jnp.abs(signal), axis=1)) for name, signal in signals.items()},
-        {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
-    )
-    # without the trajectory, whose type would have the law compiled again
-    platform = eqx.tree_at(lambda p: p.trajectory, platform, None)
-    return RunSums(NoiseFreeRun(experiment.body, platform, (now, first, second), columns), moments), peaks
-
-
-@jax.jit
-def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequence[Array]) -> TrueSums:
-    phi = jnp.concatenate([true_elements(omega, omega, t), alphas_of(omega, taps)]) * valid[None]
-    return TrueSums(phi @ phi.T, phi @ wrench.T)
+    names = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
+    runs = {name: prepared_run(experiment, experiment.select(name)[1], chosen) for name in names}
+    return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, tuple(warnings))
 
 
 # --- a single run ---
 
 
-def _of_run(run: RunSums, constants: Constants, cases: CaseInputs) -> tuple[np.ndarray, ...]:
+def _of_run(run: PreparedRun, constants: Constants, cases: CaseInputs) -> tuple[np.ndarray, ...]:
     """The fields of :class:`LawStatistics`, estimators and cases leading."""
     expected = cases.acts * constants.mean @ constants.errors.T
-    quiet = np.zeros_like(cases.gyro)
-    points = np.concatenate([np.hstack([expected, cases.gyro]), np.hstack([expected, quiet])])
-    distinct, index = np.unique(points, axis=0, return_inverse=True)
-    variances, variant = np.unique(cases.gyro, axis=0, return_inverse=True)
-    size = expected.shape[1]
-    statistics = _evaluate(
-        run,
-        Point(jnp.asarray(distinct[:, :size]), jnp.asarray(distinct[:, size:])),
-        jnp.asarray(index.reshape(2, -1)),
-        jnp.asarray(variances),
-        jnp.asarray(variant.ravel()),
-        jnp.asarray(constants.errors * constants.sigma),
-        jnp.asarray(cases.acts[:, :, None] * constants.correlation * cases.acts[:, None, :]),
-        jnp.asarray(cases.wrench),
-        _Freedom(*map(jnp.asarray, (constants.gum_ratio, constants.freedom, constants.joint))),
+    at, free = (
+        _stacked([run.expansion(e, v, constants.errors) for e, v in zip(expected, variances, strict=True)], Expansion)
+        for variances in (cases.gyro, np.zeros_like(cases.gyro))
     )
-    return tuple(np.asarray(leaf) for leaf in statistics)
-
-
-class _Freedom(NamedTuple):
-    """Degrees of freedom of the standard uncertainties (:class:`uq.propagation.inputs.Constants`)."""
-
-    gum_ratio: Float[Array, " d"]
-    freedom: Float[Array, " d"]
-    joint: Float[Array, "sets d"]
-
-    def of(self, jacobian: Array, correlation: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return the GUM's standard uncertainty and its effective degrees of freedom (Welch and Satterthwaite, G.4)."""
-        terms = jnp.einsum("ai,ij,aj->aij", jacobian, correlation, jacobian)
-        gum_terms = terms * jnp.outer(self.gum_ratio, self.gum_ratio)[None]
-        squares = jnp.einsum("si,aij,sj->as", self.joint, gum_terms, self.joint)
-        variance = jnp.maximum(jnp.diag(covariance) - jnp.sum(terms - gum_terms, axis=(1, 2)), 0)
-        freedom = jnp.min(jnp.where(self.joint > 0, self.freedom[None], jnp.inf), axis=1, initial=jnp.inf)
-        denominator = jnp.sum(squares**2 / freedom[None], axis=1)
-        effective = variance**2 / jnp.where(denominator > 0, denominator, 1)
-        return jnp.sqrt(variance), jnp.where(denominator > 0, effective, jnp.inf)
-
-
-class _Scatter(NamedTuple):
-    """What omega's white noise does to one estimator's sums and normal equations."""
-
-    mean: Float[Array, " products"]
-    noise_free: Float[Array, " products"]
-    covariance: Float[Array, "27 27"]
-    linear: Float[Array, "27 27"]
-    """Of the terms linear in the noise alone."""
-    change: Float[Array, "27"]
-    """Second-order change of the normal equations' mean about the noise-free run."""
-
-
-def _scatter(run: RunSums, estimator: Int[Array, ""], variance: Float[Array, "3"], equations: Array) -> _Scatter:
-    moments = run.moments
-    places_of_all = [products_of_estimator(len(moments.alphas), k) for k in range(len(moments.alphas))]
-    places = jnp.asarray(places_of_all)[estimator]
-    rows = jnp.zeros((len(equations), len(moments.sums))).at[:, places].set(equations)
-    return _Scatter(
-        gram_moments.mean(moments, variance)[places],
-        moments.sums[places],
-        gram_moments.covariance(moments, variance, rows),
-        gram_moments.first_order_covariance(moments, variance, rows),
-        rows @ gram_moments.second_order_change(moments, variance),
+    noise = _stacked([run.scatter(variance) for variance in cases.gyro], Scatter)
+    drawn = cases.acts * constants.sigma
+    covariance = drawn[:, :, None] * constants.correlation * drawn[:, None, :]
+    moments = propagate_case(
+        at, covariance, noise.covariance + of_wrench_noise(noise.mean, cases.wrench, run.equations)
     )
+    linear = noise.linear + of_wrench_noise(noise.noise_free, cases.wrench, run.equations)
+    textbook = propagate_case(free, covariance, linear, noise.change)
+    uncertainty, degrees = _freedom(constants, at.jacobian, covariance, moments.covariance)
+    nominal = np.asarray(run.sums.noise_free.body.inertia)
+    errors = [value - nominal for value in (moments.mean, free.value, textbook.mean)]
+    return errors[0], moments.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
 
 
-@jax.jit
-def _evaluate(
-    run: RunSums,
-    points: Point,
-    index: Array,
-    variances: Float[Array, "variants 3"],
-    variant: Array,
-    directions: Float[Array, "e d"],
-    correlation: Float[Array, "cases d d"],
-    wrench: Float[Array, "cases 6 6"],
-    freedom: _Freedom,
-) -> tuple[Array, ...]:
-    """The fields of :class:`LawStatistics` of every estimator and case of one run, estimators first.
+def _stacked(each: Sequence[Any], kind: Any) -> Any:
+    """One of a kind with estimators leading, then cases, from those of every case."""
+    return kind(*(np.stack(leaves, axis=1) for leaves in zip(*each, strict=True)))
 
-    Args:
-        run: its sums and their moments.
-        points: where expansions are made.
-        index: at which of them each case has its expected sums, and its noise-free run.
-        variances: of omega's noise.
-        variant: which of them each case has.
-        directions: what one standard deviation of each drawn number does to the errors.
-        correlation: of the numbers that act in each case.
-        wrench: covariance of the load cell's noise in each case.
-        freedom: degrees of freedom of the standard uncertainties.
-    """
-    nominal = jnp.asarray(run.noise_free.body.inertia)
 
-    def of_case(estimator, index, variant, correlation, wrench):
-        equations, expansions, scatter = estimator
-        at, free = (jax.tree.map(lambda leaf: leaf[k], expansions) for k in index)  # noqa: B023
-        noise = jax.tree.map(lambda leaf: leaf[variant], scatter)
-        full = noise.covariance + of_wrench_noise(noise.mean, wrench, equations)
-        linear = noise.linear + of_wrench_noise(noise.noise_free, wrench, equations)
-        moments = propagate_case(at, correlation, full)
-        textbook = propagate_case(free, correlation, linear, noise.change)
-        uncertainty, degrees = freedom.of(at.jacobian, correlation, moments.covariance)
-        errors = [value - nominal for value in (moments.mean, free.value, textbook.mean)]
-        return errors[0], moments.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
-
-    def of_estimator(estimator):
-        equations = to_equations(jnp.asarray(run.noise_free.body.r_cg_from_q))
-        expansions = jax.lax.map(lambda point: expand_at(run, estimator, point, directions), points)
-        scatter = jax.lax.map(lambda variance: _scatter(run, estimator, variance, equations), variances)
-        cases = jax.vmap(of_case, (None, 1, 0, 0, 0))
-        return cases((equations, expansions, scatter), index, variant, correlation, wrench)
-
-    return jax.lax.map(of_estimator, jnp.arange(len(run.moments.alphas)))
+def _freedom(
+    constants: Constants,
+    jacobian: Float[np.ndarray, "... 6 d"],
+    covariance: Float[np.ndarray, "... d d"],
+    total: Float[np.ndarray, "... 6 6"],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the GUM's standard uncertainty and its effective degrees of freedom (Welch and Satterthwaite, G.4)."""
+    terms = jacobian[..., :, None] * covariance[..., None, :, :] * jacobian[..., None, :]
+    gum_terms = terms * np.outer(constants.gum_ratio, constants.gum_ratio)
+    squares = np.einsum("si,...aij,sj->...as", constants.joint, gum_terms, constants.joint)
+    of_total = np.diagonal(total, axis1=-2, axis2=-1)
+    variance = np.maximum(of_total - np.sum(terms - gum_terms, axis=(-1, -2)), 0)
+    freedom = np.min(np.where(constants.joint > 0, constants.freedom, np.inf), axis=1, initial=np.inf)
+    denominator = np.sum(squares**2 / freedom, axis=-1)
+    effective = np.divide(variance**2, denominator, out=np.full_like(variance, np.inf), where=denominator > 0)
+    return np.sqrt(variance), effective

@@ -57,6 +57,12 @@ def others(experiment):
 LEVELS = np.geomspace(0.1, 2.0, 100)
 
 
+def only(experiment, name, factor):
+    """The same experiment with one source's errors times a factor."""
+    sources = tuple(s.error_kind.resized(s, factor) if s.name == name else s for s in experiment.sources)
+    return dataclasses.replace(experiment, sources=sources)
+
+
 def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     prepared = prepare_law(brief, "T1", "central")
     first = prepared.evaluate().breakdowns["T1"]["central"].total
@@ -65,6 +71,9 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     swept = [prepared.evaluate(louder(brief, factor).sources) for factor in LEVELS[::10]]
     for other in others(brief):
         law(other, "T1", "central")
+    for source in brief.sources:  # each alone, and switched off
+        law(only(brief, source.name, 2.0), "T1", "central")
+        law(only(brief, source.name, 0.0), "T1", "central")
     assert compilations() == before
     spread = [result.breakdowns["T1"]["central"].total.three_sigma[0] for result in swept]
     assert (np.diff(spread) > 0).all()

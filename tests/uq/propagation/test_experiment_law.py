@@ -16,8 +16,8 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.error_maps import element_map
 from uq.gram_sums.gram_moments import mean, products_of_estimator, unpack
 from uq.gram_sums.setup import cases_of
-from uq.propagation import experiment_law as module
-from uq.propagation.expansion import expected_sums
+from uq.propagation import prepared_run as kept
+from uq.propagation.expansion import _of_solution, expected_sums, tensor_of
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
 from uq.propagation.law_result import beside
@@ -103,11 +103,36 @@ def test_law_and_monte_carlo_agree_as_noise_shrinks(short, prepared):
         np.testing.assert_allclose(total.mean_error, total.textbook_mean_error, atol=1e-4 * np.abs(shift).max())
 
 
-def test_other_figures_compile_nothing_new(short, prepared):
-    prepared.evaluate()
-    before = module._evaluate._cache_size()
-    prepared.evaluate(scaled(short.sources, 2.0))
-    assert module._evaluate._cache_size() == before
+def test_other_figures_visit_no_sample_again(short, monkeypatch):
+    """A second call sums nothing over samples; a figure of the gyro's noise has new expansions made, others none."""
+    first = law(short, "T1")
+    counted = {"visits": 0, "_expansions": 0, "_scatters": 0}
+
+    def counting(name, function):
+        def counted_function(*arguments):
+            counted[name] += 1
+            return function(*arguments)
+
+        return counted_function
+
+    monkeypatch.setattr(kept, "moments_of_signals", counting("visits", kept.moments_of_signals))
+    for name in ("_expansions", "_scatters"):
+        monkeypatch.setattr(kept, name, counting(name, getattr(kept, name)))
+
+    def doubled(name):
+        changed = tuple(s.error_kind.resized(s, 2.0) if s.name == name else s for s in short.sources)
+        return law(dataclasses.replace(short, sources=changed), "T1")["T1", "central"]
+
+    cell, gyro = doubled("M_precision"), doubled("omega_precision")
+    assert counted == {"visits": 0, "_expansions": 1, "_scatters": 1}
+    before = first["T1", "central"]
+    np.testing.assert_allclose(
+        cell.sources["M_precision"].three_sigma, 2 * before.sources["M_precision"].three_sigma, rtol=1e-2
+    )
+    np.testing.assert_array_equal(cell.sources["F_bias"].three_sigma, before.sources["F_bias"].three_sigma)
+    assert gyro.sources["omega_precision"].mean_error[5] < 3 * before.sources["omega_precision"].mean_error[5]
+    law(dataclasses.replace(short, mass=1.1 * short.mass), "T1")
+    assert counted["visits"] == 1
 
 
 def test_the_textbooks_law_is_blind_where_the_effect_is_quadratic(prepared):
@@ -124,7 +149,7 @@ def test_the_textbooks_law_is_blind_where_the_effect_is_quadratic(prepared):
 
 def test_expected_sums_of_elements_are_those_of_features(short, prepared):
     """Two ways to the expected sums: the elements that errors map, and the polynomials of the noise."""
-    run, variance = prepared.runs["T1"], jnp.array([1e-4, 2e-4, 3e-4])
+    run, variance = prepared.runs["T1"].sums, jnp.array([1e-4, 2e-4, 3e-4])
     elements = element_map(no_errors(), gyro_mapped=True)
     for k in range(2):
         of_estimator = jax.jit(expected_sums)(
@@ -133,6 +158,16 @@ def test_expected_sums_of_elements_are_those_of_features(short, prepared):
         other = unpack(jax.jit(mean)(run.moments, variance)[products_of_estimator(2, k)], N_FEATURES)
         np.testing.assert_allclose(elements @ of_estimator.gram @ elements.T, other.gram, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(elements @ of_estimator.wrench[:, :3], other.force, rtol=1e-9, atol=1e-7)
+
+
+def test_derivatives_of_the_solution_are_those_of_elimination(prepared):
+    """Written out for ``x = A⁻¹ y``; by automatic differentiation of the solver that trials use."""
+    run = prepared.runs["T1"]
+    equations = run.equations @ run.scatter(np.array([1e-4, 2e-4, 3e-4])).mean[0]
+    first, second = jax.jit(lambda at: _of_solution(at))(equations)
+    slopes = jax.jacfwd(tensor_of)
+    np.testing.assert_allclose(first, jax.jit(slopes)(equations), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(second, jax.jit(jax.jacfwd(slopes))(equations), rtol=1e-8, atol=1e-12)
 
 
 # --- other sources ---

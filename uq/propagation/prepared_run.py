@@ -1,0 +1,195 @@
+"""What the law of propagation needs of a run, kept while a person changes figures.
+
+Sums over the samples depend on the motion, body, platform and estimators alone; expansions of the estimate, besides, on
+the errors' expectations and the gyro's noise. Both are kept, so that another figure of any other source costs a few
+products of small matrices. Arrays are NumPy's.
+"""
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
+from uq.experiment.experiment import Experiment, TrajectorySpec, samples
+from uq.gram_sums import gram_moments
+from uq.gram_sums.error_maps import Columns, true_elements
+from uq.gram_sums.gram_moments import products_of_estimator
+from uq.gram_sums.setup import Estimator
+from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
+from uq.propagation.expansion import Expansion, NoiseFreeRun, Point, RunSums, TrueSums, expand_at, to_equations
+from uq.propagation.inputs import Peaks
+from uq.sources.constant_errors import perturbed
+from uq.trials.trial import valid_samples
+
+MOST_RUNS = 16
+"""Whose sums are kept."""
+MOST_EXPANSIONS = 256
+"""Of each run."""
+
+
+class Scatter(NamedTuple):
+    """What omega's white noise does to sums and normal equations, every estimator's, which are the first axis."""
+
+    mean: Float[Array | np.ndarray, "*estimators products"]
+    noise_free: Float[Array | np.ndarray, "*estimators products"]
+    covariance: Float[Array | np.ndarray, "*estimators 27 27"]
+    linear: Float[Array | np.ndarray, "*estimators 27 27"]
+    """Of the terms linear in the noise alone."""
+    change: Float[Array | np.ndarray, "*estimators 27"]
+    """Second-order change of the normal equations' mean about the noise-free run."""
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """Sums over one run, and the expansions made of them so far."""
+
+    sums: RunSums
+    peaks: Peaks
+    kept: "Recent" = field(default_factory=lambda: Recent(MOST_EXPANSIONS), repr=False, compare=False)
+
+    def expansion(self, expected: np.ndarray, variance: np.ndarray, errors: Float[np.ndarray, "e d"]) -> Expansion:
+        """Return every estimator's expansion, the estimators on the first axis.
+
+        Args:
+            expected: errors, :class:`uq.sources.constant_errors.Errors` raveled.
+            variance: of omega's white noise [rad²/s²].
+            errors: how they follow from the d numbers that are drawn.
+        """
+        key = (expected.tobytes(), variance.tobytes(), errors.tobytes())
+        return self.kept.get(
+            key, lambda: _on_host(_expansions(self.sums, Point(jnp.asarray(expected), jnp.asarray(variance)), errors))
+        )
+
+    def scatter(self, variance: np.ndarray) -> Scatter:
+        """Return what omega's white noise of this variance [rad²/s²] does to the sums."""
+        return self.kept.get(variance.tobytes(), lambda: _on_host(_scatters(self.sums, variance)))
+
+    @property
+    def equations(self) -> Float[np.ndarray, "27 products"]:
+        """The matrix that takes an estimator's sums to normal equations."""
+        return self.kept.get("equations", lambda: np.asarray(_to_equations(self.sums.noise_free.body.r_cg_from_q)))
+
+
+class Recent:
+    """Values by key, the last ones used: what is typed comes back."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self._values: OrderedDict[Hashable, Any] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return a key's value, which is made if it is not there; the one that was used least recently goes."""
+        if key not in self._values:
+            self._values[key] = make()
+        self._values.move_to_end(key)
+        if len(self._values) > self.most:
+            self._values.popitem(last=False)
+        return self._values[key]
+
+
+RUNS = Recent(MOST_RUNS)
+
+
+def prepared_run(experiment: Experiment, spec: TrajectorySpec, chosen: Sequence[Any]) -> PreparedRun:
+    """Return a run's sums, those of an earlier call where nothing that they depend on has changed.
+
+    Args:
+        experiment: its body, platform, and which quantities its sources perturb.
+        spec: the trajectory.
+        chosen: specifications of the estimators.
+
+    Raises:
+        ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
+    """
+    estimators = fitted_estimators(chosen, spec, len(samples(spec)))
+    columns, delayed = Columns.of(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
+    parts = (
+        experiment.body, platform_of(experiment, spec), (spec.duration, spec.rate), estimators, columns, delayed,
+        jax.config.read("jax_enable_x64"),
+    )  # fmt: skip
+    return RUNS.get(_digest(parts), lambda: _summed(experiment, spec, estimators, columns, delayed))
+
+
+def _digest(parts: Any) -> bytes:
+    leaves, structure = jax.tree.flatten(parts)
+    digest = hashlib.sha256(str(structure).encode())
+    for leaf in map(np.asarray, leaves):
+        digest.update(f"{leaf.dtype} {leaf.shape}".encode() + leaf.tobytes())
+    return digest.digest()
+
+
+def _on_host(tree: Any) -> Any:
+    return jax.tree.map(np.asarray, tree)
+
+
+def _summed(
+    experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[Estimator], columns: Columns, delayed: bool
+) -> PreparedRun:
+    motion, platform = true_motion(experiment, spec), platform_of(experiment, spec)
+    wrench = columns.sampled(experiment.body, motion)
+    taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
+    alphas = alphas_of(motion.omega, taps)
+    moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
+    t = motion.t - motion.t[0]
+
+    def sums(delay):
+        omega = jax.vmap(spec.trajectory.omega, out_axes=1)(motion.t - delay)
+        return _true_sums(omega, t, wrench, valid, taps)
+
+    if delayed:
+        slope = lambda delay: jax.jvp(sums, (delay,), (jnp.ones(()),))[1]  # noqa: E731
+        derivatives = jax.jit(lambda: jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)))()
+    else:
+        derivatives = None
+    now = _true_sums(motion.omega, t, wrench, valid, taps)
+    first, second = derivatives or (jax.tree.map(jnp.zeros_like, now),) * 2
+    signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
+    peaks = Peaks(
+        {name: np.asarray(jnp.max(jnp.abs(signal), axis=1)) for name, signal in signals.items()},
+        {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
+    )
+    # without the trajectory, whose type would have the law compiled again
+    platform = eqx.tree_at(lambda p: p.trajectory, platform, None)
+    return PreparedRun(RunSums(NoiseFreeRun(experiment.body, platform, (now, first, second), columns), moments), peaks)
+
+
+@jax.jit
+def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequence[Array]) -> TrueSums:
+    phi = jnp.concatenate([true_elements(omega, omega, t), alphas_of(omega, taps)]) * valid[None]
+    return TrueSums(phi @ phi.T, phi @ wrench.T)
+
+
+_to_equations = jax.jit(to_equations)
+
+
+@jax.jit
+def _expansions(run: RunSums, point: Point, errors: Float[Array, "e d"]) -> Expansion:
+    return jax.lax.map(lambda k: expand_at(run, k, point, errors), jnp.arange(len(run.moments.alphas)))
+
+
+@jax.jit
+def _scatters(run: RunSums, variance: Float[Array, "3"]) -> Scatter:
+    equations = to_equations(run.noise_free.body.r_cg_from_q)
+    return jax.lax.map(lambda k: _scatter(run, k, variance, equations), jnp.arange(len(run.moments.alphas)))
+
+
+def _scatter(run: RunSums, estimator: Int[Array, ""], variance: Float[Array, "3"], equations: Array) -> Scatter:
+    moments = run.moments
+    places_of_all = [products_of_estimator(len(moments.alphas), k) for k in range(len(moments.alphas))]
+    places = jnp.asarray(places_of_all)[estimator]
+    rows = jnp.zeros((len(equations), len(moments.sums))).at[:, places].set(equations)
+    return Scatter(
+        gram_moments.mean(moments, variance)[places],
+        moments.sums[places],
+        gram_moments.covariance(moments, variance, rows),
+        gram_moments.first_order_covariance(moments, variance, rows),
+        rows @ gram_moments.second_order_change(moments, variance),
+    )
