@@ -6,6 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -18,7 +19,11 @@ from uq.coverage.coverage_regions import covariance_of
 from uq.propagation.law_of_propagation import Model
 from uq.sources.distributions import Distribution
 from uq.sources.draws import stream_number
+from uq.sources.quasi_random import BITS, Points, SobolPoints, coordinates_of, sobol_points, values_at
 from uq.trials.trial_loop import TrialLoop, finite_trials
+
+LEAST_EVEN = 8192
+"""Quasi-random trials in a block at least: the power of two next to the 10,000 of 7.9.4 b."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,12 +86,14 @@ def propagate_distributions(
     probability: float = 0.95,
     joint: bool = False,
     seed: int = 0,
+    points: Points = "quasi-random",
     block: int | None = None,
     most_trials: int = 10_000_000,
 ) -> Propagation:
     """Propagate the inputs' distributions through a model by an adaptive Monte Carlo (JCGM 101, 7.9).
 
-    A draw depends on the seed, the input's name and the number of the block, so that another input changes none.
+    Each block of quasi-random trials is the sequence under a shift of its own (:mod:`uq.sources.quasi_random`), so that
+    the scatter over the blocks, by which the procedure stops, is that of independent figures, as of random trials.
 
     Args:
         model: the measurement model, JAX on a dict of arrays, one trial.
@@ -96,7 +103,10 @@ def propagate_distributions(
         probability: coverage probability.
         joint: watch λ_max and k_p of several outputs too (JCGM 102, 7.8).
         seed: seed of every draw.
-        block: trials in a block; None for 10,000, or 100 / (1 - p) if that is more (7.9.4 b).
+        points: ``"quasi-random"``; or ``"random"``, where a draw depends on seed, input's name and number of
+            block alone, so that another input changes none.
+        block: trials in a block; None for 10,000, or 100 / (1 - p) if that is more (7.9.4 b); of quasi-random trials,
+            which are most even so, a power of two: 8,192, or the next after 100 / (1 - p).
         most_trials: upper limit of the trials; where it stops the procedure, the result has a warning.
 
     Raises:
@@ -105,9 +115,11 @@ def propagate_distributions(
     if not inputs:
         raise ValueError("Argument `inputs` must hold at least one input, but is empty.")
     goal = Goal(digits, tolerance, probability, joint)
-    block = block or max(10_000, goal.least_block)
+    even = 2 ** (max(LEAST_EVEN, goal.least_block) - 1).bit_length()
+    block = block or (even if points == "quasi-random" else max(10_000, goal.least_block))
     warned = check_precision("float64")
-    problem, blocks = _Problem(model, dict(sorted(inputs.items())), block), Blocks(goal)
+    net = None if points == "random" else sobol_points(coordinates_of(inputs), block, seed, replicates=1)
+    problem, blocks = _Problem(model, dict(sorted(inputs.items())), block, net), Blocks(goal)
     loop = TrialLoop(_blocks, problem, seed, devices=jax.devices()[:1], segment=1)  # a block at a time, until stable
     while not loop.count or (loop.count + 1) * block <= most_trials:
         loop.reach(loop.count + 1)
@@ -141,6 +153,8 @@ class _Problem(eqx.Module):
     inputs: Mapping[str, Distribution]
     size: int = eqx.field(static=True)
     """Trials in a block."""
+    net: SobolPoints | None
+    """Of quasi-random trials: a block shifts them anew."""
 
 
 def _blocks(problem: _Problem, key: Array, numbers: Array, *, at_once: bool) -> Float[Array, "blocks trials *outputs"]:
@@ -148,7 +162,15 @@ def _blocks(problem: _Problem, key: Array, numbers: Array, *, at_once: bool) -> 
         stream = jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), number)
         return given.draw(stream, (problem.size, *np.shape(given.mean)))
 
+    def values(number: Array) -> dict[str, Array]:
+        net = problem.net
+        if net is None:
+            return {name: draw(number, name, given) for name, given in problem.inputs.items()}
+        bits = jax.random.bits(jax.random.fold_in(key, number), (net.coordinates,), np.uint32)
+        at = lambda place: values_at(problem.inputs, net.of_place(place, bits >> (32 - BITS)))  # noqa: E731
+        return jax.vmap(at)(jnp.arange(problem.size))
+
     def of_block(number: Array) -> Array:
-        return jax.vmap(problem.model)({name: draw(number, name, given) for name, given in problem.inputs.items()})
+        return jax.vmap(problem.model)(values(number))
 
     return jax.lax.map(of_block, numbers)

@@ -17,7 +17,7 @@ differences, so that a small share has a small error). First orders and totals a
 the sum of the steps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +41,11 @@ class PairEffects(NamedTuple):
     """(pairs, outputs)."""
     walks: np.ndarray | None = None
     """Shapley effects by walk, (walks, pairs, players, outputs); None where every pair has its own, or every subset."""
+
+    def averaged(self, average: Callable[[np.ndarray], np.ndarray]) -> "PairEffects":
+        """Return the same with means over some pairs, as over a replicate's, in the place of pairs."""
+        kinds = (self.first, self.total, self.shapley, self.variance)
+        return PairEffects(*(None if effects is None else average(effects) for effects in kinds))  # type: ignore[arg-type]
 
     def indices(self, weights: Float[np.ndarray, " outputs"]) -> tuple[Indices | None, Indices | None, Indices | None]:
         """Return first-order, total and Shapley shares; ``weights``: of the outputs in the generalised shares."""

@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draws import stream_number
+from uq.sources.quasi_random import Points, SobolPoints, coordinates_of, sobol_points, values_at
 from uq.trials.trial_loop import all_trials
 
 Values = dict[str, Array]
@@ -78,10 +79,19 @@ def outputs(
     *,
     trials: int,
     seed: int,
+    points: Points,
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
-    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(fixed))
+    net = _net(inputs, 0, trials, seed, points)
+    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(fixed), net)
     return all_trials(_outputs, problem, trials, seed, **_options(trials, len(fixed)))
+
+
+def _net(inputs: Mapping[str, Distribution], more: int, trials: int, seed: int, points: Points) -> SobolPoints | None:
+    """Points of both draws of all inputs, and of ``more`` numbers; None where they are random."""
+    if points == "random":
+        return None
+    return sobol_points(2 * coordinates_of(inputs) + more, trials, seed)
 
 
 def _options(trials: int, rows: int) -> dict[str, Any]:
@@ -101,14 +111,19 @@ class _Redrawn(NamedTuple):
     joint: Joint | None
     rows: Bool[Array, "rows inputs"]
     """Which inputs each row keeps; of walks: which each player holds."""
+    net: SobolPoints | None
+    """Of quasi-random trials."""
 
 
 def _outputs(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> Float[Array, "trials rows outputs"]:
-    model, inputs, joint, fixed = problem
+    model, inputs, joint, fixed, net = problem
     gains = _gains(inputs, joint, fixed)
-    return jax.vmap(lambda trial: _evaluate(model, inputs, joint, _pair(inputs, joint, key, trial), fixed, gains))(
-        indices
-    )
+
+    def of_trial(trial):
+        pair = _pair(inputs, joint, key, trial) if net is None else _pair_at(inputs, joint, net.of_trial(trial))
+        return _evaluate(model, inputs, joint, pair, fixed, gains)
+
+    return jax.vmap(of_trial)(indices)
 
 
 def walks(
@@ -119,24 +134,30 @@ def walks(
     *,
     trials: int,
     seed: int,
+    points: Points,
 ) -> tuple[Int[np.ndarray, "trials players"], Float[np.ndarray, "trials rows outputs"]]:
     """Return each trial's random order of the players, and the outputs as one player after the other is redrawn.
 
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
-    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds))
+    net = _net(inputs, len(holds), trials, seed, points)
+    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds), net)
     return all_trials(_walks, problem, trials, seed, **_options(trials, len(holds) + 1))
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> tuple[Array, Array]:
-    model, inputs, joint, holds = problem
+    model, inputs, joint, holds, net = problem
     orders = jax.random.fold_in(key, stream_number("order of the players"))
 
     def of_trial(trial):
-        order = jax.random.permutation(jax.random.fold_in(orders, trial), len(holds))
+        if net is None:
+            order = jax.random.permutation(jax.random.fold_in(orders, trial), len(holds))
+            pair = _pair(inputs, joint, key, trial)
+        else:
+            point, ranks = jnp.split(net.of_trial(trial), [net.coordinates - len(holds)])
+            order, pair = jnp.argsort(ranks), _pair_at(inputs, joint, point)
         redrawn = jnp.cumsum(holds[order], axis=0) > 0
         fixed = jnp.concatenate([jnp.ones((1, holds.shape[1]), bool), ~redrawn])
-        pair = _pair(inputs, joint, key, trial)
         return order, _evaluate(model, inputs, joint, pair, fixed, _gains(inputs, joint, fixed))
 
     return jax.vmap(of_trial)(indices)
@@ -166,6 +187,17 @@ def _pair(inputs: Listed, joint: Joint | None, key, trial) -> Pair:
         return joint.root @ jnp.stack([jax.random.normal(key_of(name, copy), ()) for name in joint.names])
 
     return Pair((values(0), values(1)), None if joint is None else (normals(joint, 0), normals(joint, 1)))
+
+
+def _pair_at(inputs: Listed, joint: Joint | None, point: Float[Array, " coordinates"]) -> Pair:
+    halves = jnp.split(point, 2)
+    values = [values_at(dict(inputs), half) for half in halves]
+    if joint is None:
+        return Pair((values[0], values[1]), None)
+    standard = dict.fromkeys(joint.names, Normal(0.0, 1.0))
+    normals = [values_at(dict(inputs) | standard, half) for half in halves]
+    first, second = (joint.root @ jnp.stack([drawn[name] for name in joint.names]) for drawn in normals)
+    return Pair((values[0], values[1]), (first, second))
 
 
 def _evaluate(model, inputs: Listed, joint: Joint | None, pair: Pair, fixed, gains) -> Float[Array, "rows outputs"]:

@@ -1,13 +1,14 @@
 """Who causes the spread of a measurement model's output: Sobol indices and Shapley effects with standard errors.
 
 A model is a function of one trial, ``model({name: value}) -> output``, of a scalar or an array; its inputs are
-distributions by name. Trials are independent, so that every index has its standard error from their influence values.
-No input is left out, however small.
+distributions by name. Trials are points of scrambled Sobol sequences (:mod:`uq.sources.quasi_random`), or random. Every
+index has its standard error: from its influence values, of the replicates or of the random trials, which are
+independent. No input is left out, however small.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -24,7 +25,11 @@ from uq.sensitivity.redraws import Correlation, Model, correlated, outputs, walk
 from uq.sensitivity.subsets import MOST_PLAYERS
 from uq.sensitivity.variance_shares import Indices, mean, plain_variance, ratio
 from uq.sources.distributions import Distribution
+from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.trial_loop import finite_trials
+
+TRIALS = 1024 * REPLICATES
+"""Pairs of draws unless they are given."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,6 +57,8 @@ class Sensitivity(Result):
     closure: np.ndarray
     """The variance that the effects share out over the ordinary sample variance of the outputs, (outputs,): about 1."""
     closure_standard_error: np.ndarray
+    points: Points = "random"
+    """What the trials were drawn from."""
 
     @property
     def indices(self) -> dict[str, Indices]:
@@ -68,7 +75,7 @@ class Sensitivity(Result):
     def title(self) -> str:
         """Return what the table is of."""
         failed = f"; {self.failed} failed and are left out" if self.failed else ""
-        return f"Shares of the variance, {self.trials:,} trials, {self.evaluations:,} evaluations{failed}"
+        return f"Shares of the variance, {self.trials:,} {self.points} trials, {self.evaluations:,} evaluations{failed}"
 
     def tables(self) -> list[Table]:
         """Return the indices of all outputs together."""
@@ -87,7 +94,14 @@ class Sensitivity(Result):
     def notes(self) -> list[str]:
         """Return what the effects add up to."""
         closure = ", ".join(map(with_error, self.closure, self.closure_standard_error))
-        return [f"closure (sum of the effects over the sample variance, by output): {closure}"]
+        notes = [f"closure (sum of the effects over the sample variance, by output): {closure}"]
+        return [*notes, SPREAD] if self.points == "quasi-random" else notes
+
+
+SPREAD = (
+    f"standard errors: from the spread of {REPLICATES} replicates, times √({REPLICATES - 1}/{REPLICATES - 3}), the "
+    f"standard deviation of Student's t; within two of them in 95 of 100 cases."
+)
 
 
 def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarray]:
@@ -100,8 +114,9 @@ def sobol(
     model: Model,
     inputs: Mapping[str, Distribution],
     *,
-    trials: int = 10_000,
+    trials: int = TRIALS,
     seed: int = 0,
+    points: Points = "quasi-random",
     groups: Mapping[str, Sequence[str]] | None = None,
 ) -> Sensitivity:
     """Return first-order and total Sobol indices of independent inputs, from 2 k + 2 evaluations a trial.
@@ -115,18 +130,20 @@ def sobol(
     Args:
         model: the measurement model of one trial; an output of any shape counts as its raveled components.
         inputs: the distributions of its inputs, independent of one another.
-        trials: pairs of draws.
+        trials: pairs of draws; of quasi-random ones best 8 × 2^k.
         seed: seed of every draw.
+        points: ``"quasi-random"``; or ``"random"``, as good below some hundred trials, where an input's draws do not
+            depend on which others there are.
         groups: inputs that count as one player, by the group's name; inputs in no group count alone.
 
     Raises:
-        ValueError: no trials, or a group of unknown inputs or of inputs that another group holds.
+        ValueError: no trials, unknown points, or a group of unknown inputs or of inputs that another group holds.
     """
-    names, players = _players(inputs, groups, trials)
+    names, players = _players(inputs, groups, trials, points)
     fixed = _inputs_fixed(swapped_players(len(players)), players, len(inputs))
-    all_outputs = outputs(model, inputs, None, fixed, trials=trials, seed=seed)
-    good, failed = finite_trials(all_outputs)
-    return _result(names, of_swapped_players(good), plain_variance(good), all_outputs, failed)
+    all_outputs = outputs(model, inputs, None, fixed, trials=trials, seed=seed, points=points)
+    good, _ = finite_trials(all_outputs)
+    return _result(names, of_swapped_players(good), good, all_outputs, points)
 
 
 def shapley(
@@ -134,8 +151,9 @@ def shapley(
     inputs: Mapping[str, Distribution],
     *,
     correlation: Correlation | None = None,
-    trials: int = 10_000,
+    trials: int = TRIALS,
     seed: int = 0,
+    points: Points = "quasi-random",
     groups: Mapping[str, Sequence[str]] | None = None,
 ) -> Sensitivity:
     """Return Shapley effects: each player's fair part of the variance, also when inputs are correlated.
@@ -151,31 +169,38 @@ def shapley(
         model: the measurement model of one trial; an output of any shape counts as its raveled components.
         inputs: the distributions of its inputs.
         correlation: correlation coefficients of pairs of scalar normal inputs; pairs left out are uncorrelated.
-        trials: pairs of draws.
+        trials: pairs of draws; of quasi-random ones best 8 × 2^k.
         seed: seed of every draw.
+        points: ``"quasi-random"``; or ``"random"``, as good below some hundred trials, where an input's draws do not
+            depend on which others there are.
         groups: inputs that count as one player, by the group's name; inputs in no group count alone.
 
     Raises:
-        ValueError: no trials; a group of unknown inputs or of inputs that another group holds; a correlation of inputs
-            that are unknown or not normal, or that no joint distribution has.
+        ValueError: no trials; unknown points; a group of unknown inputs or of inputs that another group holds; a
+            correlation of inputs that are unknown or not normal, or that no joint distribution has.
     """
-    names, players = _players(inputs, groups, trials)
+    names, players = _players(inputs, groups, trials, points)
     joint, k = correlated(inputs, correlation), len(players)
     if k > MOST_PLAYERS:
-        order, all_outputs = walks(model, inputs, joint, _inputs_held(players, len(inputs)), trials=trials, seed=seed)
-        good, failed = finite_trials(all_outputs)
+        held = _inputs_held(players, len(inputs))
+        order, all_outputs = walks(model, inputs, joint, held, trials=trials, seed=seed, points=points)
+        good, _ = finite_trials(all_outputs)
         order = order[np.isfinite(all_outputs).all(axis=(1, 2))]
         effects = of_permutations(good, order, correlated=joint is not None)
-        return _result(names, effects, plain_variance(good[:, [0, -1]]), all_outputs, failed)
+        return _result(names, effects, good[:, [0, -1]], all_outputs, points)
     fixed = _inputs_fixed(range(2**k), players, len(inputs))
-    all_outputs = outputs(model, inputs, joint, fixed, trials=trials, seed=seed)
-    good, failed = finite_trials(all_outputs)
+    all_outputs = outputs(model, inputs, joint, fixed, trials=trials, seed=seed, points=points)
+    good, _ = finite_trials(all_outputs)
     effects = of_all_subsets(good, [1 << p for p in range(k)], k, correlated=joint is not None)
-    return _result(names, effects, plain_variance(good if joint is None else good[:, -1:]), all_outputs, failed)
+    return _result(names, effects, good if joint is None else good[:, -1:], all_outputs, points)
 
 
-def _players(inputs: Mapping[str, Distribution], groups: Mapping[str, Sequence[str]] | None, trials: int):
+def _players(
+    inputs: Mapping[str, Distribution], groups: Mapping[str, Sequence[str]] | None, trials: int, points: Points
+) -> tuple[tuple[str, ...], list[int]]:
     """Names of the players, and the subset of inputs that each holds."""
+    if points not in get_args(Points):
+        raise ValueError(f"Argument `points` must be {' or '.join(get_args(Points))}, but is {points}.")
     if trials < 2:
         raise ValueError(f"Argument `trials` must be two or more, but is {trials}.")
     group_of: dict[str, str] = {}
@@ -205,8 +230,21 @@ def _inputs_fixed(choices: Sequence[int], players: Sequence[int], count: int) ->
 
 
 def _result(
-    names: tuple[str, ...], effects: PairEffects, sample_variance: np.ndarray, all_outputs: np.ndarray, failed: int
+    names: tuple[str, ...], effects: PairEffects, sample: np.ndarray, all_outputs: np.ndarray, points: Points
 ) -> Sensitivity:
+    """The indices; ``sample`` holds outputs of the good trials that have the distribution of Y."""
+    good = np.isfinite(all_outputs).all(axis=(1, 2))
+    average = _average(np.flatnonzero(good), points)
+    effects = effects.averaged(average)
     indices, evaluations = effects.indices(np.ones(all_outputs.shape[2])), all_outputs.shape[0] * all_outputs.shape[1]
-    closure = ratio(effects.variance, sample_variance)
-    return Sensitivity(names, len(all_outputs), failed, evaluations, *indices, *mean(effects.variance), *closure)
+    closure = ratio(effects.variance, plain_variance(sample, average))
+    counts = (len(all_outputs), int(np.sum(~good)), evaluations)
+    return Sensitivity(names, *counts, *indices, *mean(effects.variance), *closure, points)
+
+
+def _average(numbers: np.ndarray, points: Points) -> Callable[[np.ndarray], np.ndarray]:
+    """From figures of the trials of these numbers to figures that are independent: means over each replicate."""
+    if points == "random":
+        return lambda figures: figures
+    of = numbers % REPLICATES
+    return lambda figures: np.stack([figures[of == replicate].mean(0) for replicate in np.unique(of)])

@@ -1,8 +1,11 @@
 """Shares of a variance with their standard errors, from each trial's estimates of the effects."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
+from uq.sources.quasi_random import standard_error
 
 
 class Indices(NamedTuple):
@@ -36,7 +39,8 @@ def shares(effects: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> In
     """Return the shares that trials with unbiased estimates of effects and variance give.
 
     A share is a ratio of means, so that its standard error is that of the mean of its influence values ``(effect -
-    share × variance) / mean variance`` (delta method), trials being independent. Its own bias falls as 1/trials.
+    share × variance) / mean variance`` (delta method), trials being independent. Its own bias falls as 1/trials. Of
+    quasi-random trials the estimates are means over replicates.
 
     Args:
         effects: one estimate a trial, (trials, players, outputs).
@@ -50,15 +54,14 @@ def shares(effects: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> In
 
 def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the ratio of means over the leading axis, trials, with its standard error; NaN where below is zero."""
-    n = len(above)
-    if n < 2:
+    if len(above) < 2:
         undefined = np.full(np.broadcast_shapes(above.shape[1:], below.shape[1:]), np.nan)
         return undefined, undefined
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(below.mean(0) > 0, below.mean(0), np.nan)
         value = above.mean(0) / mean
         influence = (above - value * below) / mean
-    return value, influence.std(0, ddof=1) / np.sqrt(n)
+    return value, standard_error(influence)
 
 
 def mean(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -66,17 +69,22 @@ def mean(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if len(values) < 2:
         undefined = np.full(values.shape[1:], np.nan)
         return undefined, undefined
-    return values.mean(0), values.std(0, ddof=1) / np.sqrt(len(values))
+    return values.mean(0), standard_error(values)
 
 
-def plain_variance(outputs: np.ndarray) -> np.ndarray:
-    """Return each trial's term of the ordinary sample variance of the outputs, averaged over equally distributed cases.
+def plain_variance(
+    outputs: np.ndarray, averaged: Callable[[np.ndarray], np.ndarray] = lambda of_trials: of_trials
+) -> np.ndarray:
+    """Return terms of the ordinary sample variance of the outputs, averaged over equally distributed cases.
 
     Args:
         outputs: (trials, cases, outputs), every case with the distribution of Y.
+        averaged: from trials to figures that are independent: means over replicates; the trials themselves.
 
     Returns:
-        (trials, outputs), whose mean is the sample variance.
+        (figures, outputs), whose mean is the sample variance, unbiased: the scatter about the mean, and the mean's own
+        variance.
     """
-    n = len(outputs)
-    return ((outputs - outputs.mean(0)) ** 2).mean(1) * (n / max(n - 1, 1))
+    groups = averaged(outputs)
+    of_mean = groups.var(0) / max(len(groups) - 1, 1)
+    return np.asarray((averaged((outputs - groups.mean(0)) ** 2) + of_mean).mean(1))

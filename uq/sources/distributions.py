@@ -1,11 +1,14 @@
 """Probability distributions as pytrees: moments of a quantity, and draws from a key.
 
 The names and parameters are those of JCGM 101:2008, 6.4. Parameters may be arrays, one value an axis; a draw's shape
-ends with theirs. Draws depend on the key, the shape and the dtype alone.
+ends with theirs. Draws depend on the key, the shape and the dtype alone. A value may also be read at a point of the
+unit cube, for quasi-random trials: a function of one or two coordinates that has the distribution where they are
+uniform.
 """
 
+import math
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -19,6 +22,9 @@ Value = Any
 
 class Distribution(eqx.Module):
     """The probability distribution of a quantity."""
+
+    uniforms: ClassVar[int] = 1
+    """Coordinates that a value takes."""
 
     if TYPE_CHECKING:  # fields in some distributions, properties in others
 
@@ -49,6 +55,14 @@ class Distribution(eqx.Module):
             dtype: float32 or float64; None for JAX's default float.
         """
 
+    @abstractmethod
+    def at(self, point: Float[Array, " coordinates"], shape: tuple[int, ...] = ()) -> Float[Array, "..."]:
+        """Return the values at a point of the open unit cube with :meth:`coordinates`; ``shape`` as for a draw."""
+
+    def coordinates(self, shape: tuple[int, ...] = ()) -> int:
+        """Return how many coordinates values of this shape take."""
+        return self.uniforms * math.prod(shape)
+
 
 class Normal(Distribution):
     """Gaussian (JCGM 101, 6.4.7)."""
@@ -67,9 +81,14 @@ class Normal(Distribution):
             key, shape, dtype
         )
 
+    def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
+        """Return the quantiles of these probabilities."""
+        spread = _over(self.standard_deviation, shape, point.dtype)
+        return _over(self.mean, shape, point.dtype) + spread * jax.scipy.special.ndtri(point.reshape(shape))
+
 
 class Bounded(Distribution):
-    """A symmetric distribution between two limits."""
+    """A symmetric distribution between two limits, drawn as a function of uniform numbers."""
 
     low: Value
     high: Value
@@ -83,7 +102,19 @@ class Bounded(Distribution):
         """The middle."""
         return (self.low + self.high) / 2
 
-    def _at(self, fraction: Array) -> Array:
+    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
+        """Return independent draws of ``shape``."""
+        return self._of(jax.random.uniform(key, (self.uniforms, *shape), _float(dtype)))
+
+    def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
+        """Return the values of these uniform numbers."""
+        return self._of(point.reshape(self.uniforms, *shape))
+
+    @abstractmethod
+    def _of(self, uniform: Float[Array, "uniforms ..."]) -> Array:
+        """The values of uniform numbers."""
+
+    def _between(self, fraction: Array) -> Array:
         """The value that lies this fraction of the way from low to high."""
         low, width = self.low, self.high - self.low
         return _over(low, fraction.shape, fraction.dtype) + _over(width, fraction.shape, fraction.dtype) * fraction
@@ -99,14 +130,14 @@ class Rectangular(Bounded):
         """The half-width over √3."""
         return (self.high - self.low) / np.sqrt(12)
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``."""
-        return self._at(jax.random.uniform(key, shape, _float(dtype)))
+    def _of(self, uniform: Array) -> Array:
+        return self._between(uniform[0])
 
 
 class Triangular(Bounded):
-    """Symmetric triangle between two limits (JCGM 101, 6.4.5)."""
+    """Symmetric triangle between two limits (JCGM 101, 6.4.5): the average of two rectangular ones."""
 
+    uniforms: ClassVar[int] = 2
     degrees_of_freedom: Value = np.inf
 
     @property
@@ -114,10 +145,8 @@ class Triangular(Bounded):
         """The half-width over √6."""
         return (self.high - self.low) / np.sqrt(24)
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``: the average of two rectangular ones."""
-        first, second = jax.random.uniform(key, (2, *shape), _float(dtype))
-        return self._at((first + second) / 2)
+    def _of(self, uniform: Array) -> Array:
+        return self._between((uniform[0] + uniform[1]) / 2)
 
 
 class UShaped(Bounded):
@@ -130,10 +159,8 @@ class UShaped(Bounded):
         """The half-width over √2."""
         return (self.high - self.low) / np.sqrt(8)
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``."""
-        phase = 2 * np.pi * jax.random.uniform(key, shape, _float(dtype))
-        return self._at((1 + jnp.sin(phase)) / 2)
+    def _of(self, uniform: Array) -> Array:
+        return self._between((1 + jnp.sin(2 * np.pi * uniform[0])) / 2)
 
 
 class StudentT(Distribution):
@@ -143,6 +170,7 @@ class StudentT(Distribution):
     for standard uncertainty; it is infinite for ν ≤ 2.
     """
 
+    uniforms: ClassVar[int] = 2
     mean: Value
     scale: Value
     degrees_of_freedom: Value
@@ -165,10 +193,19 @@ class StudentT(Distribution):
         t = jax.random.t(key, _over(self.degrees_of_freedom, shape, dtype), shape, dtype)
         return _over(self.mean, shape, dtype) + _over(self.scale, shape, dtype) * t
 
+    def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
+        """Return the values of these uniform numbers (Bailey 1994, doi:10.1090/S0025-5718-1994-1219705-3)."""
+        first, second = point.reshape(2, *shape)
+        mean, scale, nu = (_over(x, shape, point.dtype) for x in (self.mean, self.scale, self.degrees_of_freedom))
+        finite = jnp.where(jnp.isinf(nu), 1, nu)
+        square = jnp.where(jnp.isinf(nu), -2 * jnp.log(first), finite * jnp.expm1(-2 / finite * jnp.log(first)))
+        return mean + scale * jnp.sqrt(square) * jnp.cos(2 * np.pi * second)
+
 
 class CurvilinearTrapezoid(Bounded):
     """Rectangular between limits that are themselves known within ± ``limit_half_width`` (JCGM 101, 6.4.3)."""
 
+    uniforms: ClassVar[int] = 2
     limit_half_width: Value
     degrees_of_freedom: Value = np.inf
 
@@ -182,10 +219,9 @@ class CurvilinearTrapezoid(Bounded):
         """``√((b - a)²/12 + d²/9)``."""
         return ((self.high - self.low) ** 2 / 12 + self.limit_half_width**2 / 9) ** 0.5
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``."""
-        dtype = _float(dtype)
-        limits, inside = jax.random.uniform(key, (2, *shape), dtype)
+    def _of(self, uniform: Array) -> Array:
+        limits, inside = uniform
+        shape, dtype = inside.shape, inside.dtype
         half = _over((self.high - self.low) / 2, shape, dtype) + _over(self.limit_half_width, shape, dtype) * (
             1 - 2 * limits
         )
@@ -227,6 +263,15 @@ class Empirical(Distribution):
             raise ValueError(f"Argument `shape` must end with {samples.shape[1:]}, but is {shape}.")
         return samples[jax.random.randint(key, shape[: len(shape) - rows], 0, len(samples))]
 
+    def coordinates(self, shape: tuple[int, ...] = ()) -> int:
+        """Return how many values, or rows, there are in this shape."""
+        return math.prod(shape[: len(shape) - np.ndim(self.samples) + 1])
+
+    def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
+        """Return the values, or rows, in order of their place in the set."""
+        place = jnp.floor(point * len(self.samples)).astype(int)
+        return jnp.asarray(self.samples)[place].reshape(shape)
+
 
 class MultivariateNormal(Distribution):
     """Jointly Gaussian values (JCGM 101, 6.4.8)."""
@@ -248,9 +293,15 @@ class MultivariateNormal(Distribution):
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws; ``shape`` ends with the number of values."""
         dtype = _float(dtype)
+        return _over(self.mean, shape, dtype) + jax.random.normal(key, shape, dtype) @ self._root().astype(dtype).T
+
+    def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
+        """Return the values of the quantiles of these probabilities along the principal axes."""
+        return _over(self.mean, shape, point.dtype) + jax.scipy.special.ndtri(point.reshape(shape)) @ self._root().T
+
+    def _root(self) -> Array:
         strength, axes = jnp.linalg.eigh(jnp.asarray(self.covariance))
-        root = (axes * jnp.sqrt(jnp.maximum(strength, 0))[None]).astype(dtype)
-        return _over(self.mean, shape, dtype) + jax.random.normal(key, shape, dtype) @ root.T
+        return axes * jnp.sqrt(jnp.maximum(strength, 0))[None]
 
 
 def _float(dtype: Any) -> Any:

@@ -141,3 +141,32 @@ def test_student_t_says_when_it_has_no_standard_deviation():
 def test_parameters_that_cannot_be_are_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+@pytest.mark.parametrize("name", [*CASES, "curvilinear_trapezoid", "normal_limit_of_t"])
+def test_values_at_points_of_the_cube_have_the_distribution(name):
+    """Kolmogorov-Smirnov at a level of 1e-3, with a fixed seed; Student's t of infinite freedom is normal."""
+    more = {
+        "curvilinear_trapezoid": (CurvilinearTrapezoid(-1.0, 3.0, 0.8), None),
+        "normal_limit_of_t": (StudentT(1.0, 2.0, np.inf), stats.norm(1, 2)),
+    }
+    ours, reference = (CASES | more)[name]
+    points = np.random.default_rng(3).random(ours.coordinates((20_000,)))
+    values = np.asarray(ours.at(jnp.asarray(points), (20_000,)))
+    cdf = trapezoid_cdf(-1, 3, 0.8) if reference is None else reference.cdf
+    assert stats.kstest(values, cdf).pvalue > 1e-3
+
+
+def test_samples_at_points_of_the_cube_are_equally_likely():
+    rows = np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]])
+    ours = Empirical(rows)
+    assert ours.coordinates((3, 2)) == 3
+    np.testing.assert_array_equal(ours.at(jnp.asarray([0.01, 0.4, 0.99]), (3, 2)), rows)
+
+
+def test_joint_normals_at_points_of_the_cube_have_their_covariance():
+    covariance = np.array([[2.0, 0.6, 0.0], [0.6, 1.0, -0.3], [0.0, -0.3, 0.5]])
+    ours = MultivariateNormal(np.array([1.0, 2.0, 3.0]), covariance)
+    points = jnp.asarray(stats.qmc.Sobol(3, rng=1).random(2**14))
+    values = np.asarray(jax.vmap(lambda point: ours.at(point, (3,)))(points))
+    np.testing.assert_allclose(np.cov(values, rowvar=False), covariance, atol=0.01)
