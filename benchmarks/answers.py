@@ -66,6 +66,8 @@ def cold_commands(folder: Path) -> dict[str, list[str]]:
     return {
         "montecarlo t1-10s --trials 1000": ["montecarlo", t1, "--trials", "1000", "--out", str(folder / "campaign")],
         "identify T1": ["identify", str(folder / "T1.mcap"), "--experiment", "barreto2016"],
+        "paper --trials 200": ["paper", "--trials", "200", "--out", str(folder / "early")],
+        "paper": ["paper", "--out", str(folder / "paper")],
     }
 
 

@@ -15,14 +15,14 @@ Vectors = Float[Array, "... 3"] | Float[np.ndarray, "... 3"]
 class Wrench(NamedTuple):
     """Force [N] and moment about Q [N·m], in B."""
 
-    force: Float[Array, "3"]
-    moment: Float[Array, "3"]
+    force: Float[Array, "3 *n"]
+    moment: Float[Array, "3 *n"]
 
 
 def wrench(
-    body: Body, omega: Float[Array, "3"], alpha: Float[Array, "3"], specific_force_cg: Float[Array, "3"]
+    body: Body, omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"], specific_force_cg: Float[Array, "3 *n"]
 ) -> Wrench:
-    """Return the wrench ON THE BODY at Q, in B.
+    """Return the wrench ON THE BODY at Q, in B; components first.
 
     Args:
         body: mass, centre of gravity from Q, tensor about the centre of gravity.
@@ -35,7 +35,8 @@ def wrench(
     """
     force = body.mass * specific_force_cg
     xp = omega.__array_namespace__()
-    return Wrench(force, moment_about_cg(body.inertia, omega, alpha) + xp.cross(body.r_cg_from_q, force))
+    r_cg_from_q = xp.reshape(body.r_cg_from_q, (3, *(1,) * (force.ndim - 1)))
+    return Wrench(force, moment_about_cg(body.inertia, omega, alpha) + xp.cross(r_cg_from_q, force, axis=0))
 
 
 def moment_about_cg(

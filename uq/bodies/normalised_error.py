@@ -37,4 +37,4 @@ def joint_chi_squared(measured: Tensor, expected: Tensor) -> tuple[float, int, f
     values, vectors = np.linalg.eigh(correlation)
     determined = values > 1e-10
     squares = (vectors.T @ (deviation[uncertain] / scale[uncertain]))[determined] ** 2 / values[determined]
-    return float(squares.sum()), int(determined.sum()), float(scipy.stats.chi2.sf(squares.sum(), determined.sum()))
+    return float(squares.sum()), int(determined.sum()), float(scipy.special.chdtrc(determined.sum(), squares.sum()))

@@ -13,6 +13,7 @@ from identify.floating_point import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics, breakdown
+from uq.campaign.trajectory_runs import TrajectoryRun, rotations_of, start_runs
 from uq.campaign.trial_setup import prepare_setup, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -20,9 +21,8 @@ from uq.files.provenance import provenance
 from uq.gram_sums.setup import Sampling
 from uq.trials.checkpoint import Checkpoint, code_digest
 from uq.trials.distributed import agree, in_turn, meet
-from uq.trials.engines import any_trials, default_batch, segment_for
+from uq.trials.engines import AnySetup, default_batch
 from uq.trials.samplewise import needs_samples
-from uq.trials.trial_loop import TrialLoop, trials_in
 
 __all__ = [
     "GRAM_METRE",
@@ -128,16 +128,14 @@ def montecarlo(
     motions = true_motions(experiment, specs, devices) if sampling == "collapsed" else {}
     store = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
 
-    def start(name: str) -> TrialLoop:
+    def prepared(name: str) -> AnySetup:
         motion = motions.pop(name, None)
         with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
-            setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
-        options: dict[str, Any] = {"devices": devices, "batch": batch, "segment": segment_for(setup)}
-        if store is not None:
-            done = in_turn(lambda: store.load(name, limit))
-            agree("checkpoints", sum(map(trials_in, done)))
-            options |= {"done": done, "keep": lambda *segment: store.keep(name, *segment)}
-        return TrialLoop(any_trials, setup, seed, **options)
+            return prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
+
+    def start(names: Sequence[str]) -> dict[str, TrajectoryRun]:
+        setups = {name: prepared(name) for name in names}
+        return start_runs(setups, seed, limit, store, devices=devices, batch=batch)
 
     try:
         if store is not None or process_count() > 1:
@@ -145,28 +143,31 @@ def montecarlo(
             agree("campaigns", [identity, limit, wanted])
         if store is not None:
             in_turn(lambda: store.open(identity))
-        runs: dict[str, TrialLoop] = {}
+        rotations = [[name] for name in specs] if sampling == "collapsed" else rotations_of(specs)
+        runs: dict[str, TrajectoryRun] = {}
         breakdowns, stability = {}, None
+        if goal is not None or sampling == "collapsed":  # side by side
+            started = {name: run for names in rotations for name, run in start(names).items()}
+            runs = {name: started[name] for name in specs}
         if goal is None:
-            ahead = {name: start(name) for name in specs} if sampling == "collapsed" else {}  # side by side
-            for run in ahead.values():
-                run.begin(trials)
+            for run in runs.values():
+                run.loop.begin(trials)
             for name in specs:
-                runs[name] = ahead.get(name) or start(name)
+                if name not in runs:
+                    runs |= start(next(names for names in rotations if name in names))
                 for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
                     runs[name].reach(so_far, _named(progress, name), asked=trials)
                     breakdowns[name] = _breakdowns(runs[name], chosen, so_far, truth)
                     if shown:
                         shown(name, so_far, breakdowns[name])
         else:
-            runs = {name: start(name) for name in specs}
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
             breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
     finally:
         if store is not None:
             store.close()
     meet()
-    errors = {name: np.asarray(run.results(trials).inertia) - truth for name, run in runs.items()}
+    errors = {name: np.asarray(runs[name].results(trials).inertia) - truth for name in specs}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]
     return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability)
@@ -180,12 +181,12 @@ def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) 
 
 
 def _breakdowns(
-    run: TrialLoop, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
+    run: TrajectoryRun, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
 ) -> dict[str, Breakdown[Statistics]]:
     """Breakdowns of one trajectory by estimator."""
     inertia, ok = map(np.asarray, run.results(trials))
     return {
-        estimator.name: breakdown(run.problem.cases, inertia[:, k] - truth, ok[:, k])
+        estimator.name: breakdown(run.setup.cases, inertia[:, k] - truth, ok[:, k])
         for k, estimator in enumerate(estimators)
     }
 
@@ -201,7 +202,7 @@ def _goal(digits: int, tolerance: float | None, trials: int) -> Goal:
 
 
 def _until_stable(
-    runs: Mapping[str, TrialLoop],
+    runs: Mapping[str, TrajectoryRun],
     estimators: Sequence[str],
     goal: Goal,
     most: int,

@@ -222,8 +222,9 @@ def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: 
     motion = true_motion(experiment, spec)
     fitted = fitted_estimators([experiment.estimator(estimator)], spec, len(motion.t))
     setup = prepare_samples(
-        motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted
-    )
+        motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted,
+        trajectory=spec.trajectory,
+    )  # fmt: skip
     together = Case("total", frozenset(source.name for source in setup.sources))
     centre = tuple(source for source in experiment.sources if source.perturbs == "r_cg")
     return _Rig(replace(setup, cases=(together,)), centre, jnp.asarray(float(spec.still == "cg")), jnp.asarray(runs))

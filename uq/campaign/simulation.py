@@ -80,7 +80,9 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     name, spec = experiment.select(trajectory)
     warnings = check_precision("float64")
     motion, body, platform = true_motion(experiment, spec), experiment.body, platform_of(experiment, spec)
-    setup = prepare_samples(motion, body, platform, experiment.sources, (), mixing=experiment.mixing)
+    setup = prepare_samples(
+        motion, body, platform, experiment.sources, (), trajectory=spec.trajectory, mixing=experiment.mixing
+    )
     record, specific_force, rotation = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
     run = Run(
         np.asarray(motion.t),
@@ -102,5 +104,5 @@ def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> 
     rotation = exponential(errors.tilt) @ motion.rotation
     q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
     turning = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
-    moving = jax.vmap(lambda t, r_ab: acceleration_of(setup.platform.trajectory, t) @ r_ab)(motion.t, motion.rotation)
+    moving = jax.vmap(lambda t, r_ab: acceleration_of(setup.trajectory, t) @ r_ab)(motion.t, motion.rotation)
     return record, turning + moving + (setup.platform.gravity + errors.gravity) * rotation[:, 2, :], rotation

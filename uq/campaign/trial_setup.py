@@ -42,6 +42,7 @@ def prepare_setup(
         mixing=experiment.mixing,
         dtype=dtype,
         sampling=sampling,
+        trajectory=spec.trajectory,
     )
 
 
@@ -85,7 +86,7 @@ def true_motions(
     local_devices = cycle(device for device in devices if device.process_index == jax.process_index())
     motions: dict[str, Motion] = {}
     for name, spec in specs.items():
-        equal_rotation = next((other for other in motions if _same_rotation(specs[other], spec)), None)
+        equal_rotation = next((other for other in motions if same_rotation(specs[other], spec)), None)
         if equal_rotation is None:
             with jax.default_device(next(local_devices)):
                 motions[name] = true_motion(experiment, spec)
@@ -97,7 +98,8 @@ def true_motions(
     return motions
 
 
-def _same_rotation(first: TrajectorySpec, second: TrajectorySpec) -> bool:
+def same_rotation(first: TrajectorySpec, second: TrajectorySpec) -> bool:
+    """Return whether two trajectories have one rotation, sampled at the same instants."""
     return bool(
         eqx.tree_equal(
             (first.trajectory, first.duration, first.rate), (second.trajectory, second.duration, second.rate)
@@ -108,7 +110,7 @@ def _same_rotation(first: TrajectorySpec, second: TrajectorySpec) -> bool:
 def platform_of(experiment: Experiment, spec: TrajectorySpec) -> Platform:
     """Return what carries the body on a trajectory."""
     still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    return Platform(spec.trajectory, np.array(experiment.gravity), still)
+    return Platform(np.array(experiment.gravity), still)
 
 
 def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:

@@ -125,7 +125,7 @@ def _expanded(figures: Float[np.ndarray, "blocks figures"], comparisons: int) ->
     h, watched = figures.shape
     if h < 2:
         return np.full(watched, np.inf)
-    factor = scipy.stats.t.ppf(1 - (1 - CONFIDENCE) / (2 * watched * comparisons), h - 1)
+    factor = scipy.special.stdtrit(h - 1, 1 - (1 - CONFIDENCE) / (2 * watched * comparisons))
     return factor * figures.std(axis=0, ddof=1) / np.sqrt(h)
 
 

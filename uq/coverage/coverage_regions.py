@@ -39,7 +39,7 @@ class EllipsoidalRegion:
     @property
     def normal_factor(self) -> float:
         """k_p of normal outputs: the root of the quantile of χ² (JCGM 102, 6.5.2.3)."""
-        return float(np.sqrt(scipy.stats.chi2.ppf(self.probability, len(self.centre))))
+        return float(np.sqrt(scipy.special.chdtri(len(self.centre), 1 - self.probability)))
 
     def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
         """Return which points lie inside."""

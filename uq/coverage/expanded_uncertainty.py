@@ -114,9 +114,9 @@ def of_normal(
 def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Coverage factor and probability of each; one of the two may be asked for, else 95 %."""
     if factor is not None:
-        return np.full(len(freedom), factor), 2 * scipy.stats.t.cdf(factor, freedom) - 1
+        return np.full(len(freedom), factor), 2 * scipy.special.stdtr(freedom, factor) - 1
     wanted = USUAL if probability is None else probability
-    return scipy.stats.t.ppf((1 + wanted) / 2, freedom), np.full(len(freedom), wanted)
+    return scipy.special.stdtrit(freedom, (1 + wanted) / 2), np.full(len(freedom), wanted)
 
 
 def welch_satterthwaite(
@@ -139,8 +139,8 @@ def degrees_of_freedom(factor: float) -> float:
     """Return the degrees of freedom of which Student's t has this coverage factor of 95 %; infinity for 1.96."""
 
     def beyond(freedom: float) -> float:
-        return float(scipy.stats.t.ppf((1 + USUAL) / 2, freedom)) - factor
+        return float(scipy.special.stdtrit(freedom, (1 + USUAL) / 2)) - factor
 
-    if not np.isfinite(factor) or factor <= float(scipy.stats.norm.ppf((1 + USUAL) / 2)) * (1 + 1e-4):
+    if not np.isfinite(factor) or factor <= float(scipy.special.ndtri((1 + USUAL) / 2)) * (1 + 1e-4):
         return np.inf
     return float(scipy.optimize.brentq(beyond, 0.2, 1e8)) if beyond(0.2) > 0 else 0.2

@@ -61,10 +61,11 @@ def decide(
         standard_uncertainty: of its components [kg·m²].
         expanded: their expanded uncertainty U [kg·m²].
     """
+    scale = np.maximum(standard_uncertainty, 1e-300)
     return [
         Decision(
             name, (low, high), _outcome(conformity.rule, inertia[k], expanded[k], low, high),
-            float(np.diff(scipy.stats.norm.cdf([low, high], inertia[k], max(standard_uncertainty[k], 1e-300)))[0]),
+            float(np.diff(scipy.special.ndtr((np.array([low, high]) - inertia[k]) / scale[k]))[0]),
         )
         for k, name in enumerate(get_args(Component)) if name in conformity.limits
         for low, high in [conformity.limits[name]]

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimators.gram import shift_omega
-from identify.motion.trajectory import Motion, Trajectory
+from identify.motion.trajectory import Motion
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import ALPHA, Array, features
@@ -35,7 +35,6 @@ OF_THE_GYRO = frozenset({"gyro_misalignment", "gyro_scale", "gyro_drift"})
 class Platform(eqx.Module):
     """What carries the body."""
 
-    trajectory: Trajectory
     gravity: Float[Array | np.ndarray, ""]
     """Stated local gravity [m/s²]."""
     r_cg_from_still: Float[Array | np.ndarray, "3"]
@@ -56,10 +55,10 @@ class Columns(eqx.Module):
 
     def sampled(self, body: Body, motion: Motion) -> Float[Array, "columns n"]:
         """Return the true wrench (force, moment) at each sample, then the other functions."""
-        per_sample = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)
-        true = per_sample(body, motion.omega, motion.alpha, motion.specific_force_cg)
+        true = wrench(body, motion.omega, motion.alpha, motion.specific_force_cg)
         time = [(motion.t - motion.t[0])[None]] if self.time else []
-        return jnp.concatenate([*true, *time, *([functions_of(motion)] if self.motion else [])])
+        xp = motion.omega.__array_namespace__()
+        return xp.concat([*true, *time, *([functions_of(motion)] if self.motion else [])])
 
     def map(self, body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 columns"]:
         """Return the matrix that gives the measured wrench, without offset and noise, from the columns."""
@@ -73,7 +72,8 @@ class Columns(eqx.Module):
 def functions_of(motion: Motion) -> Float[Array, "18 n"]:
     """Return the products of omega (11, 22, 33, 12, 13, 23), alpha, and frame A's axes in B, at each sample."""
     products = features(motion.omega, motion.alpha)[4:]
-    return jnp.concatenate([products, *(motion.rotation[:, k, :].T for k in range(3))])
+    xp = products.__array_namespace__()
+    return xp.concat([products, *(motion.rotation[:, k, :].T for k in range(3))])
 
 
 def true_wrench_map(body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 18"]:
@@ -168,7 +168,8 @@ def true_elements(
     omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], t: Float[Array, " n"]
 ) -> Float[Array, "15 n"]:
     """Return the true elements that all estimators share: all but alpha."""
-    return jnp.concatenate([features(omega, alpha)[: ALPHA.start], t[None], t[None] * omega, (t * t)[None]])
+    shared = features(omega, alpha)[: ALPHA.start]
+    return shared.__array_namespace__().concat([shared, t[None], t[None] * omega, (t * t)[None]])
 
 
 def noisy_elements(

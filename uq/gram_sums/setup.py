@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -77,6 +78,34 @@ class Setup(eqx.Module):
         """Which elements the gyro's noise changes: all features but 1, or the noisy elements."""
         count = len(self.sums.gram)
         return slice(count - noisy_count(self.gyro_mapped, self.estimators), count)
+
+
+class EqualRotations(eqx.Module):
+    """Set-ups of one rotation that carry the body at different points, so that only the true wrench is another.
+
+    The gyro's noise, most of a trial's work, is drawn and summed once for all of them.
+    """
+
+    setups: tuple[Setup, ...]
+    signals: Signals
+    """Of the first, with the rows of wrench and other columns of all."""
+
+    @classmethod
+    def of(cls, setups: Sequence[Setup]) -> "EqualRotations":
+        """Put set-ups together whose elements, sources and estimators are the same."""
+        first, elements = setups[0], len(setups[0].sums.gram)
+        rows = [first.signals.noise_free, *(setup.signals.noise_free[:, elements:] for setup in setups[1:])]
+        empty = first.signals._replace(noise_free=jnp.zeros(0), valid=jnp.zeros(0))
+        return cls(
+            tuple(eqx.tree_at(lambda setup: setup.signals, setup, empty) for setup in setups),
+            first.signals._replace(noise_free=jnp.concatenate(rows, axis=1)),
+        )
+
+    def rows(self, number: int) -> np.ndarray:
+        """Return where the elements and the columns of one set-up stand among the rows of the signals."""
+        elements, rows = len(self.setups[0].sums.gram), self.signals.noise_free.shape[-2]
+        columns = (rows - elements) // len(self.setups)
+        return np.r_[:elements, elements + number * columns : elements + (number + 1) * columns]
 
 
 def cases_of(sources: Sequence[Source]) -> tuple[Case, ...]:

@@ -19,7 +19,6 @@ from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.methods.base import estimator_of
 from identify.model_check.judge import with_misfit
-from identify.motion.trajectory import Trajectory
 from identify.results.covariances import with_cross
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
@@ -56,16 +55,6 @@ BATCH = 100
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
-
-
-class Unknown(Trajectory):
-    """A recorded run's trajectory: its samples alone define it, and it is never evaluated."""
-
-    duration: np.ndarray
-
-    def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
-        """Return not-a-number."""
-        return jnp.full(3, jnp.nan) * t
 
 
 class Problem(eqx.Module):
@@ -209,7 +198,7 @@ def problem_of(
         added([run for run, label in zip(sums, labels, strict=True) if label == mounting]) for mounting in mountings
     )
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
-    platform = Platform(Unknown(np.array(0.0)), np.array(experiment.gravity), np.zeros(3))
+    platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return Problem(
         by_mounting, body, platform, sources, mixing, nodes, columns,

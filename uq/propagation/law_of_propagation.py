@@ -68,7 +68,7 @@ class LinearLaw(Result):
 
     def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the ends of ``value ± k u``, k from Student's t at the effective degrees of freedom (GUM G.3, G.4)."""
-        k = scipy.stats.t.ppf((1 + probability) / 2, self.degrees_of_freedom).reshape(self.value.shape)
+        k = scipy.special.stdtrit(self.degrees_of_freedom, (1 + probability) / 2).reshape(self.value.shape)
         half = k * self.standard_uncertainty
         return np.asarray(self.value - half), np.asarray(self.value + half)
 

@@ -37,12 +37,12 @@ class LawStatistics:
 
     def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the ends of the estimate's error, ``mean error ± k u``, k from Student's t (GUM G.3)."""
-        half = scipy.stats.t.ppf((1 + probability) / 2, self.degrees_of_freedom) * self.standard_uncertainty
+        half = scipy.special.stdtrit(self.degrees_of_freedom, (1 + probability) / 2) * self.standard_uncertainty
         return self.mean_error - half, self.mean_error + half
 
     def textbook_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return those of the textbook's first-order law, about the error of the noise-free run's estimate."""
-        half = scipy.stats.norm.ppf((1 + probability) / 2) * np.sqrt(np.diag(self.textbook_covariance))
+        half = scipy.special.ndtri((1 + probability) / 2) * np.sqrt(np.diag(self.textbook_covariance))
         return self.textbook_value - half, self.textbook_value + half
 
     @property

@@ -69,7 +69,7 @@ class Prediction(eqx.Module):
         inputs = inputs_of_cases(total, constants, experiment.sources, experiment.mixing, spec.rate, anywhere)
         return cls(
             experiment.body,
-            eqx.tree_at(lambda p: p.trajectory, platform_of(experiment, spec), None),
+            platform_of(experiment, spec),
             jnp.asarray(constants.errors @ constants.mean),
             jnp.asarray((constants.errors * constants.sigma) @ _root(constants.correlation)),
             jnp.asarray(inputs.wrench[0]),

@@ -11,7 +11,6 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -135,7 +134,7 @@ def _summed(
 ) -> PreparedRun:
     motion, platform = true_motion(experiment, spec), platform_of(experiment, spec)
     wrench = columns.sampled(experiment.body, motion)
-    taps, valid = [e.taps for e in estimators], valid_samples(len(motion.t), estimators)
+    taps, valid = [e.taps for e in estimators], jnp.asarray(valid_samples(len(motion.t), estimators))
     alphas = alphas_of(motion.omega, taps)
     moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
     t = motion.t - motion.t[0]
@@ -156,8 +155,6 @@ def _summed(
         {name: np.asarray(jnp.max(jnp.abs(signal), axis=1)) for name, signal in signals.items()},
         {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
     )
-    # without the trajectory, whose type would have the law compiled again
-    platform = eqx.tree_at(lambda p: p.trajectory, platform, None)
     return PreparedRun(RunSums(NoiseFreeRun(experiment.body, platform, (now, first, second), columns), moments), peaks)
 
 

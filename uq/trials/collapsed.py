@@ -113,7 +113,7 @@ def _means_and_roots(
     true = jax.vmap(wrench, in_axes=(None, 1, 1, 1), out_axes=1)(body, omega, alpha, specific_force)
     signals = jnp.concatenate([omega, alphas_of(omega, taps), *true])
     estimators = [Estimator("", differentiator) for differentiator in taps]
-    moments = moments_of_signals(signals, valid_samples(omega.shape[1], estimators), taps)
+    moments = moments_of_signals(signals, jnp.asarray(valid_samples(omega.shape[1], estimators)), taps)
     first = np.array(list(distinct_products(len(taps)).values()))
 
     def root(variance):

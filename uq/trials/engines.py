@@ -10,16 +10,16 @@ from collections.abc import Sequence
 import jax
 from jaxtyping import Array, Int, Key
 
-from identify.motion.trajectory import Motion
+from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Platform
-from uq.gram_sums.setup import Estimator, Sampling, Setup
+from uq.gram_sums.setup import EqualRotations, Estimator, Sampling, Setup
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trials
 from uq.trials.samplewise import SampledSetup, needs_samples, prepare_samples, sampled_trial
-from uq.trials.trial import TrialEstimates, prepare, trials
+from uq.trials.trial import TrialEstimates, prepare, trials, trials_of_equal_rotations
 from uq.trials.trial_loop import SEGMENT, Progress, all_trials
 
 AnySetup = Setup | SampledSetup | CollapsedSetup
@@ -34,6 +34,7 @@ def prepare_any(
     sources: Sequence[Source],
     estimators: Sequence[Estimator],
     *,
+    trajectory: Trajectory,
     mixing: Sequence[Mixing] = (),
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
@@ -46,16 +47,20 @@ def prepare_any(
     if sampling == "collapsed" and needs_samples(sources, mixing):
         raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
     if needs_samples(sources, mixing):
-        return prepare_samples(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype)
+        return prepare_samples(
+            motion, body, platform, sources, estimators, trajectory=trajectory, mixing=mixing, dtype=dtype
+        )
     if sampling == "collapsed":
         return collapse(motion, body, sources, estimators, mixing=mixing)
     return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
 
 
 def any_trials(
-    setup: AnySetup, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
+    setup: AnySetup | EqualRotations, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
 ) -> TrialEstimates:
     """Run several trials, for :class:`uq.trials.trial_loop.TrialLoop`."""
+    if isinstance(setup, EqualRotations):
+        return trials_of_equal_rotations(setup, key, indices, at_once=at_once)
     if isinstance(setup, CollapsedSetup):
         return collapsed_trials(setup, key, indices)
     if isinstance(setup, Setup):

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from identify.estimators.gram import Sums, solve, sums_of
-from identify.motion.trajectory import Motion
+from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
@@ -33,6 +33,8 @@ class SampledSetup(eqx.Module):
 
     body: Body
     platform: Platform
+    trajectory: Trajectory
+    """The rotation, which a delayed gyro reads at other instants."""
     t: Float[Array, " n"]
     """Instants [s]."""
     omega: Float[Array, "3 n"]
@@ -76,6 +78,7 @@ def prepare_samples(
     sources: Sequence[Source],
     estimators: Sequence[Estimator],
     *,
+    trajectory: Trajectory,
     mixing: Sequence[Mixing] = (),
     dtype: str = "float64",
 ) -> SampledSetup:
@@ -83,7 +86,7 @@ def prepare_samples(
     columns = Columns.of(sources)
     wrench = columns.sampled(body, motion)
     return SampledSetup(
-        body, platform, motion.t, motion.omega, wrench, tuple(sources), tuple(mixing), tuple(estimators),
+        body, platform, trajectory, motion.t, motion.omega, wrench, tuple(sources), tuple(mixing), tuple(estimators),
         cases_of(sources), columns, np.dtype(dtype),
     )  # fmt: skip
 
@@ -112,7 +115,7 @@ def smooth_signals(setup: SampledSetup, errors: Errors) -> Record:
     wrench = setup.columns.map(setup.body, setup.platform, errors) @ setup.wrench + errors.cell_bias[:, None]
     omega = setup.omega
     if "gyro_delay" in perturbed(setup.sources):
-        omega = jax.vmap(setup.platform.trajectory.omega, out_axes=1)(setup.t - errors.gyro_delay)
+        omega = jax.vmap(setup.trajectory.omega, out_axes=1)(setup.t - errors.gyro_delay)
     drift = jnp.outer(errors.gyro_drift, setup.t - setup.t[0])
     return Record(wrench, gyro_map(errors) @ omega + errors.gyro_bias[:, None] + drift)
 

@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,7 +36,16 @@ from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
 from uq.gram_sums.covariance_root import covariance_root
 from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, Platform, changes_of_elements, element_map, true_elements
-from uq.gram_sums.setup import SHARED, Estimator, Sampling, Setup, Signals, cases_of, noisy_count
+from uq.gram_sums.setup import (
+    SHARED,
+    EqualRotations,
+    Estimator,
+    Sampling,
+    Setup,
+    Signals,
+    cases_of,
+    noisy_count,
+)
 from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
 from uq.sources.distributions import Normal
 from uq.sources.draws import BLOCK, Mixing, draw_constants, draw_pairs, draw_sums, noise_streams
@@ -63,33 +73,37 @@ def prepare(
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
 ) -> Setup:
-    """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator."""
+    """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator.
+
+    By NumPy: it is done once, and its sixty small steps would take JAX longer to compile than the campaign's trials.
+    """
+    on_host = jax.tree.map(np.asarray, motion)
     columns = Columns.of(sources)
     gyro_mapped = bool(perturbed(sources) & OF_THE_GYRO)
-    t = motion.t - motion.t[0]
-    omega, alpha = motion.omega, motion.alpha
+    t, omega, alpha = on_host.t - on_host.t[0], on_host.omega, on_host.alpha
     shared = true_elements(omega, alpha, t) if gyro_mapped else features(omega, alpha)[:SHARED]
     valid = valid_samples(len(t), estimators)
-    alphas = [jnp.pad(derivative(omega, e.taps), ((0, 0), (e.taps.shape[0],) * 2)) for e in estimators]
-    of_noise = [jnp.zeros((noisy_count(gyro_mapped, estimators), len(t)))] if gyro_mapped else []
-    phi = jnp.concatenate([shared, *alphas, *of_noise]) * valid[None]
-    wrench = columns.sampled(body, motion)
-    force, moment, other = jnp.split(phi @ wrench.T, (3, 6), axis=1)
+    taps = [np.asarray(estimator.taps) for estimator in estimators]
+    alphas = [np.pad(derivative(omega, each), ((0, 0), (len(each),) * 2)) for each in taps]
+    of_noise = [np.zeros((noisy_count(gyro_mapped, estimators), len(t)))] if gyro_mapped else []
+    phi = np.concatenate([shared, *alphas, *of_noise]) * valid[None]
+    wrench = columns.sampled(jax.tree.map(np.asarray, body), on_host)
     halo = _halo(estimators)
     signals = Signals(
         jnp.arange(-(-len(t) // BLOCK)),
-        _blocks(jnp.concatenate([phi, wrench]).astype(dtype), halo),
-        _blocks(valid[None].astype(dtype), halo)[:, 0],
+        jnp.asarray(_blocks(np.concatenate([phi, wrench]).astype(dtype), halo)),
+        jnp.asarray(_blocks(valid[None].astype(dtype), halo)[:, 0]),
     )
+    force, moment, other = map(jnp.asarray, np.split(phi @ wrench.T, (3, 6), axis=1))
     return Setup(
-        body, platform, signals, Sums(phi @ phi.T, force, moment), other, tuple(sources), tuple(mixing),
+        body, platform, signals, Sums(jnp.asarray(phi @ phi.T), force, moment), other, tuple(sources), tuple(mixing),
         tuple(estimators), cases_of(sources), columns, gyro_mapped, np.dtype(dtype), sampling,
     )  # fmt: skip
 
 
-def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[Array, " n"]:
+def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[np.ndarray, " n"]:
     """Return 1 where every estimator has a derivative, else 0."""
-    index, halo = jnp.arange(n), _halo(estimators)
+    index, halo = np.arange(n), _halo(estimators)
     return ((index >= halo) & (index < n - halo)).astype(float)
 
 
@@ -98,10 +112,10 @@ def _halo(estimators: Sequence[Estimator]) -> int:
     return max(estimator.taps.shape[0] for estimator in estimators)
 
 
-def _blocks(signal: Array, halo: int) -> Array:
+def _blocks(signal: np.ndarray, halo: int) -> np.ndarray:
     """Cut component-first samples into zero-padded blocks, block first, the first of them preceded by a halo."""
     count = -(-signal.shape[1] // BLOCK)
-    padded = jnp.pad(signal, ((0, 0), (halo, count * BLOCK - signal.shape[1])))[:, : count * BLOCK]
+    padded = np.pad(signal, ((0, 0), (halo, count * BLOCK - signal.shape[1])))[:, : count * BLOCK]
     return padded.reshape(signal.shape[0], count, BLOCK).swapaxes(0, 1)
 
 
@@ -120,15 +134,33 @@ def trials(
     Returns:
         The estimates, with the trials on the leading axis.
     """
-    plan = _plan(setup)
-    drawn = _visit_blocks(setup, plan, key, indices, _all_at_once if at_once else _one_by_one)
+    together = trials_of_equal_rotations(EqualRotations((setup,), setup.signals), key, indices, at_once=at_once)
+    return jax.tree.map(lambda leaf: leaf[:, 0], together)
+
+
+def trials_of_equal_rotations(
+    equal: EqualRotations, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool = False
+) -> TrialEstimates:
+    """Run several trials of several experiments at once: the same numbers as one by one.
+
+    Returns:
+        The estimates, trials leading, then the experiments.
+    """
+    first = eqx.tree_at(lambda setup: setup.signals, equal.setups[0], equal.signals)
+    plan = _plan(first)
+    drawn = _visit_blocks(first, plan, key, indices, _all_at_once if at_once else _one_by_one)
 
     def solved(index, drawn):
-        draws = draw_constants(setup.sources, setup.mixing, key, index, setup.dtype)
-        errors = errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
-        sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, drawn, key, index))
-        estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
-        return TrialEstimates(estimate.inertia, estimate.ok)
+        draws = draw_constants(first.sources, first.mixing, key, index, first.dtype)
+        errors = errors_of_cases(first.sources, draws, [case.sources for case in first.cases])
+        estimates = []
+        for number, setup in enumerate(equal.setups):
+            setup = eqx.tree_at(lambda s: s.sums.gram, setup, first.sums.gram)  # what follows from it is done once
+            of_setup = drawn._replace(products=drawn.products[:, equal.rows(number)])
+            sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, of_setup, key, index))
+            estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)
+            estimates.append(TrialEstimates(estimate.inertia, estimate.ok))
+        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *estimates)
 
     return jax.vmap(solved)(indices, drawn)
 

@@ -84,7 +84,15 @@ def setups(e):
     """What a trial needs, by samples."""
     spec = e.trajectories["T"]
     fitted = prepare_setup(e, spec, e.estimators).estimators
-    return prepare_samples(true_motion(e, spec), e.body, platform_of(e, spec), e.sources, fitted, mixing=e.mixing)
+    return prepare_samples(
+        true_motion(e, spec),
+        e.body,
+        platform_of(e, spec),
+        e.sources,
+        fitted,
+        trajectory=spec.trajectory,
+        mixing=e.mixing,
+    )
 
 
 def estimates(e, setup=None, key=0, index=0, **options):
@@ -223,7 +231,14 @@ def both_ways(e, trial_number, **options):
     setup = prepare_setup(e, spec, e.estimators, sampling=options.get("sampling", "samples"), dtype=dtype)
     assert isinstance(setup, Setup)
     plain = prepare_samples(
-        true_motion(e, spec), e.body, platform_of(e, spec), e.sources, setup.estimators, mixing=e.mixing, dtype=dtype
+        true_motion(e, spec),
+        e.body,
+        platform_of(e, spec),
+        e.sources,
+        setup.estimators,
+        trajectory=spec.trajectory,
+        mixing=e.mixing,
+        dtype=dtype,
     )
     number = jnp.asarray(trial_number)
     return tuple(np.asarray(one_trial(one, jax.random.key(3), number).inertia) for one in (setup, plain))
@@ -356,7 +371,9 @@ def test_signals_are_smooth_in_the_draws():
     """The derivative of the record by every draw at once, against central differences."""
     e = experiment(*DRAWN, source("delay", "omega", "delay", sigma="1 ms"))
     spec = e.trajectories["T"]
-    setup = prepare_samples(true_motion(e, spec), e.body, platform_of(e, spec), e.sources, ())
+    setup = prepare_samples(
+        true_motion(e, spec), e.body, platform_of(e, spec), e.sources, (), trajectory=spec.trajectory
+    )
     draws = draw_constants(e.sources, (), jax.random.key(0), 0, jnp.dtype(float))
     record = jax.jit(lambda draws: smooth_signals(setup, errors_of(setup.sources, draws)))
     direction = jax.tree.map(

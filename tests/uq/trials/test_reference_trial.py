@@ -46,7 +46,7 @@ def by_samples(experiment):
     spec = experiment.trajectories["T1"]
     fitted = prepare_setup(experiment, spec, [experiment.estimator("central")]).estimators
     motion, platform = true_motion(experiment, spec), platform_of(experiment, spec)
-    return prepare_samples(motion, experiment.body, platform, experiment.sources, fitted)
+    return prepare_samples(motion, experiment.body, platform, experiment.sources, fitted, trajectory=spec.trajectory)
 
 
 def engines_draws(setup):
