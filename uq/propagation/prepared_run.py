@@ -111,8 +111,8 @@ def prepared_run(experiment: Experiment, spec: TrajectorySpec, chosen: Sequence[
     estimators = fitted_estimators(chosen, spec, len(samples(spec)))
     columns, delayed = Columns.of(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
     parts = (
-        experiment.body, platform_of(experiment, spec), (spec.duration, spec.rate), estimators, columns, delayed,
-        jax.config.read("jax_enable_x64"),
+        experiment.body, platform_of(experiment, spec), (spec.trajectory, spec.duration, spec.rate), estimators,
+        columns, delayed, jax.config.read("jax_enable_x64"),
     )  # fmt: skip
     return RUNS.get(_digest(parts), lambda: _summed(experiment, spec, estimators, columns, delayed))
 
