@@ -71,6 +71,8 @@ class Section:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     front: Any = None
     """Particulars that make it a certificate (:class:`uq.report.certificate_front.Front`); None: another report."""
+    adjustable: Sequence[Mapping[str, Any]] = ()
+    """Numbers of tables whose figures a reader can change (:func:`uq.propagation.adjustable_law.adjustable`)."""
 
 
 class Result:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from uq.identification.static_centre import centre_file as centre_file
     from uq.identification.tare import tare_files as tare_files
     from uq.planning.achieved_motion import achieved as achieved
+    from uq.planning.explore import explore as explore
     from uq.planning.motion_export import export_motion as export_motion
     from uq.planning.pose_plan import plan_poses as plan_poses
     from uq.planning.required_duration import required_duration as required_duration
@@ -32,18 +33,17 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from uq.sensitivity.sobol_shapley import shapley as shapley
     from uq.sensitivity.sobol_shapley import sobol as sobol
     from uq.sensitivity.source_budget import budget as budget
-    from uq.sources.source import Source as Source
 
 _ROOMS = {
     "Experiment": "uq.experiment.experiment",
     "ExperimentError": "uq.files.document",
-    "Source": "uq.sources.source",
     "achieved": "uq.planning.achieved_motion",
     "budget": "uq.sensitivity.source_budget",
     "centre_file": "uq.identification.static_centre",
     "compare": "uq.bodies.comparison",
     "design": "uq.excitation.design",
     "design_report": "uq.excitation.design_report",
+    "explore": "uq.planning.explore",
     "export": "uq.bodies.export",
     "export_motion": "uq.planning.motion_export",
     "identify_files": "uq.identification.identify_files",

@@ -4,7 +4,7 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -72,13 +72,13 @@ def add_window_options(parser: argparse.ArgumentParser, without: str = "the segm
         )  # fmt: skip
 
 
-def finish(result: Any, out: Path | None, *more: Any) -> None:
-    """Print results and write their files, if there is a folder for them."""
+def finish(result: Any, out: Path | None, *more: Any, unsaid: Sequence[Any] = ()) -> None:
+    """Print results, but for those that are ``unsaid``, and write their files, if there is a folder for them."""
     print(*(result, *more), sep="\n\n")
     if out is not None:
         from uq.report.report_files import write
 
-        write(result, out, *more)
+        write(result, out, *more, *unsaid)
         name = getattr(result, "file_name", "result.json")
         print(f"\n{name}, report.html and figures are in {out}")
 

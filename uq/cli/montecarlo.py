@@ -1,7 +1,6 @@
 """``inertia montecarlo``: any body, platform, sensors and trajectory."""
 
 import argparse
-from pathlib import Path
 
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
 from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
@@ -84,7 +83,9 @@ def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
             say("error: interrupted; the same command goes on from there")
             return 130
         for name, result in results.items() if speaks else ():
-            _finish(name, result, folders[name], more[name])
+            if name:
+                print(f"\nbody {name}\n")
+            finish(result, folders[name], *more[name], unsaid=[laws[name]] if name in laws else ())
             if name in laws:
                 print(law_report(laws[name], result))
         for checkpoint in checkpoints.values() if speaks else ():
@@ -147,9 +148,3 @@ def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) ->
             progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
         )
     return [result]
-
-
-def _finish(name: str, result: MonteCarloResult, folder: Path | None, more: list[BudgetResult]) -> None:
-    if name:
-        print(f"\nbody {name}\n")
-    finish(result, folder, *more)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.motion.multisine import Multisine
-from identify.motion.trajectory import Sphere
+from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.text_tables import Table
@@ -226,7 +226,8 @@ def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:
 def shortest(spec: TrajectorySpec) -> float:
     """Return how short a trajectory may be made, its ramps as they are [s]."""
     trajectory: Any = spec.trajectory
-    return trajectory.shortest if isinstance(trajectory, Multisine) else 2 * float(trajectory.ramp)
+    motions = 3 if isinstance(trajectory, Harmonic) else 1
+    return trajectory.shortest if isinstance(trajectory, Multisine) else 2 * motions * float(trajectory.ramp)
 
 
 def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:

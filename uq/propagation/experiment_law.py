@@ -6,6 +6,7 @@ sums. The law is therefore expanded about the EXPECTED sums; the textbook's, abo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.setup import cases_of
+from uq.propagation.adjustable_law import adjustable
 from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.law_result import LawResult, LawStatistics
@@ -61,7 +63,8 @@ class PreparedLaw:
             for estimator, breakdown in breakdowns[name].items():
                 warnings += large_mean_error(f"{name}, {estimator}", breakdown.total)
         nominal = np.asarray(experiment.body.inertia)
-        return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs())
+        numbers = partial(adjustable, experiment, self.runs, self.estimators)
+        return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs(), numbers)
 
 
 def law(

@@ -1,18 +1,19 @@
 """Results of the law of propagation for an experiment: typed, as tables, as result.json."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import scipy
 
-from identify.reporting import Result
+from identify.reporting import Result, Section
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.result_coverage import by_component
 from uq.campaign.statistics import Breakdown
+from uq.report.input_tables import source_tables
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class LawResult(Result):
     Example: ``law("barreto2016").to_frame().loc[("T1", "central", "total")]``.
     """
 
+    name = "law"
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
     breakdowns: Mapping[str, Mapping[str, Breakdown[LawStatistics]]]
@@ -84,6 +86,8 @@ class LawResult(Result):
     warnings: tuple[str, ...]
     """Among them every trajectory and estimator of which a mean error exceeds its 3σ."""
     provenance: Mapping[str, Any]
+    adjustable: Callable[[], Mapping[str, Any]] | None = field(default=None, repr=False, compare=False)
+    """Makes the numbers from which a page redraws the law for other figures; None: it cannot."""
 
     def __getitem__(self, key: tuple[str, str]) -> Breakdown[LawStatistics]:
         trajectory, estimator = key
@@ -140,6 +144,16 @@ class LawResult(Result):
         """Return the summary, and what each group and source does alone."""
         return [Table("", *self.rows()), Table("", *self.source_rows(), long=True)]
 
+    def section(self) -> Section:
+        """Return its part of a report, with a table of sources whose figures can be changed in the page."""
+        summary, alone = self.tables()
+        details = [replace(alone, caption="Each group and source alone, by the law"), *source_tables(self.provenance)]
+        return Section(
+            self.title(), [COMPUTED], [f"By the law of propagation: {text}" for text in self.warnings],
+            [replace(summary, caption=self.title())], [], details, [ASSUMPTION], self.provenance,
+            adjustable=[] if self.adjustable is None else [self.adjustable()],
+        )  # fmt: skip
+
     def records(self) -> list[dict[str, Any]]:
         """Return mean error and 3σ of each case and component, and the textbook's, in g·m²."""
         return [
@@ -149,6 +163,16 @@ class LawResult(Result):
             for name, statistics in self[pair].cases.items()
             for component in COMPONENTS
         ]
+
+
+COMPUTED = (
+    "The law of propagation (GUM) about the expected sums, to the second order; beside it the textbook's, of the first "
+    "order about the noise-free run."
+)
+
+ASSUMPTION = (
+    "Errors are normal where their squares matter; products of a constant error's and the noise's effects are left out."
+)
 
 
 def _figures(values: np.ndarray) -> list[str]:

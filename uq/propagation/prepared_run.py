@@ -28,9 +28,9 @@ from uq.propagation.inputs import Peaks
 from uq.sources.constant_errors import perturbed
 from uq.trials.trial import valid_samples
 
-MOST_RUNS = 16
+MOST_RUNS = 32
 """Whose sums are kept."""
-MOST_EXPANSIONS = 256
+MOST_EXPANSIONS = 128
 """Of each run."""
 
 

@@ -4,6 +4,7 @@ import json
 from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import replace
+from hashlib import sha256
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -55,7 +56,7 @@ def joined(first: Section, *others: Section) -> Section:
     """Return one section with the content of several; title and front stand as the first has them."""
     sections = (first, *others)
     parts: dict[str, Any] = {}
-    for name in ("computed", "findings", "tables", "drawings", "details", "assumptions"):
+    for name in ("computed", "findings", "tables", "drawings", "details", "adjustable", "assumptions"):
         items = [item for section in sections for item in getattr(section, name)]
         parts[name] = [item for k, item in enumerate(items) if item not in items[:k]]
     if others:
@@ -83,10 +84,29 @@ def html(section: Section, figures: list[Drawn], name: str) -> str:
     record = {key: _words(value) for key, value in section.provenance.items() if key not in ELSEWHERE}
     experiment = json_text(section.provenance.get("experiment") or section.provenance.get("resolved") or {})
     template = environment.get_template("certificate.html" if section.front else "report.html")
+    script, numbers = _script(environment) if section.adjustable else "", map(_numbers, section.adjustable)
     return template.render(
-        page=section, figures=figures, provenance=record, experiment=experiment,
-        inputs=input_table(section.provenance), number=name, footer=name or section.title,
+        page=section, figures=figures, provenance=record, experiment=experiment, adjustable=list(numbers),
+        inputs=input_table(section.provenance), number=name, footer=name or section.title, script=script,
+        script_hash=_hash(script),
     )  # fmt: skip
+
+
+def _script(environment: Environment) -> Markup:
+    """The script of tables whose figures can be changed; the page allows itself no other."""
+    begin = "for (const place of document.querySelectorAll('.adjustable'))"
+    redraw = "adjustable(place, JSON.parse(place.previousElementSibling.textContent));"
+    return Markup(f"{environment.get_template('adjustable.js').render()}\n{begin} {redraw}\n")  # noqa: S704 - ours
+
+
+def _hash(script: str) -> str:
+    """A script as a Content-Security-Policy names it."""
+    return f"sha256-{b64encode(sha256(script.encode()).digest()).decode()}"
+
+
+def _numbers(content: Mapping[str, Any]) -> Markup:
+    """JSON inside a page, in which nothing can end the element that holds it."""
+    return Markup(json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))  # noqa: S704
 
 
 def rendered(figure: "Figure", kind: str) -> bytes:

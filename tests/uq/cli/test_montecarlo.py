@@ -49,6 +49,21 @@ def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
     assert not (out / "checkpoint").exists()
 
 
+def test_the_law_joins_the_report(experiment, tmp_path, capsys):
+    """Said once, in its report beside the campaign's results; a report without it has no script."""
+    out = tmp_path / "out"
+    assert main(arguments(experiment, "--trials", 20, "--law", "--out", out)) == 0
+    assert capsys.readouterr().out.count("3σ, law") == 1
+    page = (out / "report.html").read_text()
+    assert page.count('class="adjustable"') == page.count('<script type="module">') == 1
+    assert "Each group and source alone, by the law" in page
+    content = json.loads((out / "result.json").read_text())
+    total = content["law"]["trajectories"]["T3"]["central"]["groups"]["total"]
+    assert total["three_sigma"]["I22"] > 0
+    assert main(arguments(experiment, "--trials", 20, "--out", out)) == 0
+    assert "<script" not in (out / "report.html").read_text()
+
+
 def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
     class Interrupted(command.ProgressBar):
         def __call__(self, name, done, asked):

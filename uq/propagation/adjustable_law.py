@@ -1,0 +1,196 @@
+"""The law of propagation as a function of its sources' figures, of the duration and of the amplitude, for a page.
+
+Numbers from which a few lines of JavaScript (``uq/templates/adjustable.js``) tell each source's part in variance and
+mean error at once. With s_i the factor on a source's figure, its part in the variance is ``s² J Σ Jᵀ + s⁴ ½ tr(HΣHΣ)``,
+in the mean ``s² ½ tr(HΣ)``: exact where the law is expanded. It is expanded about the expected sums, which the gyro's
+noise moves; so these numbers are given at several levels of that noise. Between them their logarithms are interpolated.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from uq.experiment.experiment import Experiment
+from uq.gram_sums.setup import Case
+from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
+from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
+from uq.propagation.prepared_run import PreparedRun
+from uq.sources.source import Source
+from uq.sources.source_figures import part_of
+
+LEVELS = 10.0 ** (np.arange(-4, 5) / 2)
+"""Factors on the variance of the gyro's noise, from a hundredth to a hundred; 1 is in the middle."""
+NEGLIGIBLE = 1e-5
+"""Joint effects of two sources below this part of their variance are left out."""
+DIGITS = 6
+SMALL = {"m": "mm", "s": "ms", "rad": "mrad", "kg": "g"}
+"""Units of figures below a hundredth."""
+
+
+def adjustable(experiment: Experiment, runs: Mapping[str, PreparedRun], estimators: Sequence[str]) -> dict[str, Any]:
+    """Return the numbers as JSON takes them, in g·m², for every trajectory and estimator.
+
+    Args:
+        experiment: with the sources as they stand.
+        runs: sums over its trajectories.
+        estimators: names, in the order of the runs'.
+
+    Raises:
+        ExperimentError: a source that the law cannot take.
+    """
+    constants = constants_of(experiment.sources, experiment.mixing)
+    pairs = []
+    for name, run in runs.items():
+        spec = experiment.trajectories[name]
+        parts = parts_of(experiment, run, constants, spec.rate)
+        pairs += [
+            {"trajectory": name, "estimator": estimator, "duration": spec.duration, **_written(parts, k)}
+            for k, estimator in enumerate(estimators)
+        ]
+    return {"components": list(COMPONENTS), "levels": _plain(LEVELS),
+            "sources": [_described(source) for source in experiment.sources], "pairs": pairs}  # fmt: skip
+
+
+class Parts(NamedTuple):
+    """Parts in variance [(kg·m²)²] and mean [kg·m²]: estimators, levels of the gyro's noise, sources, components."""
+
+    first: np.ndarray
+    """Of the variance, with the square of a source's factor."""
+    second: np.ndarray
+    """Of the variance, with its fourth power."""
+    mean: np.ndarray
+    """Of the mean error, with its square."""
+    gyro: np.ndarray
+    """Each source's share in the variance of omega's white noise."""
+    gyro_variance: np.ndarray
+    """What that noise does to the variance, over its level, without the axis of sources."""
+    gyro_mean: np.ndarray
+    expected: np.ndarray
+    """What sources' expectations do to the mean error, without the axis of levels."""
+    rest: np.ndarray
+    """Mean error that is no source's: estimators, components."""
+    joint: list[tuple[int, int, np.ndarray]]
+    """Two sources and, by estimator, what both do beyond each alone: with ``s_i s_j`` in the variance, with its square
+    there, with ``s_i s_j`` in the mean."""
+
+    def by_noise(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what each source adds to variance and mean error, but for its expectation, at the first level."""
+        share = self.gyro[None, :, None]
+        return (
+            self.first[:, 0] + self.second[:, 0] + share * self.gyro_variance[:, 0, None],
+            self.mean[:, 0] + share * self.gyro_mean[:, 0, None],
+        )
+
+
+def parts_of(
+    experiment: Experiment, run: PreparedRun, constants: Constants, rate: float, levels: np.ndarray = LEVELS
+) -> Parts:
+    """Return the parts of one run's sources, all of them acting, at factors on the variance of the gyro's noise."""
+    sources = experiment.sources
+    alone = [Case(s.name, frozenset([s.name])) for s in sources]
+    both = list(combinations(range(len(sources)), 2))
+    cases = [*alone, *(Case("", alone[i].sources | alone[j].sources) for i, j in both)]
+    inputs = inputs_of_cases(cases, constants, sources, experiment.mixing, rate, run.peaks)
+    n = len(sources)
+    gyro, expected = inputs.gyro[:n].sum(axis=0), constants.errors @ constants.mean
+    quiet = run.expansion(expected, np.zeros(3), constants.errors)
+    by_level = [_at(run, constants, inputs, n, expected, level * gyro, quiet) for level in levels]
+    first, second, mean, variance, shift = (np.stack(each, axis=1) for each in zip(*by_level, strict=True))
+    nominal = np.asarray(run.sums.noise_free.body.inertia)
+    means = (inputs.acts[:n] * constants.mean) @ np.asarray(quiet.jacobian).swapaxes(-1, -2)
+    share = inputs.gyro[:n].sum(axis=1) / (gyro.sum() or 1.0)
+    joint = _joint(run, constants, inputs, both, expected, gyro)
+    rest = np.asarray(quiet.value) - nominal - means.sum(axis=1)
+    each = levels[:, None]
+    return Parts(first, second, mean, share, variance / each, shift / each, means, rest, joint)
+
+
+def _at(
+    run: PreparedRun, constants: Constants, inputs: CaseInputs, n: int, expected: np.ndarray, variance: np.ndarray,
+    quiet: Expansion,
+) -> tuple[np.ndarray, ...]:  # fmt: skip
+    """First order, second order and mean of n sources, then variance and mean by the gyro's noise, at one level."""
+    expansion, noise = run.expansion(expected, variance, constants.errors), run.scatter(variance)
+    about = Expansion(*(np.asarray(leaf)[:, None] for leaf in expansion))
+    covariance = _covariance(constants, inputs)[:n]
+    cell = of_wrench_noise(np.asarray(noise.mean)[:, None], inputs.wrench[:n], run.equations)
+    scatter = np.asarray(noise.covariance)[:, None]
+    none = np.zeros_like(covariance[:1])
+    alone, of_gyro = propagate_case(about, covariance, cell), propagate_case(about, none, scatter)
+    together = propagate_case(about, covariance, cell + scatter)
+    crossed = _diagonal(together.covariance - alone.covariance - of_gyro.covariance)
+    first = _diagonal(alone.first_order)
+    value = np.asarray(about.value)
+    return (
+        first + crossed,
+        _diagonal(alone.covariance) - first,
+        alone.mean - value,
+        _diagonal(of_gyro.covariance)[:, 0],
+        of_gyro.mean[:, 0] - np.asarray(quiet.value),
+    )
+
+
+def _joint(
+    run: PreparedRun, constants: Constants, inputs: CaseInputs, both: Sequence[tuple[int, int]], expected: np.ndarray,
+    gyro: np.ndarray,
+) -> list[tuple[int, int, np.ndarray]]:  # fmt: skip
+    """What two sources do beyond each alone, where it counts."""
+    expansion, noise = run.expansion(expected, gyro, constants.errors), run.scatter(gyro)
+    about = Expansion(*(np.asarray(leaf)[:, None] for leaf in expansion))
+    cell = of_wrench_noise(np.asarray(noise.mean)[:, None], inputs.wrench, run.equations)
+    moments = propagate_case(about, _covariance(constants, inputs), cell)
+    first = _diagonal(moments.first_order)
+    each = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - np.asarray(about.value)], axis=2)
+    n = each.shape[1] - len(both)
+    joint = []
+    for k, (i, j) in enumerate(both):
+        beyond, variance = each[:, n + k] - each[:, i] - each[:, j], each[:, n + k, :2].sum(axis=1)
+        if (abs(beyond[:, :2].sum(axis=1)) > NEGLIGIBLE * variance.max(axis=-1, keepdims=True)).any():
+            joint.append((i, j, beyond))
+    return joint
+
+
+def _covariance(constants: Constants, inputs: CaseInputs) -> np.ndarray:
+    drawn = inputs.acts * constants.sigma
+    return np.asarray(drawn[:, :, None] * constants.correlation * drawn[:, None, :])
+
+
+def _diagonal(matrices: np.ndarray) -> np.ndarray:
+    return np.diagonal(matrices, axis1=-2, axis2=-1)
+
+
+def _written(parts: Parts, estimator: int) -> dict[str, Any]:
+    """One estimator's numbers, in g·m²."""
+    square = GRAM_METRE**2
+    return {
+        "first": _plain(square * parts.first[estimator]), "second": _plain(square * parts.second[estimator]),
+        "mean": _plain(GRAM_METRE * parts.mean[estimator]), "gyro": _plain(parts.gyro),
+        "gyroVariance": _plain(square * parts.gyro_variance[estimator]),
+        "gyroMean": _plain(GRAM_METRE * parts.gyro_mean[estimator]),
+        "expected": _plain(GRAM_METRE * parts.expected[estimator]), "rest": _plain(GRAM_METRE * parts.rest[estimator]),
+        "joint": [
+            [i, j, *_plain(np.array([[square], [square], [GRAM_METRE]]) * beyond[estimator])]
+            for i, j, beyond in parts.joint
+        ],
+    }  # fmt: skip
+
+
+def _plain(values: np.ndarray) -> Any:
+    rounded = [float(f"{value:.{DIGITS}g}") for value in np.ravel(values)]
+    return np.reshape(rounded, np.shape(values)).tolist()
+
+
+def _described(source: Source) -> dict[str, Any]:
+    """Name, group, unit and figure of a source: the largest axis's."""
+    kind, sizes = source.error_kind, source.error_kind.sizes
+    what, figures = ("σ", source.sigma) if np.any(source.sigma) or not sizes else (sizes[0], source.settings[sizes[0]])
+    unit = kind.targets[source.target]
+    figure = float(np.max(np.abs(figures))) / part_of(unit)
+    if unit in SMALL and figure < 0.01:
+        unit, figure = SMALL[unit], 1000 * figure
+    unit = unit.replace("*", "·").replace("^2", "²").replace("**2", "²")
+    return {"name": source.name, "group": source.group, "what": what, "unit": unit,
+            "figure": float(f"{figure:.{DIGITS}g}"), "axes": int(np.size(source.sigma))}  # fmt: skip
