@@ -2,13 +2,15 @@
 
 By figure its exact value, what seed 0 says either way, the root mean square errors over repeats, their squared ratio
 (how many random trials one quasi-random trial replaces) and how often the truth is within two stated standard errors.
-Then what they save of many inputs, and the trials of adaptive propagations until two digits are stable.
+Then what they save of many inputs and of the preset's campaign on drawn sums, and the trials of adaptive propagations
+until two digits are stable.
 """
 
 import argparse
 from collections.abc import Callable, Mapping
 from math import prod
 from statistics import median
+from typing import Any
 
 import jax
 
@@ -18,6 +20,8 @@ import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 
 from identify.text_tables import text_table, with_error  # noqa: E402
+from uq.campaign.campaign import montecarlo  # noqa: E402
+from uq.experiment.experiment import Experiment  # noqa: E402
 from uq.propagation.propagation_of_distributions import propagate_distributions  # noqa: E402
 from uq.sensitivity.sobol_shapley import Sensitivity, shapley, sobol  # noqa: E402
 from uq.sources.distributions import Distribution, Normal, Rectangular  # noqa: E402
@@ -124,6 +128,36 @@ def many_inputs(repeats: int) -> list[list[str]]:
     return table
 
 
+def campaign(repeats: int) -> list[list[str]]:
+    """Return what quasi-random trials save of the preset's collapsed campaign, a row a figure and number of trials."""
+    experiment = Experiment.load("barreto2016")
+
+    def figures(trials: int, seed: int, points: Points) -> Figures:
+        options: dict[str, Any] = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
+        result = montecarlo(experiment, trials=trials, seed=seed, points=points, **options)
+        total, interval = result["T1", "central"].total, result.interval("T1", "central")
+        values = [total.mean_error, total.three_sigma, interval.high]
+        errors = [total.mean_error_standard_error, total.three_sigma_standard_error, interval.high_standard_error]
+        return np.stack(values), np.stack(errors)
+
+    truth, _ = figures(64 * 8192, 2**20, "quasi-random")
+    table = []
+    for trials in (1024, 8192, 10_000):
+        off, error = {}, {}
+        for points in POINTS:
+            results = [figures(trials, seed, points) for seed in range(repeats)]
+            off[points] = np.array([value for value, _ in results]) - truth
+            error[points] = np.array([of_result for _, of_result in results])
+        square = {points: (off[points] ** 2).mean(0) for points in POINTS}
+        saved = np.median(square["random"] / square["quasi-random"], axis=1)
+        relative = {points: np.sqrt(np.mean(square[points] / truth[1] ** 2, axis=1)) for points in POINTS}
+        held = {p: (np.abs(off[p]) <= 2 * error[p]).mean((0, 2)) for p in POINTS}
+        for k, name in enumerate(("mean error", "3σ", "upper end of 95 %")):
+            table.append([f"{trials:,}", name, *(f"{100 * relative[p][k]:.2g}" for p in POINTS), f"{saved[k]:.0f}",
+                          *(f"{100 * held[p][k]:.0f}" for p in POINTS)])  # fmt: skip
+    return table
+
+
 def salib(repeats: int, trials: int) -> str:
     """Return what SALib's scrambled design says of Ishigami's first index a, which it draws in one scrambling."""
     from SALib.analyze import sobol as analysis
@@ -174,6 +208,9 @@ def main() -> None:
     print(f"{n:,} trials; Ishigami: {8 * n:,} evaluations, linear: {16 * n:,}; {repeats} repeats")
     head = ["figure", "exact", "random", "quasi-random", "rms error", "rms error", "saves", "held, %", "held, %"]
     print(text_table(head, table))
+    print(f"the preset's T1 by central, collapsed: six components, {min(repeats, 100)} repeats, rms error in % of 3σ")
+    head = ["trials", "figure", *POINTS, "saves", "held, %", "held, %"]
+    print(text_table(head, campaign(min(repeats, 100))))
     print(salib(min(repeats, 20), n))
     print(f"what a trial saves, totals, median of the inputs, {min(repeats, 40)} repeats")
     print(text_table(["inputs", "512 trials", "8,192"], many_inputs(min(repeats, 40))))

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from uq.campaign.campaign import MonteCarloResult
+from uq.sources.quasi_random import of_replicates, standard_error
+from uq.trials.trial_loop import finite_trials
 
 
 class Average(NamedTuple):
@@ -20,20 +22,21 @@ class Average(NamedTuple):
 def average(result: MonteCarloResult, trajectory: str, estimator: str, components: tuple[int, ...]) -> Average:
     """Return the average 3σ over components and the average magnitude of their mean errors.
 
-    The standard errors are taken from the trials themselves (each trial's first-order influence on the average), so
-    that they hold for components that go together. Trials that failed are left out.
+    The standard errors are taken from the trials themselves (each trial's first-order influence on the average; its
+    means over replicates of quasi-random trials), so that they hold for components that go together. Trials that failed
+    are left out.
     """
     index = list(result.breakdowns[trajectory]).index(estimator)
     errors = result.errors[trajectory][:, index, 0][:, list(components)]
-    errors = errors[np.isfinite(errors).all(axis=1)]
-    if len(errors) < 2:
+    good, _ = finite_trials(errors)
+    if len(good) < 2:
         return Average(np.nan, np.nan, np.nan, np.nan)
-    mean, sigma = errors.mean(0), errors.std(0, ddof=1)
+    mean, sigma = good.mean(0), good.std(0, ddof=1)
     spread = 3 * ((errors - mean) ** 2 - sigma**2) / np.where(sigma > 0, 2 * sigma, 1)
-    root = np.sqrt(len(errors))
-    return Average(
-        3 * float(sigma.mean()),
-        float(spread.mean(1).std(ddof=1) / root),
-        float(np.abs(mean).mean()),
-        float((np.sign(mean) * (errors - mean)).mean(1).std(ddof=1) / root),
-    )
+    influence = np.stack([spread.mean(1), (np.sign(mean) * (errors - mean)).mean(1)], axis=1)
+    if result.points == "random":
+        figures, _ = finite_trials(influence)
+    else:
+        figures = of_replicates(lambda trials: finite_trials(trials)[0].mean(0), influence)
+    of_sigma, of_mean = map(float, standard_error(figures))
+    return Average(3 * float(sigma.mean()), of_sigma, float(np.abs(mean).mean()), of_mean)

@@ -19,7 +19,9 @@ from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.setup import Sampling
+from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.checkpoint import Checkpoint, code_digest
+from uq.trials.collapsed import CollapsedSetup, with_points
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engines import AnySetup, default_batch
 from uq.trials.samplewise import needs_samples
@@ -35,6 +37,9 @@ __all__ = [
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
+
+LEAST_QUASI_RANDOM = 16 * REPLICATES
+"""Fewer trials are random: a replicate's dispersion would be hardly known."""
 
 EARLY = 200
 """Trials after which a trajectory's figures are shown for the first time."""
@@ -55,6 +60,7 @@ def montecarlo(
     estimators: str | Sequence[str] | None = None,
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
+    points: Points | None = None,
     adaptive: bool = False,
     digits: int = 1,
     tolerance: float | None = None,
@@ -82,6 +88,8 @@ def montecarlo(
             Sources that need every sample (:mod:`uq.trials.samplewise`) have it sample by sample. ``"collapsed"`` draws
             the sums that the gyro's noise leaves, too, an approximation that costs nothing per sample
             (:mod:`uq.trials.collapsed`).
+        points: ``"quasi-random"`` (:mod:`uq.sources.quasi_random`), for sums that are drawn (collapsed) in a number of
+            trials that is given, best 8 × 2^k; or ``"random"``. None for quasi-random where they can be.
         adaptive: run blocks of trials until estimate, standard uncertainty and 95 % coverage interval of every
             component, with all sources together, are stable for every trajectory and estimator
             (:mod:`uq.coverage.adaptive_procedure`).
@@ -123,7 +131,8 @@ def montecarlo(
         raise ExperimentError("no [[estimator]] in the experiment: add one")
     wanted = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
     specs = dict(map(experiment.select, wanted))
-    settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "batch": batch}
+    points = _points(points, sampling, trials, adaptive)
+    settings = {"seed": seed, "dtype": dtype, "sampling": sampling, "points": points, "batch": batch}
     limit, truth = trials, np.asarray(experiment.body.inertia)
     motions = true_motions(experiment, specs, devices) if sampling == "collapsed" else {}
     store = checkpoint_of(checkpoint) if isinstance(checkpoint, (str, Path)) else checkpoint
@@ -131,7 +140,10 @@ def montecarlo(
     def prepared(name: str) -> AnySetup:
         motion = motions.pop(name, None)
         with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
-            return prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
+            setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
+        if points == "quasi-random" and isinstance(setup, CollapsedSetup):
+            return with_points(setup, limit, seed)
+        return setup
 
     def start(names: Sequence[str]) -> dict[str, TrajectoryRun]:
         setups = {name: prepared(name) for name in names}
@@ -157,12 +169,12 @@ def montecarlo(
                     runs |= start(next(names for names in rotations if name in names))
                 for so_far in (EARLY, trials) if shown and trials > EARLY else (trials,):
                     runs[name].reach(so_far, _named(progress, name), asked=trials)
-                    breakdowns[name] = _breakdowns(runs[name], chosen, so_far, truth)
+                    breakdowns[name] = _breakdowns(runs[name], chosen, so_far, truth, points)
                     if shown:
                         shown(name, so_far, breakdowns[name])
         else:
             trials, stability = _until_stable(runs, [e.name for e in chosen], goal, trials, experiment, progress)
-            breakdowns = {name: _breakdowns(run, chosen, trials, truth) for name, run in runs.items()}
+            breakdowns = {name: _breakdowns(run, chosen, trials, truth, points) for name, run in runs.items()}
     finally:
         if store is not None:
             store.close()
@@ -170,7 +182,18 @@ def montecarlo(
     errors = {name: np.asarray(runs[name].results(trials).inertia) - truth for name in specs}
     record = provenance(**experiment.inputs(), trials=trials, **settings)
     warned = [*warned, *_limits(stability, trials)]
-    return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability)
+    return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability, points)
+
+
+def _points(points: Points | None, sampling: Sampling, trials: int, adaptive: bool) -> Points:
+    """What trials are drawn from: quasi-random points where they can be, unless it is given."""
+    can_be = sampling == "collapsed" and not adaptive and trials >= LEAST_QUASI_RANDOM
+    if points == "quasi-random" and not can_be:
+        raise ExperimentError(
+            "quasi-random trials are of sums that are drawn (collapsed), not adaptive, and "
+            f"{LEAST_QUASI_RANDOM} or more: leave points out"
+        )
+    return points or ("quasi-random" if can_be else "random")
 
 
 def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) -> Checkpoint:
@@ -181,12 +204,12 @@ def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) 
 
 
 def _breakdowns(
-    run: TrajectoryRun, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray
+    run: TrajectoryRun, estimators: Sequence[EstimatorSpec], trials: int, truth: np.ndarray, points: Points
 ) -> dict[str, Breakdown[Statistics]]:
     """Breakdowns of one trajectory by estimator."""
     inertia, ok = map(np.asarray, run.results(trials))
     return {
-        estimator.name: breakdown(run.setup.cases, inertia[:, k] - truth, ok[:, k])
+        estimator.name: breakdown(run.setup.cases, inertia[:, k] - truth, ok[:, k], points)
         for k, estimator in enumerate(estimators)
     }
 

@@ -15,6 +15,7 @@ from uq.campaign.statistics import Breakdown, Statistics, large_mean_error
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
 from uq.report.input_tables import source_tables
+from uq.sources.quasi_random import Points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,6 +40,8 @@ class MonteCarloResult(Result):
     """Estimate minus truth of every trial, by trajectory: (trials, estimators, cases, 6) [kg·m²]."""
     stability: Mapping[str, Mapping[str, Stability]] | None = field(default=None, compare=False)
     """What an adaptive campaign reached [kg·m²], by trajectory and estimator; None: the trials were given."""
+    points: Points = "random"
+    """What the trials were drawn from."""
 
     def __getitem__(self, key: tuple[str, str]) -> Breakdown[Statistics]:
         trajectory, estimator = key
@@ -54,7 +57,7 @@ class MonteCarloResult(Result):
     ) -> CoverageInterval:
         """Return the coverage intervals of the six components' errors, all sources together [kg·m²]."""
         of = symmetric_interval if kind == "symmetric" else shortest_interval
-        return of(self.total_errors(trajectory, estimator), probability)
+        return of(self.total_errors(trajectory, estimator), probability, self.points)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²."""
@@ -68,7 +71,7 @@ class MonteCarloResult(Result):
                     estimator: {
                         **breakdown.to_dict(),
                         "failed_trials": breakdown.failed,
-                        "coverage": coverage_record(self.total_errors(trajectory, estimator)),
+                        "coverage": coverage_record(self.total_errors(trajectory, estimator), self.points),
                     }
                     for estimator, breakdown in of_trajectory.items()
                 }
@@ -97,7 +100,8 @@ class MonteCarloResult(Result):
     def title(self) -> str:
         """Return what the tables are of."""
         how = "" if self.stability is None else ", adaptive"
-        return f"Monte Carlo{how}, {self.trials:,} trials, seed {self.seed}"
+        points = "" if self.points == "random" else f"{self.points} "
+        return f"Monte Carlo{how}, {self.trials:,} {points}trials, seed {self.seed}"
 
     def tables(self) -> list[Table]:
         """Return totals, coverage intervals, what an adaptive campaign reached, the true tensor; in g·m²."""
@@ -194,7 +198,7 @@ class MonteCarloResult(Result):
         """Return what was computed, in a paragraph."""
         names = {estimator: None for of_trajectory in self.breakdowns.values() for estimator in of_trajectory}
         return (
-            f"{self.trials:,} trials with seed {self.seed}. Trajectories: {', '.join(self.breakdowns)}. "
+            f"{self.trials:,} {self.points} trials with seed {self.seed}. Trajectories: {', '.join(self.breakdowns)}. "
             f"Estimators: {', '.join(names)}. In each trial every error source is drawn once; the tensor is then "
             "estimated with all sources together, with each group alone and with each source alone."
         )

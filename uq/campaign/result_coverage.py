@@ -10,16 +10,20 @@ from uq.campaign.statistics import GRAM_METRE
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, shortest_interval, symmetric_interval
 from uq.coverage.coverage_regions import EllipsoidalRegion, ellipsoidal_region
+from uq.sources.quasi_random import Points
 
 PROBABILITY = 0.95
 
 
-def coverage_record(errors: np.ndarray) -> dict[str, Any]:
-    """Return intervals and ellipsoid of a total's errors (trials, 6) [kg·m²]; None for what the trials do not give."""
+def coverage_record(errors: np.ndarray, points: Points = "random") -> dict[str, Any]:
+    """Return intervals and ellipsoid of a total's errors (trials, 6) [kg·m²]; None for what the trials do not give.
+
+    The ellipsoid's standard errors are those of random trials; of quasi-random ones they are too large.
+    """
     return {
         "probability": PROBABILITY,
-        "symmetric": _interval(symmetric_interval(errors, PROBABILITY)),
-        "shortest": _interval(shortest_interval(errors, PROBABILITY)),
+        "symmetric": _interval(symmetric_interval(errors, PROBABILITY, points)),
+        "shortest": _interval(shortest_interval(errors, PROBABILITY, points)),
         "ellipsoid": _ellipsoid(errors),
     }
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.gram_sums.setup import Case
+from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
 
 __all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error"]
@@ -26,13 +27,21 @@ class Statistics:
     """From the fourth moment of the estimates, so that it holds for any distribution."""
 
     @classmethod
-    def of(cls, errors: np.ndarray) -> "Statistics":
-        """Return the statistics of errors, shape (trials, 6), leaving out trials that failed (NaN)."""
+    def of(cls, errors: np.ndarray, points: Points = "random") -> "Statistics":
+        """Return the statistics of errors, shape (trials, 6), leaving out trials that failed (NaN).
+
+        The standard errors of quasi-random trials come from the spread of their replicates.
+        """
+        figures = None if points == "random" else of_replicates(_mean_and_sigma, errors)
         errors, _ = finite_trials(errors)
         n = len(errors)
         if n < 2:
             nothing = np.full(errors.shape[1], np.nan)
             return cls(errors.mean(0) if n else nothing, nothing, nothing, nothing)
+        if figures is not None:
+            mean, sigma = _mean_and_sigma(errors)
+            of_mean, of_sigma = standard_error(figures)
+            return cls(mean, of_mean, 3 * sigma, 3 * of_sigma)
         mean = errors.mean(0)
         squares = np.square(errors - mean)
         variance = squares.sum(0) / (n - 1)
@@ -51,6 +60,14 @@ class Statistics:
             }
             for name in ("mean_error", "mean_error_standard_error", "three_sigma", "three_sigma_standard_error")
         }
+
+
+def _mean_and_sigma(errors: np.ndarray) -> np.ndarray:
+    """Mean and standard deviation of the trials that did not fail, (2, 6)."""
+    errors, _ = finite_trials(errors)
+    if len(errors) < 2:
+        return np.full((2, errors.shape[1]), np.nan)
+    return np.stack([errors.mean(0), errors.std(0, ddof=1)])
 
 
 @runtime_checkable
@@ -117,16 +134,19 @@ class Breakdown(Generic[CaseFigures]):
         }
 
 
-def breakdown(cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray) -> Breakdown[Statistics]:
+def breakdown(
+    cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray, points: Points = "random"
+) -> Breakdown[Statistics]:
     """Return the statistics of every case of one estimator.
 
     Args:
         cases: what acts in each.
         errors: estimate minus truth, (trials, cases, 6) [kg·m²].
         ok: which could be solved, (trials, cases).
+        points: what the trials were drawn from.
     """
     by_case = np.ascontiguousarray(np.moveaxis(errors, 0, -1))  # trials side by side, for fast sums
-    statistics = (Statistics.of(of_case.T) for of_case in by_case)
+    statistics = (Statistics.of(of_case.T, points) for of_case in by_case)
     return Breakdown.of(cases, statistics, failed=int(np.sum(~ok.all(axis=1))))
 
 

@@ -5,7 +5,7 @@ Regions of several outputs together are in :mod:`uq.coverage.coverage_regions`; 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from identify.reporting import Result
 from identify.text_tables import Table
+from uq.sources.quasi_random import Points, of_replicates, standard_error
 
 Kind = Literal["symmetric", "shortest"]
 Value = Any
@@ -39,7 +40,9 @@ class CoverageInterval:
         return np.asarray(self.high - self.low)
 
 
-def symmetric_interval(draws: Float[np.ndarray, "trials *outputs"], probability: float = 0.95) -> CoverageInterval:
+def symmetric_interval(
+    draws: Float[np.ndarray, "trials *outputs"], probability: float = 0.95, points: Points = "random"
+) -> CoverageInterval:
     """Return the probabilistically symmetric coverage intervals (JCGM 101, 7.7.2): as much on either side.
 
     With M trials in order, the ends are ``y_(r)`` and ``y_(r+q)``, q = pM and r = (M - q)/2, rounded as 7.7 has it. The
@@ -48,14 +51,17 @@ def symmetric_interval(draws: Float[np.ndarray, "trials *outputs"], probability:
     Args:
         draws: outputs of the trials; those that are not finite are left out, output by output.
         probability: coverage probability p, between 0 and 1.
+        points: what the trials were drawn from; of quasi-random ones the standard errors are those of replicates.
 
     Raises:
         ValueError: the probability is not between 0 and 1, or there is no trial axis.
     """
-    return _by_output("symmetric", draws, probability, _symmetric)
+    return _of_points("symmetric", draws, probability, points, _symmetric)
 
 
-def shortest_interval(draws: Float[np.ndarray, "trials *outputs"], probability: float = 0.95) -> CoverageInterval:
+def shortest_interval(
+    draws: Float[np.ndarray, "trials *outputs"], probability: float = 0.95, points: Points = "random"
+) -> CoverageInterval:
     """Return the shortest coverage intervals (JCGM 101, 7.7.4): of all ``[y_(r), y_(r+q)]``, the one of least length.
 
     The standard errors come from subsamples, scaled with the cube root of the number of trials, the rate at which the
@@ -65,11 +71,12 @@ def shortest_interval(draws: Float[np.ndarray, "trials *outputs"], probability: 
     Args:
         draws: outputs of the trials; those that are not finite are left out, output by output.
         probability: coverage probability p, between 0 and 1.
+        points: what the trials were drawn from; of quasi-random ones the standard errors are those of replicates.
 
     Raises:
         ValueError: the probability is not between 0 and 1, or there is no trial axis.
     """
-    return _by_output("shortest", draws, probability, _shortest)
+    return _of_points("shortest", draws, probability, points, _shortest)
 
 
 def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
@@ -93,6 +100,19 @@ def _half_of_the_last_digit(u: float, digits: int) -> float:
         return 0.0 if u == 0 else math.nan
     exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10 with two digits
     return 0.5 * 10.0 ** (exponent - digits + 1)
+
+
+def _of_points(kind: Kind, draws: np.ndarray, probability: float, points: Points, ends) -> CoverageInterval:
+    interval = _by_output(kind, draws, probability, ends)
+    if points == "random":
+        return interval
+
+    def of_replicate(trials: np.ndarray) -> np.ndarray:
+        own = _by_output(kind, trials, probability, ends)
+        return np.stack([own.low, own.high])
+
+    low, high = standard_error(of_replicates(of_replicate, draws))
+    return replace(interval, low_standard_error=low, high_standard_error=high)
 
 
 def _by_output(kind: Kind, draws: np.ndarray, probability: float, ends) -> CoverageInterval:

@@ -46,7 +46,7 @@ def verdicts(
         number = list(result.breakdowns[trajectory]).index(estimator)
         for k, (case, statistics) in enumerate([*breakdown.groups.items(), *breakdown.sources.items()]):
             errors = result.errors[trajectory][:, number, k]
-            interval = symmetric_interval(errors, probability)
+            interval = symmetric_interval(errors, probability, result.points)
             sigma = errors.std(axis=0, ddof=1)
             tolerance = np.maximum(numerical_tolerance(sigma, digits), ROUNDING)
             ours, textbook = (

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact, Key
 
 from uq.sources.distributions import Empirical, Normal
+from uq.sources.quasi_random import values_at
 from uq.sources.random_normals import Index, in_order, normal_pairs, normals
 from uq.sources.source import Source
 
@@ -82,7 +83,25 @@ def draw_constants(
         keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
         values = jax.vmap(lambda k, s=group[0]: s.shape.draw(k, np.shape(s.sigma), dtype))(keys)
         drawn |= {source.name: value for source, value in zip(group, values, strict=True)}
-    drawn = mixed(drawn, mixing)
+    return _in_si(constant, mixed(drawn, mixing), dtype)
+
+
+def constants_at(
+    sources: Sequence[Source], mixing: Sequence[Mixing], point: Float[Array, " coordinates"]
+) -> dict[str, Float[Array, "..."]]:
+    """Return each constant source's value at a point of the open unit cube, in SI, by name: of a quasi-random trial."""
+    constant = [source for source in sources if source.constant]
+    shapes = {source.name: np.shape(source.sigma) for source in constant}
+    drawn = values_at({source.name: source.shape for source in constant}, point, shapes)
+    return _in_si(constant, mixed(drawn, mixing), point.dtype)
+
+
+def constant_coordinates(sources: Sequence[Source]) -> int:
+    """Return how many coordinates :func:`constants_at` takes."""
+    return sum(source.shape.coordinates(np.shape(source.sigma)) for source in sources if source.constant)
+
+
+def _in_si(constant: Sequence[Source], drawn: Mapping[str, Array], dtype: Any) -> dict[str, Array]:
     return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
 
 

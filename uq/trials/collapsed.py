@@ -7,10 +7,14 @@ noise acts on the right side of the normal equations as one normal vector with t
 
 Unlike other trials these are computed many at a time, the trials on the last axis: they are so small that only whole
 vectors of them keep a processor busy (:mod:`uq.gram_sums.sum_equations`).
+
+So few numbers make a trial (some 160, of which the load cell's and the constant errors matter most) that quasi-random
+ones save most of the trials (:mod:`uq.sources.quasi_random`; ``python -m benchmarks.quasi_random``).
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -30,7 +34,8 @@ from uq.gram_sums.setup import Case, Estimator, cases_of
 from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
 from uq.sources.constant_errors import CELL_CHANNELS, Errors, errors_of_cases, perturbed
 from uq.sources.distributions import Normal
-from uq.sources.draws import Mixing, block_key, draw_constants, stream_number
+from uq.sources.draws import Mixing, block_key, constant_coordinates, constants_at, draw_constants, stream_number
+from uq.sources.quasi_random import SobolPoints, sobol_points
 from uq.sources.random_normals import normals_of_keys
 from uq.sources.source import Source
 from uq.trials.trial import TrialEstimates, valid_samples
@@ -55,6 +60,15 @@ class CollapsedSetup(eqx.Module):
     cell: Float[Array, "cases 6 6"]
     """Covariance of the load cell's white noise of one sample in each case; force before moment."""
     estimators: int = eqx.field(static=True)
+    points: SobolPoints | None = None
+    """Of quasi-random trials; see :func:`with_points`."""
+
+
+def with_points(setup: CollapsedSetup, trials: int, seed: int) -> CollapsedSetup:
+    """Return the set-up of quasi-random trials, as many as this."""
+    gyro, cell = (any(s.white and s.of_gyro is of_gyro for s in setup.sources) for of_gyro in (True, False))
+    numbers = 6 * setup.estimators * cell + constant_coordinates(setup.sources) + setup.root.shape[-1] * gyro
+    return replace(setup, points=sobol_points(max(numbers, 1), trials, seed))
 
 
 def collapse(
@@ -172,9 +186,11 @@ class _Draws(NamedTuple):
 
 
 def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " trials"]) -> _Draws:
+    if setup.points is not None:
+        return _draw_at(setup, jax.vmap(setup.points.of_trial, out_axes=-1)(indices))
+
     def errors(index):
-        draws = draw_constants(setup.sources, setup.mixing, key, index, float)
-        return errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+        return _errors(setup, draw_constants(setup.sources, setup.mixing, key, index, float))
 
     white = [source for source in setup.sources if source.white]
     normal = []
@@ -184,6 +200,31 @@ def _draw(setup: CollapsedSetup, key: Key[Array, ""], indices: Int[Array, " tria
         drawn = normals_of_keys(keys[0], math.prod(shape)) if keys else jnp.zeros((math.prod(shape), len(indices)))
         normal.append(drawn.reshape(*shape, -1))
     return _Draws(jax.vmap(errors, out_axes=-1)(indices), *normal)
+
+
+def _errors(setup: CollapsedSetup, draws: dict[str, Array]) -> Errors:
+    return errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases])
+
+
+def _draw_at(setup: CollapsedSetup, points: Float[Array, "coordinates trials"]) -> _Draws:
+    """The draws at points of the unit cube; what matters most takes the first coordinates, which are the most even."""
+    sizes = (6 * setup.estimators, constant_coordinates(setup.sources), setup.root.shape[-1])
+    acts = [any(s.white and s.of_gyro is of_gyro for s in setup.sources) for of_gyro in (False, True)]
+    on = (acts[0], True, acts[1])
+    ends = np.cumsum([size * acting for size, acting in zip(sizes, on, strict=True)])
+    cell, constant, gyro = (
+        points[end - size * acting : end] for end, size, acting in zip(ends, sizes, on, strict=True)
+    )
+    cell, gyro = (
+        jax.scipy.special.ndtri(part) if acting else jnp.zeros((size, points.shape[1]))
+        for part, size, acting in ((cell, sizes[0], acts[0]), (gyro, sizes[2], acts[1]))
+    )
+    errors = lambda point: _errors(setup, constants_at(setup.sources, setup.mixing, point))  # noqa: E731
+    return _Draws(
+        jax.vmap(errors, in_axes=-1, out_axes=-1)(constant),
+        gyro[::-1],  # the last columns of the root are its largest
+        cell.reshape(setup.estimators, 6, -1),
+    )
 
 
 class _Kind(NamedTuple):

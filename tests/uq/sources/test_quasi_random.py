@@ -25,9 +25,10 @@ def test_points_are_scipys_under_a_digital_shift():
     """A replicate differs from SciPy's own scrambling by one pattern of binary digits in each coordinate."""
     theirs = stats.qmc.Sobol(7, bits=BITS, rng=np.random.default_rng([5, 7])).random(128)
     digits = [np.floor(x * 2.0**BITS).astype(np.uint32) for x in (points(7, 1000, seed=5), theirs)]
-    for replicate in range(REPLICATES):
-        pattern = digits[0][replicate::REPLICATES] ^ digits[1][:125]
+    patterns = [digits[0][replicate::REPLICATES] ^ digits[1][:125] for replicate in range(REPLICATES)]
+    for pattern in patterns:
         np.testing.assert_array_equal(pattern, np.broadcast_to(pattern[0], pattern.shape))
+    assert len(np.unique([pattern[0] for pattern in patterns])) == 7 * REPLICATES
 
 
 def test_every_replicate_is_a_net():

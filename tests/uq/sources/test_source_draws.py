@@ -10,14 +10,21 @@ from scipy import stats
 
 from tests.source_lab import experiment, simulated, source
 from uq.campaign.simulation import simulate
-from uq.sources.draws import draw_constants
+from uq.sources.draws import constant_coordinates, constants_at, draw_constants
 
 
-def drawn(e, n=3000):
+def drawn_by_key(e, n=3000):
     draw = lambda index: draw_constants(e.sources, e.mixing, jax.random.key(1), index, jnp.dtype(float))  # noqa: E731
     return {name: np.asarray(values) for name, values in jax.jit(jax.vmap(draw))(jnp.arange(n)).items()}
 
 
+def drawn_at_points(e, n=3000):
+    points = jnp.asarray(np.random.default_rng(4).random((n, constant_coordinates(e.sources))))
+    at = jax.jit(jax.vmap(lambda point: constants_at(e.sources, e.mixing, point)))
+    return {name: np.asarray(values) for name, values in at(points).items()}
+
+
+@pytest.mark.parametrize("drawn", [drawn_by_key, drawn_at_points])
 @pytest.mark.parametrize(
     ("keys", "law"),
     [
@@ -33,8 +40,8 @@ def drawn(e, n=3000):
         ({"datasheet": "resolution 4 N"}, stats.uniform(-2, 4)),
     ],
 )
-def test_draws_have_the_declared_distribution(keys, law):
-    """Thirty Kolmogorov-Smirnov tests at a level of 1e-4, with a fixed key."""
+def test_draws_have_the_declared_distribution(keys, law, drawn):
+    """Sixty Kolmogorov-Smirnov tests at a level of 1e-4, with a fixed key."""
     e = experiment(source("s", "F", "bias", **keys))
     values = drawn(e)["s"]
     for axis in range(3):
@@ -55,7 +62,7 @@ def test_draws_from_a_file_of_samples(tmp_path):
         source("scalar", "gravity", "bias", samples="one.txt", distribution="samples", unit="mm/s^2"),
         folder=tmp_path,
     )
-    values = drawn(e, 400)
+    values = drawn_by_key(e, 400)
     where = np.abs(values["rows"][:, None] - 1e3 * rows[None]).sum(2)
     assert where.min(axis=1).max() < 1e-9  # whole rows
     assert len(set(where.argmin(axis=1))) > 35
@@ -68,7 +75,8 @@ def test_draws_from_a_file_of_samples(tmp_path):
 
 
 @pytest.mark.optimised
-def test_correlated_sources_have_the_declared_correlation():
+@pytest.mark.parametrize("drawn", [drawn_by_key, drawn_at_points])
+def test_correlated_sources_have_the_declared_correlation(drawn):
     own = [[1, 0.5, -0.2], [0.5, 1, 0], [-0.2, 0, 1]]
     link = [[0.3, 0, 0], [0, 0.2, 0], [0.1, 0, -0.4]]
     e = experiment(
@@ -88,8 +96,9 @@ def test_correlated_sources_have_the_declared_correlation():
     assert (np.abs(np.corrcoef(joint.T) - expected) < 5 * (1 - expected**2) / np.sqrt(n) + 1e-12).all()
     np.testing.assert_allclose(joint.std(0), [1, 2, 3, 0.01, 0.01, 0.01], rtol=5 / np.sqrt(2 * n))
     np.testing.assert_allclose(values["c"], 1e3 * values["d"], atol=1e-6)  # they go together wholly
-    alone = drawn(dataclasses.replace(e, sources=e.sources[4:]), n)
-    np.testing.assert_array_equal(alone["free"], values["free"])
+    if drawn is drawn_by_key:  # of points the coordinates depend on which sources there are
+        alone = drawn(dataclasses.replace(e, sources=e.sources[4:]), n)
+        np.testing.assert_array_equal(alone["free"], values["free"])
     without_b = drawn(dataclasses.replace(e, sources=(e.sources[0],)), n)["a"]
     assert (np.abs(np.corrcoef(without_b.T) - own) < 5 / np.sqrt(n)).all()
 
