@@ -190,6 +190,8 @@ export default {
       model.set("state", state);
       model.save_changes();
     });
+    // arrows and Enter are the controls', not JupyterLab's
+    for (const control of place.querySelectorAll("input, select, button")) control.setAttribute("data-lm-suppress-shortcuts", "true");
     const take = () => {
       const state = model.get("state");
       if (Object.keys(state).length && JSON.stringify(state) !== own) put(state);

@@ -96,6 +96,9 @@ def test_the_kernel_moves_the_sliders(browser, experiment):
     browser.run("model.set('state', {pair: 0, factors: [2, 1, 1, 1, 1, 1, 1], duration: 1, amplitude: 1})")
     assert browser.run("document.querySelector('tbody tr:nth-child(2) input').value") == "20"
     assert browser.run("globalThis.saved") is None  # what it has said is not said back
+    controls = browser.run("document.querySelectorAll('input, select, button').length")
+    marked = browser.run("document.querySelectorAll('[data-lm-suppress-shortcuts]').length")
+    assert controls == marked > 10  # else JupyterLab takes arrows and Enter for its own
 
 
 @needs_chromium
