@@ -8,6 +8,8 @@ from rig.devices.parser import Parser
 from rig.exceptions import RigError
 
 Measures = Literal["wrench", "imu", "values"]
+LEAST_RATE, MOST_RATE = 0.1, 50_000.0
+"""Sample rates [Hz] that a device may be asked for; dividers and periods in their commands are whole numbers."""
 
 
 class Emulator(ABC):
@@ -57,6 +59,16 @@ class Device(ABC):
             if not number and type(value) is not type(default):
                 raise RigError(f"option '{name}' of device kind '{self.KIND}' is {value!r}: give a {_kind(default)}")
         self.options = {**self.OPTIONS, **options}
+        self._check_rate()
+
+    def _check_rate(self) -> None:
+        """Refuse a rate that no device has; where none need be given, 0 says that it is not known."""
+        rate, default = self.options.get("rate", LEAST_RATE), self.OPTIONS.get("rate")
+        if not ((isinstance(rate, int | float) and LEAST_RATE <= rate <= MOST_RATE) or rate == default):
+            raise RigError(
+                f"option 'rate' of device kind '{self.KIND}' is out of range: "
+                f"give a number from {LEAST_RATE:g} to {MOST_RATE:g} Hz"
+            )
 
     @property
     def measures(self) -> Measures:

@@ -133,7 +133,8 @@ class Line(Device):
             values = [0.0 if name == "_" else float(word) for word, (name, _) in zip(words, self._columns, strict=True)]
         except ValueError:
             return None
-        return values if all(map(math.isfinite, values)) else None
+        scaled = (value * factor for value, (_, factor) in zip(values, self._columns, strict=True))
+        return values if all(map(math.isfinite, scaled)) else None
 
     def sample(self, numbers: list[float]) -> Sample:
         """The sample of a line's numbers, in SI."""

@@ -16,7 +16,7 @@ class Sample(NamedTuple):
         counter: the device's own counter, unwrapped, or None.
         flagged: the device says that this sample is out of range or invalid.
         end: number of bytes of the stream up to the end of the sample's frame.
-        number: the counter, or without one the number of the sample, missing ones counted.
+        number: the number of the sample, missing ones counted: by the counter where the device has one.
     """
 
     values: tuple[float, ...]
@@ -39,7 +39,7 @@ class Counts:
         samples: samples.
         failures: frames that stood where one was due and failed their checksum.
         resynchronisations: how often the parser lost the frames and found them again.
-        missing: samples that the device's counter says it sent and that never came.
+        missing: messages that the device's counter says it sent and that never came.
         flagged: samples that the device marked out of range or invalid.
     """
 
@@ -76,6 +76,7 @@ class Parser(ABC):
         self._synchronised = False
         self._lost = False
         self._counter: int | None = None
+        self._without_sample = 0
 
     @abstractmethod
     def frame_length(self, buffer: bytearray, start: int) -> int:
@@ -154,8 +155,9 @@ class Parser(ABC):
             counts.samples += 1
             counts.flagged += sample.flagged
             if sample.counter is not None:
-                number = self._unwrap(sample.counter)
-                samples.append(sample._replace(end=self._done, number=number, counter=number))
+                counter = self._unwrap(sample.counter)
+                number = counter - self._without_sample
+                samples.append(sample._replace(end=self._done, number=number, counter=counter))
                 continue
             if sample.time is not None and self._period:
                 self._count_missing(sample.time)
@@ -165,6 +167,12 @@ class Parser(ABC):
         if self._time is not None:
             self.counts.missing += max(0, round((time - self._time) / self._period) - 1)
         self._time = time
+
+    def pass_over(self, raw: int) -> None:
+        """Take the counter of a message that carries no sample: it is counted, and none is missing."""
+        before = self._counter
+        if self._unwrap(raw) != before:
+            self._without_sample += 1
 
     def _unwrap(self, raw: int) -> int:
         """The counter without its wraps; counts what is missing in between."""

@@ -107,9 +107,11 @@ class XsensParser(Parser):
         """The sample of an MTData2 message that carries both rate and acceleration."""
         items_by_id = payload(frame)
         rate, acceleration = _vector(items_by_id, RATE), _vector(items_by_id, ACCELERATION)
-        if frame[2] != MTDATA2 or rate is None or acceleration is None:
-            return
         time, counter, status = items_by_id.get(TIME_FINE), items_by_id.get(COUNTER), items_by_id.get(STATUS)
+        if rate is None or acceleration is None:
+            if counter and len(counter) == 2:  # it counts messages, whatever they carry
+                self.pass_over(int.from_bytes(counter, "big"))
+            return
         yield Sample(
             rate + acceleration,
             time=self._clock(int.from_bytes(time, "big")) * 100_000 if time and len(time) == 4 else None,

@@ -16,6 +16,8 @@ from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
 
 Matrix = tuple[tuple[float, float, float], ...]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+OWN_TOPICS = ("/diagnostics", "/mark")
+"""What a recording writes by itself, beside /raw/NAME."""
 DEFAULT_TOPIC = {"wrench": "/wrench", "imu": "/imu"}
 Row = tuple[float, float, float]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
@@ -50,13 +52,15 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
         if not self.name.isidentifier():
             raise WrongKeyError("name", "use letters, digits and underscores")
         number = self.port.removeprefix("udp:")
-        if number != self.port and not (number.isdigit() and 0 < int(number) < 65536):
+        whole = number.isascii() and number.isdigit() and len(number) <= 5
+        if number != self.port and not (whole and 0 < int(number) < 65536):
             raise WrongKeyError("port", "write udp:NUMBER, for example udp:5005")
         rows = self.rotation_to_body
         products = [sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows]
         (a, b, c), (d, e, f), (g, h, i) = rows
         determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-        if any(abs(v - (k % 4 == 0)) > 1e-3 for k, v in enumerate(products)) or determinant < 0:
+        orthonormal = all(abs(v - (k % 4 == 0)) <= 1e-3 for k, v in enumerate(products))  # so written that NaN fails
+        if not (orthonormal and determinant > 0):
             raise WrongKeyError("rotation_to_body", "its rows must be orthonormal, right-handed", "is no rotation")
 
 
@@ -118,7 +122,7 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
     """
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of too many digits, lists in lists
         raise RigError(f"not a TOML file {path} ({error}): see docs/rig.md for the format") from error
     try:
         tables = read_table("", document, RigFile).device
@@ -126,7 +130,7 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
         entries = tuple(_entry(table, settings) for table, settings in zip(tables, written, strict=True))
     except (TomlError, RigError) as error:
         raise RigError(f"{error} (in {path})") from error
-    _check_unique(entries, path)
+    _check_together(entries, path)
     return Rig(Path(path), entries)
 
 
@@ -157,13 +161,18 @@ def _sign(table: DeviceTable, device: Device) -> float:
     return -1.0 if table.wrench == "on_sensor" else 1.0
 
 
-def _check_unique(entries: tuple[Entry, ...], path: str | os.PathLike[str]) -> None:
+def _check_together(entries: tuple[Entry, ...], path: str | os.PathLike[str]) -> None:
     for attribute in ("name", "topic"):
         values = [getattr(entry, attribute) for entry in entries]
         for value in values:
             if values.count(value) > 1:
                 raise RigError(f"{attribute} '{value}' twice in {path}: give each device its own")
-    names = {entry.name for entry in entries if entry.device.measures == "imu"}
+    names = [entry.name for entry in entries if entry.device.measures == "imu"]
     for entry in entries:
+        if entry.topic in OWN_TOPICS or entry.topic.startswith("/raw/"):
+            raise RigError(
+                f"the topic of device[{entry.name}] in {path} is one that the recorder itself writes: "
+                "choose another `topic`"
+            )
         if entry.delay_to and entry.delay_to not in names:
             raise RigError(f"delay_to '{entry.delay_to}' in {path} names no IMU: choose one of {', '.join(names)}")

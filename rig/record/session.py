@@ -1,6 +1,7 @@
 """Connected devices: starts every reader of a rig, emulators included, and hands out their measurements."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -9,8 +10,8 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from urllib.parse import parse_qsl
 
+from rig.devices.base import LEAST_RATE, MOST_RATE
 from rig.exceptions import RigError
 from rig.record.device_source import DeviceSource, Measurement
 from rig.record.port import latency_warning
@@ -20,7 +21,13 @@ from rig.record.rig_file import Entry, Rig
 CONNECT_LIMIT = 12.0  # seconds for all devices to introduce themselves
 FIRST_SAMPLE = 2.0  # seconds until every device must have sent a sample, once it is started
 LAST_BYTES = 0.05  # seconds
-EMULATOR_OPTIONS = {"skew_ppm": float, "delay": float, "rate": float, "loop": float}
+EMULATOR_OPTIONS = {
+    "skew_ppm": (-100_000.0, 100_000.0),
+    "delay": (-3600.0, 3600.0),
+    "rate": (LEAST_RATE, MOST_RATE),
+    "loop": (0.0, 1.0),
+}
+"""The least and the greatest value of each."""
 
 
 class Emulators:
@@ -78,14 +85,30 @@ class Emulators:
 def _spec(entry: Entry, folder: Path) -> dict:
     name, _, query = entry.port.removeprefix("emulator:").partition("?")
     spec: dict = {"name": entry.name, "kind": entry.kind, "options": entry.device.options}
-    for key, value in parse_qsl(query):
-        if key not in EMULATOR_OPTIONS:
-            raise RigError(f"unknown option '{key}' in port {entry.port}: it takes {', '.join(EMULATOR_OPTIONS)}")
-        spec[key] = float(value)
+    spec |= dict(_emulator_option(entry, text) for text in query.split("&") if text)
     run = name if os.path.isabs(name) else str(folder / name)
     if not os.path.isfile(run):
         raise RigError(f"no run {run} for the emulated {entry.name}: write one with `inertia simulate`")
     return {**spec, "run": run, "baudrate": entry.baudrate, "matrix": entry.matrix}
+
+
+def _emulator_option(entry: Entry, text: str) -> tuple[str, float]:
+    """Name and value of one option behind a port's question mark."""
+    key, _, written = text.partition("=")
+    if key not in EMULATOR_OPTIONS:
+        raise RigError(
+            f"unknown option {key!r:.40} in the port of {entry.name}: it takes {', '.join(EMULATOR_OPTIONS)}"
+        )
+    least, most = EMULATOR_OPTIONS[key]
+    try:
+        value = float(written)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= most:  # so written that NaN is refused
+        raise RigError(
+            f"option '{key}' in the port of {entry.name} is {written!r:.40}: give a number from {least:g} to {most:g}"
+        )
+    return key, value
 
 
 class Session:

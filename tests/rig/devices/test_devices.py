@@ -3,6 +3,7 @@
 import re
 import struct
 
+import numpy as np
 import pytest
 
 from rig.devices import bota, create_device, kinds, microstrain, robotous, vectornav, vectornav_ascii, xsens
@@ -125,6 +126,33 @@ def check_capture(items, text):
             assert f"{int.from_bytes(items[0xE020], 'big'):032b}" == values[0]
 
 
+def other_message(counter):
+    """A message that carries its counter and a temperature."""
+    return xsens.message(xsens.MTDATA2, struct.pack(">HBHHBf", xsens.COUNTER, 2, counter, 0x0810, 4, 21.5))
+
+
+def test_an_xsens_counts_messages_that_carry_no_sample():
+    """Samples 9, 11, 12, 15 and a message of something else at 10 and 13: only 14 is missing."""
+    zeros = (0.0,) * 3
+    stream = [
+        xsens.encode(k, 0, zeros, zeros) if k in (9, 11, 12, 15) else other_message(k) for k in (9, 10, 11, 12, 13, 15)
+    ]
+    parser = xsens.XsensParser()
+    samples = parser.feed(b"".join(stream))
+    assert parser.counts.missing == 1
+    assert [sample.counter for sample in samples] == [9, 11, 12, 15]
+    assert np.diff([sample.number for sample in samples]).tolist() == [1, 1, 2]
+
+
+@pytest.mark.skipif(not (SHARED / "xsens").is_dir(), reason="the sample data is not here")
+@pytest.mark.parametrize("name", ["1", "2"])
+def test_xsens_captures_miss_nothing(name):
+    parser = xsens.XsensParser()
+    samples = parser.feed((SHARED / "xsens" / f"{name}.output.bin").read_bytes())
+    assert parser.counts.missing == 0
+    assert set(np.diff([sample.number for sample in samples])) == {1}
+
+
 @pytest.mark.skipif(not (SHARED / "xsens").is_dir(), reason="the sample data is not here")
 def test_xsens_captures_give_samples():
     parser = xsens.XsensParser()
@@ -204,9 +232,9 @@ def test_a_line_of_numbers_in_its_units():
 def test_a_bad_line_is_no_sample_and_nothing_inside_it_is():
     parser = line().parser()
     good = b"1,2,3,4,5,6,7,8\n"
-    samples = parser.feed(good + b"x1,2,3,4,5,6,7,8\n\n1,2,3\n" + b"1," * 400 + b"\n" + good)
+    samples = parser.feed(good + b"x1,2,3,4,5,6,7,8\n\n1,2,3\n1e308,2,3,4,5,6,7,8\n" + b"1," * 400 + b"\n" + good)
     assert len(samples) == 2
-    assert parser.counts.skipped == 17 + 1 + 6 + 801
+    assert parser.counts.skipped == 17 + 1 + 6 + 20 + 801
     assert (parser.counts.failures, parser.counts.resynchronisations) == (1, 1)
 
 
@@ -222,6 +250,9 @@ def test_the_first_half_line_is_passed_over():
         ("bota", {"speed": 3}, "unknown option 'speed'.*rate, configure"),
         ("bota", {"rate": "fast"}, "give a number"),
         ("bota", {"rate": True}, "give a number"),
+        ("bota", {"rate": 0}, "'rate' .* out of range: give a number from 0.1 to 50000 Hz"),
+        ("vectornav", {"rate": float("nan")}, "out of range"),
+        ("line", {"columns": ["a"], "rate": float("inf")}, "out of range"),
         ("robotous", {"rate": 123}, "choose one of 200"),
         ("vectornav", {"mask": 1}, "needs bits 5"),
         ("line", {}, "'columns' .* missing"),

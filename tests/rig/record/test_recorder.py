@@ -260,6 +260,20 @@ def test_list_names_the_devices_that_answer(tmp_path, capsys):
     assert "kind 'xsens': MTi-emulated" in lines[1]
 
 
+XSENS = "[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\n"
+RATES = ("0", "-1", "nan", "inf", "1e400", "1e-9", "1e6", "9" * 401)
+PLAYED = "[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'emulator:run.mcap?{}'\n"
+ADDRESSES = [
+    *((f"rate={rate}", "option 'rate' in the port of a is") for rate in (*RATES, "", "fast")),
+    *((f"{key}=nan", f"option '{key}' in the port") for key in ("skew_ppm", "delay", "loop")),
+    ("loop=2", "from 0 to 1"),
+    ("skew_ppm=1e300", "from -100000 to 100000"),
+    ("rate", "option 'rate'"),
+    ("speed=1", "unknown option 'speed' in the port of a: it takes skew_ppm"),
+    ("s" * 5000, "unknown option 'sss"),
+]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -277,6 +291,17 @@ def test_list_names_the_devices_that_answer(tmp_path, capsys):
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'udp:x'", "udp:NUMBER"),
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'emulator:no.mcap'", "no run"),
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\n" * 2, "twice"),
+        (f"{XSENS}topic = '/diagnostics'", "the topic of device[a]"),
+        (f"{XSENS}topic = '/mark'", "the recorder itself writes"),
+        (f"{XSENS}topic = '/raw/a'", "the recorder itself writes"),
+        ("[[device]]\nname = 'mark'\nkind = 'line'\nport = '/dev/x'\noptions = { columns = ['a'] }", "itself writes"),
+        (f"{XSENS}rotation_to_body = [[nan,0,0],[0,1,0],[0,0,1]]", "rotation_to_body[0][0] is nan"),
+        (f"{XSENS}x = 0{'[' * 2000}", "not a TOML file"),
+        (f"{XSENS}baudrate = {'9' * 5000}", "not a TOML file"),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'udp:" + "9" * 5000 + "'", "udp:NUMBER"),
+        *((f"{XSENS}baudrate = {value}", "baudrate is") for value in (0, -1, "nan", "inf", "1e400", 0.5)),
+        *((f"{XSENS}options = {{ rate = {rate} }}", "'rate' of device kind 'xsens' is out of range") for rate in RATES),
+        *((PLAYED.format(option), words) for option, words in ADDRESSES),
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\noptions = { speed = 1 }", "unknown option"),
     ],
 )
