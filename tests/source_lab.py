@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
-from uq.sources.draws import draw_blocks, noise_streams
+from uq.sources.draws import draw_pairs, noise_streams
+from uq.sources.random_normals import in_order
 from uq.trials.engines import any_trials
 
 BODY = {
@@ -33,7 +34,7 @@ def any_trial(setup, key, index):
 
 def draw_block(source, key, trial, block, dtype):
     """One block of a precision source that is correlated with no other, (3, 1200)."""
-    return draw_blocks([source], (), noise_streams([source], key, trial), block, dtype)[0]
+    return in_order(draw_pairs([source], (), noise_streams([source], key, trial), block, dtype)[0])
 
 
 def source(name, target, kind, **keys):

@@ -21,10 +21,8 @@ from uq.files.provenance import provenance
 from uq.gram_sums.setup import Sampling
 from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.checkpoint import Checkpoint, code_digest
-from uq.trials.collapsed import CollapsedSetup, with_points
 from uq.trials.distributed import agree, in_turn, meet
-from uq.trials.engines import AnySetup, default_batch
-from uq.trials.samplewise import needs_samples
+from uq.trials.engines import AnySetup, default_batch, how_computed, with_sobol_points
 
 __all__ = [
     "GRAM_METRE",
@@ -85,8 +83,9 @@ def montecarlo(
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         sampling: ``"conditioned"`` draws the load cell's white noise as the sums that it leaves, given the gyro's
             draws; ``"samples"`` draws it sample by sample. The distribution is the same (:mod:`uq.trials.trial`).
-            Sources that need every sample (:mod:`uq.trials.samplewise`) have it sample by sample. ``"collapsed"`` draws
-            the sums that the gyro's noise leaves, too, an approximation that costs nothing per sample
+            Cases that sums do not tell (:mod:`uq.trials.split`) are computed sample by sample; with ``"samples"`` all
+            are where a source is of a kind that sums tell only nearly (delay, quantisation). ``"collapsed"`` draws the
+            sums that the gyro's noise leaves, too, an approximation that costs nothing per sample
             (:mod:`uq.trials.collapsed`).
         points: ``"quasi-random"`` (:mod:`uq.sources.quasi_random`), for sums that are drawn (collapsed) in a number of
             trials that is given, best 8 × 2^k; or ``"random"``. None for quasi-random where they can be.
@@ -116,8 +115,6 @@ def montecarlo(
         raise ExperimentError(f"unknown sampling '{sampling}': choose one of {', '.join(get_args(Sampling))}")
     if batch is not None and batch < 1:
         raise ExperimentError(f"batch of {batch}: ask for one or more")
-    if sampling != "collapsed" and needs_samples(experiment.sources, experiment.mixing):
-        sampling = "samples"
     warned = check_precision(dtype)
     dtype = "float32" if warned else dtype
     if sampling == "collapsed" and dtype != "float64":
@@ -141,9 +138,7 @@ def montecarlo(
         motion = motions.pop(name, None)
         with jax.default_device(None if motion is None else next(iter(motion.t.devices()))):
             setup = prepare_setup(experiment, specs[name], chosen, dtype=dtype, sampling=sampling, motion=motion)
-        if points == "quasi-random" and isinstance(setup, CollapsedSetup):
-            return with_points(setup, limit, seed)
-        return setup
+        return with_sobol_points(setup, limit, seed) if points == "quasi-random" else setup
 
     def start(names: Sequence[str]) -> dict[str, TrajectoryRun]:
         setups = {name: prepared(name) for name in names}
@@ -180,7 +175,8 @@ def montecarlo(
             store.close()
     meet()
     errors = {name: np.asarray(runs[name].results(trials).inertia) - truth for name in specs}
-    record = provenance(**experiment.inputs(), trials=trials, **settings)
+    how = {name: said for name in specs if (said := how_computed(runs[name].setup, experiment.sources))}
+    record = provenance(**experiment.inputs(), trials=trials, **settings, **({"computed": how} if how else {}))
     warned = [*warned, *_limits(stability, trials)]
     return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability, points)
 

@@ -28,8 +28,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
     )
-    parser.add_argument(
+    sampling = parser.add_mutually_exclusive_group()
+    sampling.add_argument(
         "--collapsed", action="store_true", help="draw sums over samples instead of samples: much faster, nearly exact"
+    )
+    sampling.add_argument(
+        "--samples", action="store_true", help="draw and round every sample, delay by the trajectory: slow, exact"
     )
     parser.add_argument(
         "--adaptive", action="store_true", help="run until mean, uncertainty and 95 %% interval are stable"
@@ -110,7 +114,7 @@ def _campaign(
             trajectories=arguments.trajectory,
             estimators=arguments.estimator,
             dtype=arguments.dtype,
-            sampling="collapsed" if arguments.collapsed else "conditioned",
+            sampling="collapsed" if arguments.collapsed else "samples" if arguments.samples else "conditioned",
             checkpoint=checkpoint,
             progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
             **goal,

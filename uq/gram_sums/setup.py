@@ -50,6 +50,9 @@ class Signals(NamedTuple):
     the other functions of :class:`uq.gram_sums.error_maps.Columns`."""
     valid: Float[Array, "*blocks 1200"]
     """1 where every estimator has a derivative, else 0."""
+    displacement: Float[Array, "*blocks degree signals 3 1200"]
+    """What each power of a delay adds to omega and every estimator's alpha
+    (:class:`uq.gram_sums.delayed_omega.DelayedOmega`); degree zero where nothing is delayed."""
 
 
 class Setup(eqx.Module):
@@ -58,6 +61,10 @@ class Setup(eqx.Module):
     body: Body
     platform: Platform
     signals: Signals
+    reach: Float[Array, ""]
+    """Delay by which the powers of ``signals.displacement`` are divided [s]."""
+    rate: Float[Array, ""]
+    """Sample rate [Hz]."""
     sums: Sums
     """Noise-free sums over all elements."""
     other: Float[Array, "elements other"]
@@ -95,7 +102,7 @@ class EqualRotations(eqx.Module):
         """Put set-ups together whose elements, sources and estimators are the same."""
         first, elements = setups[0], len(setups[0].sums.gram)
         rows = [first.signals.noise_free, *(setup.signals.noise_free[:, elements:] for setup in setups[1:])]
-        empty = first.signals._replace(noise_free=jnp.zeros(0), valid=jnp.zeros(0))
+        empty = first.signals._replace(noise_free=jnp.zeros(0), valid=jnp.zeros(0), displacement=jnp.zeros(0))
         return cls(
             tuple(eqx.tree_at(lambda setup: setup.signals, setup, empty) for setup in setups),
             first.signals._replace(noise_free=jnp.concatenate(rows, axis=1)),

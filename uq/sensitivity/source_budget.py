@@ -81,6 +81,8 @@ def budget(
     for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
         setup = prepare_setup(experiment, spec, chosen, dtype=dtype)
+        if not isinstance(setup, AnySetup):  # a budget's cases are not those of the breakdown
+            setup = prepare_setup(experiment, spec, chosen, dtype=dtype, sampling="samples")
         assert isinstance(setup, AnySetup)  # noqa: S101
         twins = twinned(setup)
         report = None if progress is None else lambda done, asked, name=name: progress(f"{name} budget", done, asked)

@@ -16,7 +16,7 @@ from jaxtyping import Array, Complex, Float, Inexact, Key
 
 from uq.sources.distributions import Empirical, Normal
 from uq.sources.quasi_random import values_at
-from uq.sources.random_normals import Index, in_order, normal_pairs, normals
+from uq.sources.random_normals import Index, normal_pairs, normals
 from uq.sources.source import Source
 
 BLOCK = 1200
@@ -132,11 +132,43 @@ def draw_pairs(
     return [_scaled(drawn[s.name], s.sigma) for s in sources]
 
 
-def draw_blocks(
-    sources: Sequence[Source], mixing: Sequence[Mixing], streams: Sequence[Key[Array, ""]], block: Index, dtype: Any
-) -> list[Float[Array, "3 1200"]]:
-    """Return the draws of precision sources for one block of samples of a trial, component first."""
-    return [in_order(pairs) for pairs in draw_pairs(sources, mixing, streams, block, dtype)]
+def noise_at_rest(sources: Sequence[Source], dtype: Any) -> list[Any]:
+    """Return what each source's noise remembers at the run's start, for :func:`noise_of_block`."""
+    return [source.error_kind.noise_at_rest(source, dtype) for source in sources]
+
+
+def noise_of_block(
+    sources: Sequence[Source],
+    mixing: Sequence[Mixing],
+    streams: Sequence[Key[Array, ""]],
+    memory: Sequence[Any],
+    block: Index,
+    rate: Float[Array, ""],
+    dtype: Any,
+) -> tuple[list[Complex[Array, "3 600"]], list[Any]]:
+    """Return one block of every source's noise as :func:`draw_pairs` does, and what the sources remember of it.
+
+    Args:
+        sources: of noise, white or not.
+        mixing: what is correlated.
+        streams: key of each, from :func:`noise_streams`.
+        memory: of each, from the block before; see :meth:`uq.sources.source.ErrorKind.noise_block`.
+        block: number of the block.
+        rate: sample rate [Hz].
+        dtype: of the samples.
+    """
+    white = [(source, stream) for source, stream in zip(sources, streams, strict=True) if source.white]
+    pairs = iter(draw_pairs([s for s, _ in white], mixing, [stream for _, stream in white], block, dtype))
+    drawn, remembered = [], []
+    for source, stream, before in zip(sources, streams, memory, strict=True):
+        if source.white:
+            drawn.append(next(pairs))
+            remembered.append(before)
+            continue
+        noise, after = source.error_kind.noise_block(source, before, stream, block, rate, dtype)
+        drawn.append(jax.lax.complex(noise[:, : BLOCK // 2], noise[:, BLOCK // 2 :]))
+        remembered.append(after)
+    return drawn, remembered
 
 
 def _standard_pairs(source: Source, stream: Key[Array, ""], block: Index, dtype: Any) -> Complex[Array, "3 600"]:

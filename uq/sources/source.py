@@ -114,6 +114,17 @@ class SignalRange(NamedTuple):
     """Whether the source's draws are correlated, among one another or with those of other sources."""
 
 
+class Beside(NamedTuple):
+    """What acts beside a source in one case, as far as a kind must know it to say what sums tell."""
+
+    white: Float[np.ndarray, "3"]
+    """Standard deviation of independent, normal, white noise on the source's signal, axis by axis [SI]."""
+    alike: int
+    """Other sources of this kind on this signal."""
+    remainder: float
+    """What the delayed angular velocity's polynomial leaves out, in parts of the delay's effect."""
+
+
 class ErrorKind:
     """One kind of error on the targets that it can act on.
 
@@ -135,7 +146,9 @@ class ErrorKind:
     white: ClassVar[bool] = False
     """Whether it is noise whose samples are independent, of the source's distribution: what sums can tell of noise."""
     needs_samples: ClassVar[bool] = False
-    """Whether sums over samples do not tell what it does, so that every sample of every case must be computed."""
+    """Whether sums over samples do not tell exactly what it does: only nearly so, or not at all (:meth:`in_sums`)."""
+    in_sums_as: ClassVar[str] = ""
+    """What stands for it where sums tell it nearly, in words."""
     averages_out: ClassVar[bool] = False
     """Whether its effect falls with the length of the run, as noise does."""
     sizes: ClassVar[tuple[str, ...]] = ()
@@ -190,7 +203,7 @@ class ErrorKind:
 
     def resized(self, source: Source, factor: float) -> Source:
         """Return a source whose error is ``factor`` times as large; its expectation stays."""
-        sizes = {name: np.asarray(factor * source.settings[name]) for name in self.sizes}
+        sizes = {name: np.asarray(factor * source.settings[name]) for name in self.sizes if name in source.settings}
         return replace(source, sigma=np.asarray(factor * source.sigma), settings={**source.settings, **sizes})
 
     def value(self, source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -200,10 +213,23 @@ class ErrorKind:
         """
         return draw
 
-    def noise_samples(
-        self, source: Source, key: Key[Array, ""], trial: Index, n: int, rate: Float[Array, ""], dtype: Any
-    ) -> Float[Array, "3 n"]:
-        """Return ``n`` samples of noise that is not white in one trial, at a sample rate [Hz], component first."""
+    def noise_at_rest(self, source: Source, dtype: Any) -> Any:
+        """Return what noise that is not white remembers from block to block, at the run's start: any tree of arrays."""
+        return ()
+
+    def noise_block(
+        self, source: Source, memory: Any, stream: Key[Array, ""], block: Index, rate: Float[Array, ""], dtype: Any
+    ) -> tuple[Float[Array, "3 1200"], Any]:
+        """Return one block of noise that is not white, component first, and what is remembered for the next.
+
+        Args:
+            source: of this kind.
+            memory: from the block before; from :meth:`noise_at_rest` of the first.
+            stream: key of the source's noise in the trial.
+            block: number of the block.
+            rate: sample rate [Hz].
+            dtype: of the samples.
+        """
         raise NotImplementedError(f"{self.name} draws no samples")
 
     def sensed(
@@ -222,6 +248,13 @@ class ErrorKind:
             draws: what constant sources drew in this trial [SI], by name.
         """
         return signal
+
+    def in_sums(self, source: Source, beside: Beside) -> Source | None:
+        """Return a source whose effect sums over samples tell and that stands for this one; None: there is none.
+
+        What stands for a source is the same in every case for which there is something.
+        """
+        return None if self.needs_samples else source
 
     def white_variance(self, source: Source, rate: float) -> Float[np.ndarray, "3"] | None:
         """Return the variance of the white noise that the law takes it for, at a sample rate [Hz]; None: for none."""

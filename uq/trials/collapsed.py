@@ -78,6 +78,7 @@ def collapse(
     estimators: Sequence[Estimator],
     *,
     mixing: Sequence[Mixing] = (),
+    cases: Sequence[Case] | None = None,
 ) -> CollapsedSetup:
     """Return what collapsed trials need of a noise-free motion, in float64.
 
@@ -85,7 +86,7 @@ def collapse(
         ExperimentError: a source whose effect the sums' moments do not hold.
     """
     gyro = _check(sources, mixing)
-    cases = cases_of(sources)
+    cases = tuple(cases or cases_of(sources))
     acting = [tuple(source.name for source in gyro if source.name in case.sources) for case in cases]
     variants = list(dict.fromkeys([(), *acting]))
     squares = {source.name: np.broadcast_to(np.square(np.asarray(source.sigma, float)), 3) for source in gyro}
@@ -110,8 +111,12 @@ def _check(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[Source]:
     white = [source for source in sources if source.white]
     other = [source.name for source in white if not isinstance(source.shape, Normal)]
     columns = Columns.of(sources)
-    if other or perturbed(sources) & OF_THE_GYRO or columns.time or columns.motion:
-        what = f"the noise of {', '.join(other)} is not normal" if other else "a source changes more than offsets"
+    coloured = [source.name for source in sources if source.noise and not source.white]
+    more = perturbed(sources) & {*OF_THE_GYRO, "gyro_delay"} or columns.time or columns.motion
+    if other or coloured or more:
+        what = "a source changes more than offsets"
+        if other or coloured:
+            what = f"the noise of {', '.join(other or coloured)} is not {'normal' if other else 'white'}"
         raise ExperimentError(f"{REFUSED}, since {what}: {INSTEAD}")
     gyro = [source for source in white if source.of_gyro]
     if any(set(mix.names) & {source.name for source in gyro} for mix in mixing):

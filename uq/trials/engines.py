@@ -1,11 +1,13 @@
 """The engines of a trial behind one interface: by sums over blocks, sample by sample, or on Gram sums.
 
-:mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes what sums over samples cannot express,
-:mod:`uq.trials.collapsed` is for white normal noise and offsets alone. Each is held against the trial that
-``docs/reference_trial.py`` spells out.
+:mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes the cases that sums over samples cannot
+express (:mod:`uq.trials.split`), :mod:`uq.trials.collapsed` is for white normal noise and offsets alone. Each is held
+against the trial that ``docs/reference_trial.py`` spells out.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import jax
 from jaxtyping import Array, Int, Key
@@ -14,15 +16,16 @@ from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
 from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Platform
-from uq.gram_sums.setup import EqualRotations, Estimator, Sampling, Setup
+from uq.gram_sums.setup import EqualRotations, Estimator, Sampling, Setup, cases_of
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trials
+from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trials, with_points
 from uq.trials.samplewise import SampledSetup, needs_samples, prepare_samples, sampled_trial
+from uq.trials.split import SplitSetup, first_trial, in_sums
 from uq.trials.trial import TrialEstimates, prepare, trials, trials_of_equal_rotations
 from uq.trials.trial_loop import SEGMENT, Progress, all_trials
 
-AnySetup = Setup | SampledSetup | CollapsedSetup
+AnySetup = Setup | SampledSetup | CollapsedSetup | SplitSetup
 COLLAPSED_BATCH, COLLAPSED_SEGMENT = 1000, 5000
 """Trials that a device computes at a time, and between two reports of progress, when they hold no samples."""
 
@@ -39,20 +42,45 @@ def prepare_any(
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
 ) -> AnySetup:
-    """Return what a trial needs: sums where they express all that the sources do, else every sample.
+    """Return what a trial needs: sums in the cases where they tell what the sources do, else every sample.
 
     Raises:
         ExperimentError: the sums are to be drawn, and their moments do not hold the effect of a source.
     """
-    if sampling == "collapsed" and needs_samples(sources, mixing):
+    usual: dict[str, Any] = {"mixing": mixing, "dtype": dtype}
+    if sampling == "samples":
+        if needs_samples(sources, mixing):
+            return prepare_samples(motion, body, platform, sources, estimators, trajectory=trajectory, **usual)
+        return prepare(motion, body, platform, sources, estimators, sampling=sampling, **usual)
+    told = in_sums(motion, trajectory, sources, mixing)
+    if sampling == "collapsed" and told.sampled:
         raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
-    if needs_samples(sources, mixing):
-        return prepare_samples(
-            motion, body, platform, sources, estimators, trajectory=trajectory, mixing=mixing, dtype=dtype
+    parts: list[Any] = []
+    if told.told and sampling == "collapsed":
+        parts.append(collapse(motion, body, told.sources, estimators, mixing=mixing, cases=told.told))
+    elif told.told:
+        parts.append(
+            prepare(motion, body, platform, told.sources, estimators, cases=told.told, delayed=told.delayed, **usual)
         )
-    if sampling == "collapsed":
-        return collapse(motion, body, sources, estimators, mixing=mixing)
-    return prepare(motion, body, platform, sources, estimators, mixing=mixing, dtype=dtype, sampling=sampling)
+    if len(parts) == 1 and not told.sampled and not told.same:
+        return parts[0]
+    by_samples = [
+        prepare_samples(motion, body, platform, sources, estimators, trajectory=trajectory, cases=cases, **usual)
+        for cases in (told.sampled, told.same)
+        if cases
+    ]
+    same = first_trial(by_samples.pop()) if told.same else TrialEstimates.none(len(estimators))
+    setups = (*parts, *by_samples)
+    places = {case: k for k, case in enumerate([*told.told, *told.sampled, *told.same])}
+    cases = cases_of(sources)
+    return SplitSetup(setups, same, cases, tuple(places[case] for case in cases))
+
+
+def with_sobol_points(setup: AnySetup, trials: int, seed: int) -> AnySetup:
+    """Return the set-up with so many quasi-random trials of what is drawn as sums (:mod:`uq.trials.collapsed`)."""
+    if isinstance(setup, SplitSetup):
+        return replace(setup, parts=tuple(with_sobol_points(part, trials, seed) for part in setup.parts))
+    return with_points(setup, trials, seed) if isinstance(setup, CollapsedSetup) else setup
 
 
 def any_trials(
@@ -61,6 +89,8 @@ def any_trials(
     """Run several trials, for :class:`uq.trials.trial_loop.TrialLoop`."""
     if isinstance(setup, EqualRotations):
         return trials_of_equal_rotations(setup, key, indices, at_once=at_once)
+    if isinstance(setup, SplitSetup):
+        return setup.joined([any_trials(part, key, indices, at_once=at_once) for part in setup.parts], len(indices))
     if isinstance(setup, CollapsedSetup):
         return collapsed_trials(setup, key, indices)
     if isinstance(setup, Setup):
@@ -69,9 +99,28 @@ def any_trials(
     return jax.vmap(by_number)(indices) if at_once else jax.lax.map(by_number, indices)
 
 
+def how_computed(setup: AnySetup, sources: Sequence[Source]) -> dict[str, Any]:
+    """Return what a result says of sources that sums tell only nearly, and of cases that need every sample.
+
+    ``in_sums``: what stands for a source where sums tell it; ``by_samples``: cases computed sample by sample; ``once``:
+    those among them in which nothing is drawn.
+    """
+    parts = setup.parts if isinstance(setup, SplitSetup) else (setup,)
+    in_sums = [part for part in parts if not isinstance(part, SampledSetup)]
+    told = {name for part in in_sums for case in part.cases for name in case.sources}
+    computed = {case.name for part in parts for case in part.cases}
+    said = {
+        "in_sums": {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.needs_samples and s.name in told},
+        "by_samples": [case.name for part in parts if isinstance(part, SampledSetup) for case in part.cases],
+        "once": [case.name for case in setup.cases if case.name not in computed],
+    }
+    return {key: value for key, value in said.items() if value}
+
+
 def segment_for(setup: AnySetup) -> int:
     """Return about how many trials a device does between two reports of progress."""
-    return COLLAPSED_SEGMENT if isinstance(setup, CollapsedSetup) else SEGMENT
+    parts = setup.parts if isinstance(setup, SplitSetup) else [setup]
+    return COLLAPSED_SEGMENT if all(isinstance(part, CollapsedSetup) for part in parts) else SEGMENT
 
 
 def default_batch(device: jax.Device, sampling: Sampling = "conditioned") -> int:

@@ -23,7 +23,8 @@ from identify.signals.differentiate import derivative
 from uq.gram_sums.error_maps import Columns, Platform, gyro_map
 from uq.gram_sums.setup import Case, Estimator, cases_of
 from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
-from uq.sources.draws import BLOCK, Mixing, draw_blocks, draw_constants, noise_streams
+from uq.sources.draws import BLOCK, Mixing, draw_constants, noise_at_rest, noise_of_block, noise_streams
+from uq.sources.random_normals import in_order
 from uq.sources.source import Source
 from uq.trials.trial import TrialEstimates
 
@@ -65,10 +66,14 @@ class Record(NamedTuple):
 
 
 def needs_samples(sources: Sequence[Source], mixing: Sequence[Mixing]) -> bool:
-    """Whether sums over samples cannot express what these sources do, so that signals are computed sample by sample."""
+    """Whether sums over samples tell only nearly what these sources do, or not at all."""
+    return crossed(sources, mixing) or any(s.error_kind.needs_samples for s in sources)
+
+
+def crossed(sources: Sequence[Source], mixing: Sequence[Mixing]) -> bool:
+    """Whether noise of the gyro is correlated with noise of the load cell, which sums over samples do not tell."""
     gyro, cell = ({s.name for s in sources if s.white and s.of_gyro is which} for which in (True, False))
-    crossed = any(gyro & set(mix.names) and cell & set(mix.names) for mix in mixing)
-    return crossed or any(s.error_kind.needs_samples for s in sources)
+    return any(gyro & set(mix.names) and cell & set(mix.names) for mix in mixing)
 
 
 def prepare_samples(
@@ -81,13 +86,14 @@ def prepare_samples(
     trajectory: Trajectory,
     mixing: Sequence[Mixing] = (),
     dtype: str = "float64",
+    cases: Sequence[Case] | None = None,
 ) -> SampledSetup:
-    """Keep every sample of a noise-free motion and its wrench."""
+    """Keep every sample of a noise-free motion and its wrench; ``cases``: None for all of the breakdown."""
     columns = Columns.of(sources)
     wrench = columns.sampled(body, motion)
     return SampledSetup(
         body, platform, trajectory, motion.t, motion.omega, wrench, tuple(sources), tuple(mixing), tuple(estimators),
-        cases_of(sources), columns, np.dtype(dtype),
+        tuple(cases or cases_of(sources)), columns, np.dtype(dtype),
     )  # fmt: skip
 
 
@@ -123,14 +129,15 @@ def smooth_signals(setup: SampledSetup, errors: Errors) -> Record:
 def draw_noise(setup: SampledSetup, key: Key[Array, ""], index: Int[Array, ""]) -> dict[str, Float[Array, "3 n"]]:
     """Return the noise of every noise source of a trial, by name."""
     n = len(setup.t)
-    white = [source for source in setup.sources if source.white]
-    streams = noise_streams(white, key, index)
-    draw = lambda block: draw_blocks(white, setup.mixing, streams, block, setup.dtype)  # noqa: E731
-    blocks = jax.lax.map(draw, jnp.arange(-(-n // BLOCK)))
-    noise = {s.name: b.swapaxes(0, 1).reshape(3, -1)[:, :n] for s, b in zip(white, blocks, strict=True)}
-    others = [source for source in setup.sources if source.noise and not source.white]
-    drawn = {s.name: s.error_kind.noise_samples(s, key, index, n, setup.rate, setup.dtype) for s in others}
-    return noise | drawn
+    sources = [source for source in setup.sources if source.noise]
+    streams = noise_streams(sources, key, index)
+
+    def draw(memory, block):
+        pairs, memory = noise_of_block(sources, setup.mixing, streams, memory, block, setup.rate, setup.dtype)
+        return memory, [in_order(of_source) for of_source in pairs]
+
+    blocks = jax.lax.scan(draw, noise_at_rest(sources, setup.dtype), jnp.arange(-(-n // BLOCK)))[1]
+    return {s.name: b.swapaxes(0, 1).reshape(3, -1)[:, :n] for s, b in zip(sources, blocks, strict=True)}
 
 
 def sensed(setup: SampledSetup, signals: Record, draws: Mapping[str, Array], acting: Sequence[Any] | Array) -> Record:

@@ -14,11 +14,12 @@ normal numbers. Noise of other distributions is always drawn sample by sample.
 
 ``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.collapsed`.
 
-Sources whose effect sums over samples cannot express (delay, saturation, quantisation, coloured noise) need every
-sample:
-:mod:`uq.trials.samplewise`.
+Coloured noise is drawn by sample. A delay of the gyro changes its samples as noise does, by a polynomial in the delay
+(:mod:`uq.gram_sums.delayed_omega`). Cases that sums cannot express (saturation, a coarse quantisation) need every
+sample: :mod:`uq.trials.samplewise`, :mod:`uq.trials.split`.
 """
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
@@ -35,9 +36,11 @@ from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
 from uq.gram_sums.covariance_root import covariance_root
+from uq.gram_sums.delayed_omega import DelayedOmega, displacement
 from uq.gram_sums.error_maps import OF_THE_GYRO, Columns, Platform, changes_of_elements, element_map, true_elements
 from uq.gram_sums.setup import (
     SHARED,
+    Case,
     EqualRotations,
     Estimator,
     Sampling,
@@ -47,10 +50,10 @@ from uq.gram_sums.setup import (
     noisy_count,
 )
 from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
-from uq.sources.distributions import Normal
-from uq.sources.draws import BLOCK, Mixing, draw_constants, draw_pairs, draw_sums, noise_streams
+from uq.sources.draws import BLOCK, Mixing, draw_constants, draw_sums, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.random_normals import joined
 from uq.sources.source import Source
+from uq.trials.trial_plan import Late, Plan, late_of, plan_of
 
 
 class TrialEstimates(NamedTuple):
@@ -60,6 +63,11 @@ class TrialEstimates(NamedTuple):
     """Packed tensors [kg·m²]; NaN where a case could not be solved."""
     ok: Bool[Array, "estimators cases"]
     """Which could."""
+
+    @classmethod
+    def none(cls, estimators: int) -> "TrialEstimates":
+        """Return those of no case."""
+        return cls(jnp.zeros((estimators, 0, 6)), jnp.zeros((estimators, 0), bool))
 
 
 def prepare(
@@ -72,10 +80,14 @@ def prepare(
     mixing: Sequence[Mixing] = (),
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
+    cases: Sequence[Case] | None = None,
+    delayed: DelayedOmega | None = None,
 ) -> Setup:
     """Cut a noise-free motion and its wrench into blocks, with the noise-free sums of every estimator.
 
     By NumPy: it is done once, and its sixty small steps would take JAX longer to compile than the campaign's trials.
+
+    ``cases``: sets of sources that act together, None for all of the breakdown; ``delayed``: where one delays the gyro.
     """
     on_host = jax.tree.map(np.asarray, motion)
     columns = Columns.of(sources)
@@ -89,15 +101,21 @@ def prepare(
     phi = np.concatenate([shared, *alphas, *of_noise]) * valid[None]
     wrench = columns.sampled(jax.tree.map(np.asarray, body), on_host)
     halo = _halo(estimators)
+    delayed = delayed or DelayedOmega(jnp.zeros((0, *omega.shape)), jnp.ones(()), 0.0)
+    powers = delayed.with_alphas(taps)
+    displacements = _blocks(powers.reshape(math.prod(powers.shape[:-1]), len(t)), halo)
+    displacements = displacements.reshape(len(displacements), *powers.shape[:-1], BLOCK)
     signals = Signals(
         jnp.arange(-(-len(t) // BLOCK)),
         jnp.asarray(_blocks(np.concatenate([phi, wrench]).astype(dtype), halo)),
         jnp.asarray(_blocks(valid[None].astype(dtype), halo)[:, 0]),
+        jnp.asarray(displacements.astype(dtype)),
     )
     force, moment, other = map(jnp.asarray, np.split(phi @ wrench.T, (3, 6), axis=1))
     return Setup(
-        body, platform, signals, Sums(jnp.asarray(phi @ phi.T), force, moment), other, tuple(sources), tuple(mixing),
-        tuple(estimators), cases_of(sources), columns, gyro_mapped, np.dtype(dtype), sampling,
+        body, platform, signals, delayed.reach, jnp.asarray((len(t) - 1) / t[-1]),
+        Sums(jnp.asarray(phi @ phi.T), force, moment), other, tuple(sources), tuple(mixing), tuple(estimators),
+        tuple(cases or cases_of(sources)), columns, gyro_mapped, np.dtype(dtype), sampling,
     )  # fmt: skip
 
 
@@ -147,7 +165,7 @@ def trials_of_equal_rotations(
         The estimates, trials leading, then the experiments.
     """
     first = eqx.tree_at(lambda setup: setup.signals, equal.setups[0], equal.signals)
-    plan = _plan(first)
+    plan = plan_of(first)
     drawn = _visit_blocks(first, plan, key, indices, _all_at_once if at_once else _one_by_one)
 
     def solved(index, drawn):
@@ -173,32 +191,6 @@ def _all_at_once(of_trial, room, trials):
     return jax.vmap(lambda trial: of_trial(room, trial)[1])(trials)
 
 
-class _Plan(NamedTuple):
-    """Which draws a setup needs, by its static part."""
-
-    gyro: tuple[Source, ...]
-    """Precision sources of omega."""
-    sampled: tuple[Source, ...]
-    """Precision sources of force and moment that are drawn sample by sample."""
-    conditioned: tuple[Source, ...]
-    """Those whose sums are drawn."""
-    variants: tuple[frozenset[str], ...]
-    """The sets of gyro sources that act together in some case; not the empty one."""
-
-
-def _plan(setup: Setup) -> _Plan:
-    white = [source for source in setup.sources if source.white]
-    gyro = tuple(source for source in white if source.of_gyro)
-    cell = [source for source in white if not source.of_gyro]
-    in_sums = [setup.sampling == "conditioned" and isinstance(source.shape, Normal) for source in cell]
-    names = frozenset(source.name for source in gyro)
-    variants = dict.fromkeys(active for case in setup.cases if (active := case.sources & names))
-    sampled, conditioned = (
-        tuple(s for s, drawn in zip(cell, in_sums, strict=True) if drawn is which) for which in (False, True)
-    )
-    return _Plan(gyro, sampled, conditioned, tuple(variants))
-
-
 class _Drawn(NamedTuple):
     """Sums over one trial. A change is what a variant's gyro noise adds to an element; variant by variant."""
 
@@ -219,35 +211,43 @@ class _Room(NamedTuple):
     """The changes, filled up to the width of a processor's matrix product."""
 
 
-def _visit_blocks(setup: Setup, plan: _Plan, key, indices, over_trials) -> _Drawn:
+def _visit_blocks(setup: Setup, plan: Plan, key, indices, over_trials) -> _Drawn:
     """Scan over the blocks; each trial's last samples of noise are carried over, for derivatives across seams."""
+    groups = plan.gyro, plan.sampled
 
     def of_trial(signals, room, trial):
-        _, drawn, tails = trial
+        late, drawn, tails = trial
         wide = jax.tree.map(lambda tail, pairs: joined([tail, pairs.real, pairs.imag]), tails, drawn)
-        room, sums = _block_sums(setup, plan, signals, room, *wide)
+        room, sums = _block_sums(setup, plan, signals, room, late, *wide)
         return room, (jax.tree.map(lambda noise: noise[:, BLOCK:], wide), sums)
 
-    def of_trials(signals, tails):
+    def of_trials(signals, tails, memory):
         # drawn outside the function that uses them: XLA would draw again for each use
-        drawn = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams)
-        return over_trials(partial(of_trial, signals), _room(setup, signals), (indices, drawn, tails))
+        drawn, memory = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams, memory)
+        tails, sums = over_trials(partial(of_trial, signals), _room(setup, signals), (late, drawn, tails))
+        return tails, memory, sums
 
-    def draw(block, streams):
-        groups = zip((plan.gyro, plan.sampled), streams, strict=True)
-        return [draw_pairs(sources, setup.mixing, keys, block, setup.dtype) for sources, keys in groups]
+    def draw(block, streams, memory):
+        of_group = [
+            noise_of_block(sources, setup.mixing, keys, before, block, setup.rate, setup.dtype)
+            for sources, keys, before in zip(groups, streams, memory, strict=True)
+        ]
+        return [drawn for drawn, _ in of_group], [after for _, after in of_group]
 
     def visit(carry, signals):
-        tails, more = of_trials(signals, carry[0])
-        return (tails, jax.tree.map(lambda total, added: total + added.astype(total.dtype), carry[1], more)), None
+        *noise, more = of_trials(signals, *carry[:-1])
+        return (*noise, jax.tree.map(lambda total, added: total + added.astype(total.dtype), carry[-1], more)), None
 
-    streams = jax.vmap(lambda index: [noise_streams(s, key, index) for s in (plan.gyro, plan.sampled)])(indices)
+    late = jax.vmap(partial(late_of, setup, plan, key))(indices)
+    streams = jax.vmap(lambda index: [noise_streams(s, key, index) for s in groups])(indices)
     halo = _halo(setup.estimators)
     silence = lambda sources, samples: [jnp.zeros((len(indices), 3, samples), setup.dtype) for _ in sources]  # noqa: E731
     tails = [silence(plan.gyro, 2 * halo), silence(plan.sampled, halo)]
+    at_rest = lambda _: [noise_at_rest(sources, setup.dtype) for sources in groups]  # noqa: E731
+    memory = jax.vmap(at_rest)(indices)
     first_block = jax.tree.map(lambda leaf: leaf[0], setup.signals)
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, first_block, tails)[1])
-    return jax.lax.scan(visit, (tails, zero), setup.signals)[0][1]
+    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(of_trials, first_block, tails, memory)[-1])
+    return jax.lax.scan(visit, (tails, memory, zero), setup.signals)[0][-1]
 
 
 def _room(setup: Setup, signals: Signals) -> _Room:
@@ -255,38 +255,46 @@ def _room(setup: Setup, signals: Signals) -> _Room:
     return _Room(signals.noise_free, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
 
 
-def _block_sums(setup: Setup, plan: _Plan, signals: Signals, room: _Room, gyro, cell) -> tuple[_Room, _Drawn]:
+def _block_sums(
+    setup: Setup, plan: Plan, signals: Signals, room: _Room, late: Late, gyro, cell
+) -> tuple[_Room, _Drawn]:
     """Sums of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` with one behind."""
     changed = setup.changed
     cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(noise[:, :BLOCK] for noise in cell)])
     count = changed.stop - changed.start
-    products = [jnp.zeros((0, len(signals.noise_free), count), setup.dtype)]
-    with_cell = [jnp.zeros((0, count, len(cell)), setup.dtype)]
-    for variant in plan.variants:
-        noise = sum(drawn for drawn, source in zip(gyro, plan.gyro, strict=True) if source.name in variant)
-        room = _changed_room(setup, signals, room, noise)
-        products.append((room.half @ room.changes.T)[None, :, :count])
-        with_cell.append((room.changes[:count] @ cell.T)[None])
+    moved = [_moved(setup, noise) for noise in gyro]  # once a source, not once a variant
+    for part, gyro_map in zip(*late, strict=True):
+        delayed = displacement(signals.displacement, part)
+        moved.append(list(gyro_map @ delayed if setup.gyro_mapped else delayed))
+
+    def of_variant(room, acting):
+        still = [jnp.zeros((3, BLOCK), setup.dtype)] * (1 + len(setup.estimators))
+        total = [sum(map(jnp.multiply, acting, added), nothing) for nothing, *added in zip(still, *moved, strict=True)]
+        room = _changed_room(setup, signals, room, total)
+        return room, ((room.half @ room.changes.T)[:, :count], room.changes[:count] @ cell.T)
+
+    room, (products, with_cell) = jax.lax.scan(of_variant, room, plan.acting.astype(setup.dtype))
     of_true = signals.noise_free[: changed.stop] @ cell.T
-    return room, _Drawn(jnp.concatenate(products), of_true, jnp.concatenate(with_cell))
+    return room, _Drawn(products, of_true, with_cell)
 
 
-def _changed_room(setup: Setup, signals: Signals, room: _Room, noise) -> _Room:
+def _moved(setup: Setup, noise) -> list[Array]:
+    """What noise in omega (3, halo + block + halo) adds to omega and to every estimator's alpha: linear in it."""
+    halo = _halo(setup.estimators)
+    taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
+    alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
+    return [noise[:, halo : halo + BLOCK], *alphas]
+
+
+def _changed_room(setup: Setup, signals: Signals, room: _Room, moved) -> _Room:
     """Write what noise changes, group by group in its place, which XLA turns into fast loops on a CPU."""
     changes, start = room.changes, 0
-    for change in _changes(setup, signals.noise_free, noise):
+    omega, *alphas = moved
+    for change in (*changes_of_elements(signals.noise_free, omega, gyro_mapped=setup.gyro_mapped), *alphas):
         changes = jax.lax.dynamic_update_slice_in_dim(changes, change * signals.valid[None], start, 0)
         start += len(change)
     half = signals.noise_free[setup.changed] + changes[:start] / 2
     return _Room(jax.lax.dynamic_update_slice_in_dim(room.half, half, setup.changed.start, 0), changes)
-
-
-def _changes(setup: Setup, true, noise) -> list[Array]:
-    """What noise in omega (3, halo + block + halo) adds to the elements that it changes, group by group."""
-    halo = _halo(setup.estimators)
-    taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
-    alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
-    return [*changes_of_elements(true, noise[:, halo : halo + BLOCK], gyro_mapped=setup.gyro_mapped), *alphas]
 
 
 class _AllSums(NamedTuple):
@@ -298,7 +306,7 @@ class _AllSums(NamedTuple):
     """With the load cell's noise, first of the sources drawn by sample, then of those whose sums are drawn."""
 
 
-def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
+def _all_sums(setup: Setup, plan: Plan, drawn: _Drawn, key, index) -> _AllSums:
     """Add to the true sums what noise changes; Gram sums are drawn from the same normal numbers in every variant."""
     first, elements = setup.changed.start, setup.changed.stop
     change = jnp.pad(drawn.products[:, :elements], ((1, 0), (0, 0), (first, 0)))
@@ -312,11 +320,11 @@ def _all_sums(setup: Setup, plan: _Plan, drawn: _Drawn, key, index) -> _AllSums:
     return _AllSums(gram, wrench, jnp.concatenate(noise, axis=2).reshape(*gram.shape[:2], -1, 3))
 
 
-def _problems(setup: Setup, plan: _Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
+def _problems(setup: Setup, plan: Plan, errors: Errors, sums: _AllSums) -> tuple[Sums, Array]:
     """The sums, (estimators, cases, …), and the believed centre of gravity, (cases, 3)."""
-    cell, gyro = (*plan.sampled, *plan.conditioned), frozenset(source.name for source in plan.gyro)
+    cell = (*plan.sampled, *plan.conditioned)
     on = [[[float(s.name in case.sources and s.signal == k) for k in (0, 1)] for s in cell] for case in setup.cases]
-    variant = np.array([(frozenset(), *plan.variants).index(case.sources & gyro) for case in setup.cases])
+    variant = np.array(plan.of_case)
 
     def of_case(errors, on, sums):
         noise = jnp.einsum("akj,kt->atj", sums.noise, on).reshape(-1, 6)

@@ -12,12 +12,14 @@ from scipy import stats
 from tests.source_lab import any_trial, experiment, least_squares, simulated, source
 from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
+from uq.campaign.trial_setup import fitted_estimators, platform_of, prepare_setup, true_motion
 from uq.gram_sums.setup import Setup
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
 from uq.trials.samplewise import SampledSetup, prepare_samples, smooth_signals
+from uq.trials.split import in_sums
+from uq.trials.trial import prepare
 
 THREE = {
     "N": ["1 N", "-2 N", "3 N"], "N*m": ["0.1 N*m", "-0.2 N*m", "0.3 N*m"], "rad/s": ["1 mrad/s", "-2 mrad/s", "3 mrad/s"],
@@ -83,15 +85,10 @@ one_trial = eqx.filter_jit(any_trial)  # one for all tests: setups that differ i
 def setups(e):
     """What a trial needs, by samples."""
     spec = e.trajectories["T"]
-    fitted = prepare_setup(e, spec, e.estimators).estimators
+    motion = true_motion(e, spec)
+    fitted = fitted_estimators(e.estimators, spec, len(motion.t))
     return prepare_samples(
-        true_motion(e, spec),
-        e.body,
-        platform_of(e, spec),
-        e.sources,
-        fitted,
-        trajectory=spec.trajectory,
-        mixing=e.mixing,
+        motion, e.body, platform_of(e, spec), e.sources, fitted, trajectory=spec.trajectory, mixing=e.mixing
     )
 
 
@@ -227,19 +224,12 @@ DRAWN = [
 def both_ways(e, trial_number, **options):
     """The estimates of one trial from sums, and sample by sample."""
     spec = e.trajectories["T"]
-    dtype = options.get("dtype", "float64")
-    setup = prepare_setup(e, spec, e.estimators, sampling=options.get("sampling", "samples"), dtype=dtype)
-    assert isinstance(setup, Setup)
-    plain = prepare_samples(
-        true_motion(e, spec),
-        e.body,
-        platform_of(e, spec),
-        e.sources,
-        setup.estimators,
-        trajectory=spec.trajectory,
-        mixing=e.mixing,
-        dtype=dtype,
-    )
+    motion = true_motion(e, spec)
+    usual = {"mixing": e.mixing, "dtype": options.get("dtype", "float64")}
+    given = motion, e.body, platform_of(e, spec), e.sources, fitted_estimators(e.estimators, spec, len(motion.t))
+    delayed = in_sums(motion, spec.trajectory, e.sources, e.mixing).delayed
+    setup = prepare(*given, sampling=options.get("sampling", "samples"), delayed=delayed, **usual)
+    plain = prepare_samples(*given, trajectory=spec.trajectory, **usual)
     number = jnp.asarray(trial_number)
     return tuple(np.asarray(one_trial(one, jax.random.key(3), number).inertia) for one in (setup, plain))
 
@@ -266,6 +256,24 @@ def test_sums_and_samples_agree_over_the_seams_of_blocks(dtype):
     mapped = [s for s in DRAWN if s["kind"] in ("scale", "drift") and s["target"] == "omega"]
     of_sums, of_samples = both_ways(experiment(NOISY[0], NOISY[2], *mapped, duration="41 s"), 1, dtype=dtype)
     np.testing.assert_allclose(of_sums, of_samples, atol={"float64": 2e-11, "float32": 1e-5}[dtype])
+
+
+LATE_AND_COLOURED = [
+    source("late", "omega", "delay", mean="2 ms", sigma="3 ms"),
+    source("later", "omega", "delay", sigma="1 ms"),
+    source("w_coloured", "omega", "coloured", flicker=["1 mrad/s"] * 3, random_walk=["1 mrad/s/s**0.5"] * 3),
+    source("F_coloured", "F", "coloured", white=["0.1 N*s**0.5"] * 3, flicker=["1 N"] * 3),
+]
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_delay_and_coloured_noise_in_sums_are_those_of_samples(mapped):
+    """Over the seams of blocks, beside other noise, through the gyro's scale; the delay's polynomial is off by 2e-8."""
+    mapped_errors = [s for s in DRAWN if s["kind"] in ("scale", "drift") and s["target"] == "omega" and mapped]
+    e = experiment(NOISY[0], NOISY[2], *LATE_AND_COLOURED, *mapped_errors, duration="41 s")
+    of_sums, of_samples = both_ways(e, 1)
+    assert np.ptp(of_samples[0], axis=0).min() > 1e-4  # the cases differ
+    np.testing.assert_allclose(of_sums, of_samples, atol=1e-9)
 
 
 def test_noise_of_other_distributions_is_drawn_by_sample_also_when_conditioned():
@@ -304,13 +312,11 @@ def test_drawn_sums_beside_two_sources_of_the_gyro_are_the_same_in_either_precis
     np.testing.assert_allclose(one.inertia, two.inertia, atol=1e-5)
 
 
-def test_what_needs_samples_gets_them_and_the_result_says_so():
-    e = experiment(NOISY[0], source("q", "F", "quantisation", step=["1 N"] * 3))
-    assert isinstance(prepare_setup(e, e.trajectories["T"], e.estimators), SampledSetup)
-    assert montecarlo(e, trials=2).provenance["sampling"] == "samples"
+def test_noise_that_is_correlated_between_gyro_and_load_cell_gets_samples():
     crossed = experiment(NOISY[0], NOISY[2], correlations=[{"sources": ["F_noise", "w_noise"], "coefficient": 0.5}])
-    assert isinstance(prepare_setup(crossed, crossed.trajectories["T"], crossed.estimators), SampledSetup)
-    assert isinstance(prepare_setup(experiment(NOISY[0]), e.trajectories["T"], e.estimators), Setup)
+    setup = prepare_setup(crossed, crossed.trajectories["T"], crossed.estimators)
+    assert [case.name for part in setup.parts if isinstance(part, SampledSetup) for case in part.cases] == ["total"]
+    assert isinstance(prepare_setup(experiment(NOISY[0]), crossed.trajectories["T"], crossed.estimators), Setup)
 
 
 def test_samples_in_float32_agree_and_numbers_do_not_compile_again():

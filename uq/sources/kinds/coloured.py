@@ -4,8 +4,9 @@ With the two-sided spectrum ``N² + B² / (2π f) + K² / (2π f)²`` of IEEE St
 averaging time τ is ``N²/τ + (2 ln 2/π) B² + K² τ/3``.
 """
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 
 from rig.toml_tables import WrongKeyError
-from uq.sources.draws import BLOCK, block_key, stream_number
-from uq.sources.random_normals import Index
+from uq.sources.draws import BLOCK
+from uq.sources.random_normals import Index, in_order, normal_pairs
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
 from uq.sources.source_figures import figures
 
@@ -24,13 +25,21 @@ UNITS = ("{}*s**0.5", "{}", "{}/s**0.5")
 """Of the parameters, from the signal's."""
 
 
+class Memory(NamedTuple):
+    """What the noise remembers from block to block."""
+
+    processes: Float[Array, "3 processes"]
+    """Of flicker: the first-order processes at the last sample."""
+    walk: Float[Array, "3"]
+    """Of the random walk: its sum."""
+
+
 class Coloured(ErrorKind):
     """Adds noise with these Allan parameters; flicker and random walk start from zero at the run's start."""
 
     name = "coloured"
     targets = SIGNAL_UNITS
     noise = True
-    needs_samples = True
     averages_out = True
     sizes = PARAMETERS
 
@@ -41,48 +50,97 @@ class Coloured(ErrorKind):
         return dict(zip(PARAMETERS, stated, strict=True))
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """Return the three parameters, zero where one is not stated."""
-        if all(keys[name] is None for name in PARAMETERS):
+        """Return the parameters that are stated: nothing is drawn for the others."""
+        stated = {name: keys[name] for name in PARAMETERS if keys[name] is not None}
+        if not stated:
             raise WrongKeyError("white", f"give {', '.join(PARAMETERS)} or some of them")
-        return {name: np.zeros(3) if keys[name] is None else keys[name] for name in PARAMETERS}
+        return stated
 
-    def noise_samples(
-        self, source: Source, key: Key[Array, ""], trial: Index, n: int, rate: Float[Array, ""], dtype: Any
-    ) -> Float[Array, "3 n"]:
-        """Return ``n`` samples in one trial, at a sample rate [Hz], component first."""
-        drawn = [_white(source, key, trial, n, number, dtype) for number in range(len(PARAMETERS))]
-        n_, b, k = (jnp.asarray(source.settings[name])[:, None] for name in PARAMETERS)
-        root = jnp.sqrt(rate)
-        white, flicker, walk = drawn[0], pink(drawn[1]), jnp.cumsum(drawn[2], axis=1)
-        return (n_ * root).astype(dtype) * white + b.astype(dtype) * flicker + (k / root).astype(dtype) * walk
+    def noise_at_rest(self, source: Source, dtype: Any) -> Memory:
+        """Return the memory of the run's start."""
+        return Memory(jnp.zeros((3, len(DECAYS)), dtype), jnp.zeros(3, dtype))
+
+    def noise_block(
+        self, source: Source, memory: Memory, stream: Key[Array, ""], block: Index, rate: Float[Array, ""], dtype: Any
+    ) -> tuple[Float[Array, "3 1200"], Memory]:
+        """Return the sum of the parts that are stated."""
+        total, (processes, walk) = jnp.zeros((3, BLOCK), dtype), memory
+        figure = {name: jnp.asarray(value)[:, None] for name, value in source.settings.items()}
+        if "white" in figure:
+            total = total + (figure["white"] * jnp.sqrt(rate)).astype(dtype) * _white(stream, block, 0, dtype)
+        if "flicker" in figure:
+            pink, processes = pink_block(_white(stream, block, 1, dtype), processes)
+            total = total + figure["flicker"].astype(dtype) * pink
+        if "random_walk" in figure:
+            sums = walk[:, None] + jnp.cumsum(_white(stream, block, 2, dtype), axis=1)
+            total, walk = total + (figure["random_walk"] / jnp.sqrt(rate)).astype(dtype) * sums, sums[:, -1]
+        return total, Memory(processes, walk)
 
     def white_variance(self, source: Source, rate: float) -> np.ndarray:
         """Return the variance of its white part."""
-        return np.square(source.settings["white"]) * rate
+        return np.square(source.settings.get("white", np.zeros(3))) * rate
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that flicker and random walk are not white."""
-        coloured = any(np.any(source.settings[name]) for name in PARAMETERS[1:])
+        coloured = any(np.any(source.settings.get(name, 0)) for name in PARAMETERS[1:])
         return "is noise that is not white, which the law does not take" if coloured else None
 
 
-def _white(source: Source, key: Key[Array, ""], trial: Index, n: int, number: int, dtype: Any) -> Float[Array, "3 n"]:
+def _white(stream: Key[Array, ""], block: Index, number: int, dtype: Any) -> Float[Array, "3 1200"]:
     """Standard normal samples, block by block as all draws."""
-    stream = stream_number(source.name)
-    of_block = lambda block: jax.random.fold_in(block_key(stream, key, trial, block), number)  # noqa: E731
-    draw = lambda block: jax.random.normal(of_block(block), (3, BLOCK), dtype)  # noqa: E731
-    blocks = jax.lax.map(draw, jnp.arange(-(-n // BLOCK)))
-    return blocks.swapaxes(0, 1).reshape(3, -1)[:, :n]
+    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, BLOCK // 2), axis) for axis in (0, 1))
+    place = row * jnp.uint32(BLOCK // 2) + column
+    pairs = jax.lax.optimization_barrier(normal_pairs(jax.random.fold_in(stream, number), block, place, dtype))
+    return in_order(pairs)
 
 
-def pink(white: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
-    """Return flicker noise of B = 1 from white noise of unit variance: half an integration, from rest.
+def pink_response(lags: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Return how flicker noise of B = 1 answers an impulse of white noise: half an integration, from rest.
 
-    The filter ``(1 - z⁻¹)^(-1/2)`` of Kasdin (doi:10.1109/5.381848), whose response to an impulse at lag k is
-    ``∏ (j - 1/2) / j``, j = 1 … k; its spectrum is ``1 / (2π f)`` well below the sample rate.
+    The filter ``(1 - z⁻¹)^(-1/2)`` of Kasdin (doi:10.1109/5.381848), whose response at lag k is ``∏ (j - 1/2) / j``,
+    j = 1 … k; its spectrum is ``1 / (2π f)`` well below the sample rate.
     """
-    n = white.shape[1]
-    lags = np.arange(1, n)
-    response = jnp.asarray(np.concatenate([[1.0], np.cumprod((lags - 0.5) / lags)]), white.dtype)
-    size = 1 << (2 * n - 1).bit_length()
-    return jnp.fft.irfft(jnp.fft.rfft(white, size) * jnp.fft.rfft(response, size)[None], size)[:, :n]
+    return np.exp([math.lgamma(k + 0.5) - math.lgamma(k + 1) - math.lgamma(0.5) for k in lags])
+
+
+LONGEST = 2**24
+"""Lag up to which the first-order processes stand for the response: 11 hours at 400 Hz."""
+
+
+def _processes() -> tuple[np.ndarray, np.ndarray]:
+    """Decays of first-order processes, a sample, and weights with which they add up to the response from lag 1 on.
+
+    Decay times in a geometric series; weights by least squares of the relative error, which is 3e-6 at most.
+    """
+    rates = np.exp(np.arange(math.log(4), math.log(0.2 / LONGEST), -0.7))
+    lags = np.unique(np.round(np.concatenate([np.arange(1.0, 200), np.geomspace(200, LONGEST, 1500)])))
+    each = np.exp(-np.outer(lags - 1, rates)) / pink_response(lags)[:, None]
+    return np.exp(-rates), np.linalg.lstsq(each, np.ones(len(lags)), rcond=None)[0]
+
+
+DECAYS, WEIGHTS = _processes()
+PIECE = 60
+"""Samples within which the response is taken as it is; what came before enters by the processes."""
+
+
+def pink_block(
+    white: Float[Array, "3 1200"], processes: Float[Array, "3 processes"]
+) -> tuple[Float[Array, "3 1200"], Float[Array, "3 processes"]]:
+    """Return a block of flicker noise of B = 1 from white noise of unit variance, and the processes after it.
+
+    Args:
+        white: of this block.
+        processes: at the last sample of the block before, zero at the run's start.
+    """
+    dtype, pieces = white.dtype, BLOCK // PIECE
+    within, ages = np.subtract.outer(np.arange(PIECE), np.arange(PIECE)), np.arange(PIECE)
+    response = np.where(within >= 0, pink_response(np.arange(float(PIECE)))[np.abs(within)], 0)
+    fresh = DECAYS[:, None] ** ages[::-1]  # of a piece's samples in the processes at its end
+    after = WEIGHTS * DECAYS ** ages[:, None]  # of the processes before a piece in its samples
+    since = np.subtract.outer(np.arange(pieces + 1), np.arange(pieces + 1))
+    passed = np.where(since >= 0, DECAYS[:, None, None] ** (PIECE * np.maximum(since, 0)), 0)
+    samples = white.reshape(3, pieces, PIECE)
+    added = jnp.concatenate([processes[:, None], samples @ fresh.T.astype(dtype)], axis=1)
+    states = jnp.einsum("mij,cjm->cim", passed.astype(dtype), added)
+    pink = samples @ response.T.astype(dtype) + states[:, :-1] @ after.T.astype(dtype)
+    return pink.reshape(3, BLOCK), states[:, -1]

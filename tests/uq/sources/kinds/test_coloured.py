@@ -10,7 +10,9 @@ import pytest
 
 from tests.source_lab import draw_block, experiment, simulated, source
 from uq.campaign.simulation import simulate
-from uq.sources.kinds.coloured import pink
+from uq.sources.draws import BLOCK, noise_at_rest, noise_of_block, noise_streams
+from uq.sources.kinds.coloured import DECAYS, LONGEST, WEIGHTS, pink_block, pink_response
+from uq.sources.random_normals import in_order
 
 RATE, SAMPLES = 100.0, 200_000
 
@@ -25,7 +27,14 @@ def allan_deviation(signal, taus):
 
 @eqx.filter_jit
 def draw(source, key, trial, n):
-    return source.error_kind.noise_samples(source, key, trial, n, jnp.asarray(RATE), jnp.dtype(float))
+    streams, dtype = noise_streams([source], key, trial), jnp.dtype(float)
+
+    def block(memory, number):
+        pairs, memory = noise_of_block([source], (), streams, memory, number, jnp.asarray(RATE), dtype)
+        return memory, in_order(pairs[0])
+
+    blocks = jax.lax.scan(block, noise_at_rest([source], dtype), jnp.arange(-(-n // BLOCK)))[1]
+    return blocks.swapaxes(0, 1).reshape(3, -1)[:, :n]
 
 
 def drawn(source, seed, trial, n):
@@ -68,9 +77,23 @@ def test_white_noise_alone_is_white(generator):
     assert np.abs(lags).max() < 5 / np.sqrt(SAMPLES)
 
 
-def test_half_an_integration_twice_is_an_integration(generator):
-    white = jnp.asarray(generator.normal(size=(3, 500)))
-    np.testing.assert_allclose(pink(pink(white)), jnp.cumsum(white, axis=1), atol=1e-12)
+def test_blocks_of_flicker_are_one_convolution(generator):
+    """Kasdin's filter by its recursion, term by term, over the seams of pieces and blocks."""
+    white = generator.normal(size=(3, 4 * BLOCK))
+    response = np.cumprod(np.concatenate([[1.0], (np.arange(1, 4 * BLOCK) - 0.5) / np.arange(1, 4 * BLOCK)]))
+    expected = [np.convolve(row, response)[: 4 * BLOCK] for row in white]
+    blocks = jnp.asarray(white.reshape(3, 4, BLOCK).swapaxes(0, 1))
+    step = lambda memory, block: pink_block(block, memory)[::-1]  # noqa: E731
+    pink = jax.lax.scan(step, jnp.zeros((3, len(DECAYS))), blocks)[1].swapaxes(0, 1).reshape(3, -1)
+    np.testing.assert_allclose(pink, expected, atol=3e-5)  # 3e-6 of each of the terms, that add up to some 10
+
+
+def test_first_order_processes_are_half_an_integration_at_every_lag():
+    """Also between the lags that were fitted; far out the response is 1/√(π k) (Stirling)."""
+    lags = np.unique(np.round(np.geomspace(1, LONGEST, 4000)))
+    added = np.exp(np.outer(lags - 1, np.log(DECAYS))) @ WEIGHTS
+    np.testing.assert_allclose(added, pink_response(lags), rtol=4e-6)
+    np.testing.assert_allclose(pink_response(lags[-1:]), 1 / np.sqrt(np.pi * lags[-1:]), rtol=1e-6)
 
 
 def test_draws_are_keyed_by_block_and_depend_on_nothing_else():
