@@ -1,5 +1,39 @@
-"""The one exception of this package."""
+"""The one exception of this package, and how messages repeat what a user has written."""
+
+from collections.abc import Iterable
+
+ECHO = 60
+"""The most characters of a value that a message repeats."""
 
 
 class RigError(ValueError):
     """A user's mistake or a fault of a file or device, in one line: ``<what> <where>: <what to do>``."""
+
+
+def quoted(value: object) -> str:
+    """Return what was written as a message repeats it: one line, text in quotes, of a long one both ends."""
+    try:
+        text = repr(value[: 2 * ECHO] + value[-ECHO:] if isinstance(value, str) and len(value) > 4 * ECHO else value)
+    except ValueError:  # a whole number of more digits than Python writes
+        return "a number of thousands of digits"
+    half = (ECHO - 1) // 2
+    return text if len(text) <= ECHO else f"{text[: ECHO - 1 - half]}…{text[-half:]}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names with commas between them, of many the first ones and how many more there are."""
+    all_names = [name if _plain(name) else quoted(name) for name in names]
+    shown = list(all_names)
+    while len(", ".join(shown)) > ECHO and len(shown) > 1:
+        shown.pop()
+    more = f" and {len(all_names) - len(shown)} more" if len(shown) < len(all_names) else ""
+    return ", ".join(shown) + more
+
+
+def on_one_line(text: str) -> str:
+    """Return a text with control characters written out, such as a line feed in the name of a file."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def _plain(name: str) -> bool:
+    return name.isprintable() and len(name) <= ECHO

@@ -5,6 +5,7 @@ the JSON Schema of the whole are msgspec's. The walk over the tables is ours: :f
 of a mapping ``[...]`` and those of an array by number, where our messages name them, and it converts no units.
 """
 
+import difflib
 import math
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -13,9 +14,15 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
+from rig.exceptions import ECHO, listed, quoted
+
 T = TypeVar("T", bound="TomlTable")
 LARGEST = 1_000_000
 """Largest whole number that a file may hold."""
+LONGEST = 10_000
+"""Most characters of a text."""
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
+"""What results, messages and files call something."""
 NAMES = {str: "a string", int: "a whole number", bool: "true or false", float: "a finite number"}
 COUNTS = {2: "two", 3: "three"}
 
@@ -44,7 +51,7 @@ class WrongKeyError(ValueError):
             return f"{where} {self.advice}".lstrip()
         if self.problem is None and self.key not in raw:
             return f"missing key {path}: {self.advice}"
-        problem = self.problem or f"is {raw[self.key]!r}"
+        problem = self.problem or f"is {quoted(raw[self.key])}"
         return f"{path} {problem}: {self.advice}" if self.advice else f"{path} {problem}"
 
 
@@ -82,7 +89,7 @@ def read_table(where: str, raw: object, table: type[T]) -> T:
         TomlError: a key is missing or unknown, or a value is none that it may have.
     """
     if not isinstance(raw, Mapping):
-        raise TomlError(f"{where} is {raw!r}: write a table")
+        raise TomlError(f"{where} is {quoted(raw)}: write a table")
     types, values = _types(table), {}
     for field in msgspec.structs.fields(table):
         path = _path(where, field.encode_name)
@@ -110,7 +117,10 @@ def _path(where: str, key: str) -> str:
 
 def _refuse_unknown(where: str, raw: Mapping[str, Any], keys: tuple[str, ...]) -> None:
     if unknown := sorted(set(raw) - set(keys)):
-        raise TomlError(f"unknown key {_path(where, unknown[0])}: the keys here are {', '.join(sorted(keys))}")
+        name = unknown[0] if len(unknown[0]) <= ECHO and unknown[0].isprintable() else quoted(unknown[0])
+        close = difflib.get_close_matches(unknown[0][:ECHO], keys, 1)
+        nearest = f"did you mean {close[0]}? " if close else ""
+        raise TomlError(f"unknown key {_path(where, name)}: {nearest}the keys here are {listed(sorted(keys))}")
 
 
 def read_value(path: str, raw: object, hint: Any) -> Any:
@@ -129,10 +139,12 @@ def read_value(path: str, raw: object, hint: Any) -> Any:
         return _items(path, raw, plain)
     if get_origin(plain) is Mapping:
         if not isinstance(raw, Mapping):
-            raise TomlError(f"{path} is {raw!r}: write a table")
+            raise TomlError(f"{path} is {quoted(raw)}: write a table")
         of_key, of_value = get_args(plain)
         if get_origin(of_key) is Literal:
             _refuse_unknown(path, raw, get_args(of_key))
+        for key in raw:
+            read_value(f"a name in {path}", key, Name)
         return {key: read_value(f"{path}.{key}", item, of_value) for key, item in raw.items()}
     return _plain(path, raw, hint, plain)
 
@@ -170,12 +182,14 @@ def _items(path: str, raw: object, hint: Any) -> Any:
     if types[-1] is Ellipsis:
         if not isinstance(raw, list):
             several = (
-                f"is a table: write [[{path}]], one for each" if _tables(types[0]) else f"is {raw!r}: write a list"
+                f"is a table: write [[{path}]], one for each"
+                if _tables(types[0])
+                else f"is {quoted(raw)}: write a list"
             )
             raise TomlError(f"{path} {several}")
         return tuple(read_value(f"{path}[{_label(i, item)}]", item, types[0]) for i, item in enumerate(raw))
     if not isinstance(raw, list) or len(raw) != len(types):
-        raise TomlError(f"{path} is {raw!r}: write {_count(types)}")
+        raise TomlError(f"{path} is {quoted(raw)}: write {_count(types)}")
     return tuple(
         read_value(f"{path}[{i}]", item, item_type) for i, (item, item_type) in enumerate(zip(raw, types, strict=True))
     )
@@ -196,7 +210,7 @@ def _tables(hint: Any) -> list[type[TomlTable]]:
 
 def _label(index: int, item: object) -> str:
     name = item.get("name") if isinstance(item, Mapping) else None
-    return name if isinstance(name, str) else str(index)
+    return name if isinstance(name, str) and name.isprintable() and len(name) <= ECHO else str(index)
 
 
 def _plain(path: str, raw: object, hint: Any, plain: Any) -> Any:
@@ -208,14 +222,23 @@ def _plain(path: str, raw: object, hint: Any, plain: Any) -> Any:
     except (msgspec.ValidationError, OverflowError):
         value = math.nan
     if isinstance(value, float) and not math.isfinite(value):
-        raise TomlError(f"{path} is {raw!r}: {_advice(hint, plain)}")
+        raise TomlError(f"{path} is {quoted(raw)}: {_advice(hint, plain)}")
+    if isinstance(value, str) and (len(value) > LONGEST or not _one_line(value, hint).isprintable()):
+        raise TomlError(f"{path} is {quoted(raw)}: write a text without control characters, of {LONGEST:,} at most")
     return value
+
+
+def _one_line(text: str, hint: Any) -> str:
+    """A text without its line feeds and tabs, which no name may have."""
+    return text if hint is Name else "".join(text.split())
 
 
 def _advice(hint: Any, plain: Any) -> str:
     if get_origin(plain) is Literal:
-        return f"choose one of {', '.join(get_args(plain))}"
+        return f"choose one of {listed(get_args(plain))}"
     for meta in getattr(hint, "__metadata__", ()):
+        if meta.max_length is not None:
+            return f"write {meta.min_length} to {meta.max_length} characters, none of them a control character"
         if meta.ge is not None:
             return f"write a number from {meta.ge:g} to {meta.le:g}"
     return f"write {NAMES[plain]}"

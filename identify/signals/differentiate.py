@@ -11,6 +11,8 @@ from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array
 
+LONGEST = 50_000
+"""Most taps of a matched differentiator."""
 GAIN_TOLERANCE = 1e-4
 """Largest departure of a matched differentiator's gain from jω over the motion's band."""
 
@@ -53,6 +55,10 @@ def worst_gain(taps: np.ndarray, rate: float, band: float) -> float:
     return float(np.max(np.abs(gain(taps, rate, np.linspace(band / 200, band, 200)) - 1)))
 
 
+def _keeps_gain(rate: float, half: int, order: int, band: float) -> bool:
+    return worst_gain(savitzky_golay(rate, 2 * half + 1, order), rate, band) <= GAIN_TOLERANCE
+
+
 @functools.cache
 def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
     """Return the longest Savitzky–Golay differentiator that keeps its gain within 1e-4 of jω over the band.
@@ -63,20 +69,23 @@ def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
         order: degree of the polynomial.
 
     Raises:
-        ValueError: the rate is too low for any smoothing at this band.
+        ValueError: the rate is too low for any smoothing at this band, or so high that no window is long enough.
     """
-    shortest = order + 1 + order % 2
-    best = None
-    for window in range(shortest, 100_001, 2):
-        taps = savitzky_golay(rate, window, order)
-        if worst_gain(taps, rate, band) > GAIN_TOLERANCE:
-            break
-        best = taps
-    if best is None:
+    good = (order + 1 + order % 2) // 2  # half windows
+    if not _keeps_gain(rate, good, order, band):
         raise ValueError(
             f"Argument `rate` must be high enough to differentiate a motion of {band:g} Hz within {GAIN_TOLERANCE:g}, "
             f"but is {rate:g} Hz."
         )
+    bad = 2 * good
+    while _keeps_gain(rate, bad, order, band):
+        good, bad = bad, 2 * bad
+        if good > LONGEST:
+            raise ValueError(f"Argument `band` must be within a factor of {LONGEST:,} of the rate, but is {band:g} Hz.")
+    while bad - good > 1:  # a longer window has always the larger error, up to the first that is too long
+        middle = (good + bad) // 2
+        good, bad = (middle, bad) if _keeps_gain(rate, middle, order, band) else (good, middle)
+    best = savitzky_golay(rate, 2 * good + 1, order)
     best.flags.writeable = False  # all callers share it
     return best
 

@@ -6,6 +6,8 @@ from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array
 
+LONGEST = 10_000_000
+"""Taps of a low-pass on either side of its middle, at most."""
 ATTENUATION = 100.0
 """Of the low-pass that brings unequal rates together [dB]."""
 
@@ -14,8 +16,13 @@ def gaussian(rate: float, cutoff: float) -> np.ndarray:
     """Return the taps of a Gaussian low-pass: unit gain at rest, -3 dB at ``cutoff`` [Hz], cut at four σ.
 
     A Gaussian never rings and is the shortest filter for its bandwidth, so that a short run loses least at its ends.
+
+    Raises:
+        ValueError: a cut-off so low that the filter would have millions of taps.
     """
     sigma = np.sqrt(np.log(2)) / (2 * np.pi * cutoff)
+    if not 4 * sigma * rate < LONGEST:
+        raise ValueError(f"a low-pass of {cutoff:g} Hz is longer than any run: give a higher cut-off")
     half = int(np.ceil(4 * sigma * rate))
     taps = np.exp(-0.5 * (np.arange(-half, half + 1) / (sigma * rate)) ** 2)
     return taps / taps.sum()

@@ -7,7 +7,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from rig.devices.base import Device
-from rig.exceptions import RigError
+from rig.exceptions import RigError, quoted
 
 SHARED = ("base", "checksums", "conversation", "parser")
 """Modules here that are no device."""
@@ -27,7 +27,7 @@ def device_class(kind: str) -> type[Device]:
         RigError: the kind is unknown.
     """
     if kind not in kinds():
-        raise RigError(f"unknown device kind '{kind}': choose one of {', '.join(kinds())}")
+        raise RigError(f"unknown device kind {quoted(kind)}: choose one of {', '.join(kinds())}")
     module = import_module(f"{__name__}.{kind.replace('-', '_')}")
     classes = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
     return next(item for item in classes if issubclass(item, Device))

@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.rigid_body.rotation import from_axes
 from identify.rigid_body.solids import Part, Solid, composite, cuboid, cylinder, sphere
+from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.experiment.rotation_key import ROTATION
 from uq.files.document import ExperimentError
@@ -230,7 +231,9 @@ def _mass(
     elif table.material is None:
         return None
     elif table.material not in material:
-        raise ExperimentError(f"unknown {where}.material {table.material!r}: one of {', '.join(material) or 'none'}")
+        raise ExperimentError(
+            f"unknown {where}.material {quoted(table.material)}: one of {', '.join(material) or 'none'}"
+        )
     else:
         density = f"material.{table.material}.density"
     return lambda values, solid: sign * values[density] * solid.volume

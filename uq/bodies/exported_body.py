@@ -4,10 +4,13 @@ All formats take the tensor about the centre of gravity, with the tensor's own e
 sign), in kg, m and kg·m² unless a format says otherwise; principal moments come with right-handed axes.
 """
 
+import re
 from dataclasses import dataclass, field
 from itertools import permutations
 
 import numpy as np
+
+from rig.exceptions import on_one_line
 
 MILLIMETRE = 1e3
 """mm in a metre."""
@@ -28,6 +31,11 @@ class ExportedBody:
     content: dict = field(default_factory=dict)
     """What the JSON adds: covariance and provenance."""
     name: str = "body"
+
+    def __post_init__(self) -> None:
+        """Write out control characters, which would end a comment or be none of XML's."""
+        object.__setattr__(self, "notes", tuple(map(on_one_line, self.notes)))
+        object.__setattr__(self, "name", on_one_line(self.name))
 
     @property
     def named(self) -> dict[str, float]:
@@ -81,6 +89,6 @@ def commented(body: ExportedBody, mark: str) -> list[str]:
 
 def xml_document(body: ExportedBody, *lines: str) -> str:
     """Return an XML file of these lines, the body's notes in a comment before them."""
-    notes = [f"     {note.replace('--', '- -').rstrip('-')}" for note in body.notes]
+    notes = [f"     {re.sub('-(?=-|$)', '- ', note)}" for note in body.notes]
     comment = ["<!--", *notes, "-->"] if notes else []
     return "\n".join(['<?xml version="1.0"?>', *comment, *lines, ""])

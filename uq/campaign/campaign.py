@@ -11,6 +11,7 @@ from jax import process_count, process_index
 
 from identify.floating_point import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
+from rig.exceptions import quoted
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics, breakdown
 from uq.campaign.trajectory_runs import TrajectoryRun, rotations_of, start_runs
@@ -112,7 +113,7 @@ def montecarlo(
     if trials < 1:
         raise ExperimentError(f"{trials} trials: ask for one or more")
     if sampling not in get_args(Sampling):
-        raise ExperimentError(f"unknown sampling '{sampling}': choose one of {', '.join(get_args(Sampling))}")
+        raise ExperimentError(f"unknown sampling {quoted(sampling)}: choose one of {', '.join(get_args(Sampling))}")
     if batch is not None and batch < 1:
         raise ExperimentError(f"batch of {batch}: ask for one or more")
     warned = check_precision(dtype)

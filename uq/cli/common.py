@@ -13,7 +13,7 @@ import jax
 from tqdm import tqdm
 
 from identify.signals.run import RunError
-from rig.exceptions import RigError
+from rig.exceptions import RigError, quoted
 from uq.experiment.experiment import ExperimentError
 from uq.files.compilation_cache import keep_compiled
 
@@ -88,7 +88,7 @@ def whole_number(text: str) -> int:
     try:
         number = int(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number") from None
     if abs(number) >= 2**32:
         raise argparse.ArgumentTypeError(f"{text} is out of range")
     return number

@@ -3,6 +3,7 @@
 import argparse
 from typing import Any
 
+from rig.exceptions import quoted
 from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.excitation.design import design
 from uq.excitation.design_report import design_report
@@ -119,5 +120,5 @@ def _quantity(option: str, text: str, unit: str) -> float:
     except UnitError as error:
         raise ExperimentError(f"{option} {error}") from None
     if value <= 0:
-        raise ExperimentError(f"{option} is {text!r}: give a value above zero")
+        raise ExperimentError(f"{option} is {quoted(text)}: give a value above zero")
     return value

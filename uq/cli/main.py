@@ -1,13 +1,16 @@
 """The ``inertia`` command: finds the command's module, parses its arguments, turns a user's mistake into one line."""
 
 import argparse
+import contextlib
 import importlib
 import keyword
 import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
+from rig.exceptions import on_one_line, quoted
 from uq.trials.watchdog import divide
 
 COMMANDS = {
@@ -25,12 +28,17 @@ COMMANDS = {
 }
 
 
+LONGEST = 150
+"""Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaints are one line and exit status 2."""
 
     def error(self, message: str) -> NoReturn:
         """End the program with the message in one line."""
-        self.exit(2, f"error: {message}; see '{self.prog} --help'\n")
+        _complain(f"{message if len(message) <= LONGEST else quoted(message)}; see '{self.prog} --help'")
+        self.exit(2)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -45,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0 if argv else 2
     name, rest = argv[0], argv[1:]
     if name not in COMMANDS:
-        print(f"error: unknown command '{name}': choose one of {', '.join(COMMANDS)}", file=sys.stderr)
+        _complain(f"unknown command {quoted(name)}: choose one of {', '.join(COMMANDS)}")
         return 2
     if "--distributed" in rest and by_itself:
         status = divide()
@@ -56,20 +64,45 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ["INERTIA_CACHE"] = "off"
     # Matrices are small here: two threads of BLAS would wait for each other, and starting them takes 0.05 s.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
+    with _leaving_at_once() if by_itself else contextlib.nullcontext():
+        module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:
-        return module.run(parser.parse_args(rest))
+        status = module.run(parser.parse_args(rest))
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # whoever reads has enough, as with `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
     except OSError as error:
         where = f" {error.filename}" if error.filename is not None else ""
-        print(f"error: {error.strerror or error}{where}: check the path and its permissions", file=sys.stderr)
+        _complain(f"{error.strerror or error}{where}: check the path and its permissions")
     except module.ERRORS as error:
-        print(f"error: {error}", file=sys.stderr)
+        _complain(str(error))
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         return 130
     return 2
+
+
+@contextlib.contextmanager
+def _leaving_at_once() -> Iterator[None]:
+    """Let Ctrl-C end the program without a word of Python's, which interrupted imports would have much to say of."""
+
+    def leave(*_: object) -> NoReturn:
+        os.write(sys.stderr.fileno(), b"error: interrupted\n")
+        os._exit(130)
+
+    before = signal.signal(signal.SIGINT, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _complain(message: str) -> None:
+    print(f"error: {on_one_line(message)}", file=sys.stderr)
 
 
 def _overview() -> str:

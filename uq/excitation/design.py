@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.motion.leg_limits import Limits, Peak
+from rig.exceptions import listed, quoted
 from uq.excitation.design_bound import DesignBound, design_bound
 from uq.excitation.design_goal import GOALS, OBJECTIVES, Measure, goal_of
 from uq.excitation.design_search import GRID, Progress, searches
@@ -172,7 +173,7 @@ def design(
 def _check(goal: str, objective: str, starts: int, period: float, duration: float | None) -> None:
     for what, given, choices in (("goal", goal, GOALS), ("objective", objective, OBJECTIVES)):
         if given not in choices:
-            raise ExperimentError(f"unknown {what} '{given}': choose one of {', '.join(choices)}")
+            raise ExperimentError(f"unknown {what} {quoted(given)}: choose one of {listed(choices)}")
     if starts < 1:
         raise ExperimentError(f"{starts} starts: ask for one at least")
     for name, value in (("period", period), ("duration", duration)):

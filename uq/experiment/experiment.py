@@ -22,6 +22,7 @@ from identify.motion.stewart_platform import Platform
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
+from rig.exceptions import listed, quoted
 from rig.toml_tables import TomlTable
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
 from uq.experiment.not_included_table import NotIncludedTable
@@ -121,7 +122,7 @@ class Experiment:
     def from_dict(cls, document: Mapping[str, Any], folder: str | Path = ".") -> "Experiment":
         """Build an experiment from the content of a file, beside the files that it names; see :meth:`load`."""
         if bodies := _bodies(document):
-            raise ExperimentError(f"several bodies in [body] ({', '.join(bodies)}): this takes a file with one [body]")
+            raise ExperimentError(f"several bodies in [body] ({listed(bodies)}): this takes a file with one [body]")
         report = _plain(document.get("report", {}))
         refuse_claims(report)
         file, folder = declared_table("", document, ExperimentFile), Path(folder)
@@ -180,7 +181,7 @@ class Experiment:
         Raises:
             ExperimentError: there is no such estimator.
         """
-        wanted = name or self.recording.estimator
+        wanted = self.recording.estimator if name is None else name
         if not self.estimators:
             raise ExperimentError("no [[estimator]] in the experiment: add one")
         if wanted is None:
@@ -188,8 +189,8 @@ class Experiment:
         for estimator in self.estimators:
             if estimator.name == wanted:
                 return estimator
-        names = ", ".join(e.name for e in self.estimators)
-        raise ExperimentError(f"unknown estimator '{wanted}': choose one of {names}")
+        names = listed(e.name for e in self.estimators)
+        raise ExperimentError(f"unknown estimator {quoted(wanted)}: choose one of {names}")
 
     def select(self, name: str | None = None) -> tuple[str, TrajectorySpec]:
         """Return a trajectory's name and specification; without a name, the first.
@@ -201,7 +202,7 @@ class Experiment:
             raise ExperimentError("no [trajectory.NAME] in the experiment: add one")
         name = next(iter(self.trajectories)) if name is None else name
         if name not in self.trajectories:
-            raise ExperimentError(f"unknown trajectory '{name}': choose one of {', '.join(self.trajectories)}")
+            raise ExperimentError(f"unknown trajectory {quoted(name)}: choose one of {listed(self.trajectories)}")
         return name, self.trajectories[name]
 
     def inputs(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from identify.signals.estimator_spec import EstimatorSpec
-from rig.toml_tables import TomlTable, WrongKeyError, written
+from rig.toml_tables import Name, TomlTable, WrongKeyError, written
 from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
@@ -33,17 +33,17 @@ class BodyTable(TomlTable, frozen=True, kw_only=True):
 class EstimatorTable(TomlTable, frozen=True, kw_only=True):
     """``[[estimator]]``: how the tensor is estimated from a run."""
 
-    name: str
+    name: Name
     """By which results and other tables call it."""
     method: Literal["ols"] = "ols"
     """Least squares."""
     differentiator: Literal["central", "savitzky-golay"]
     """How the angular acceleration is computed from the angular velocity."""
-    band: Annotated[float, in_unit("Hz", above=0)] | None = None
+    band: Annotated[float, in_unit("Hz", above=0, most=1e6)] | None = None
     """Highest frequency of the motion, to which the differentiator is matched."""
     window: int | None = None
     """Points of the differentiator, an odd number; or state ``band``."""
-    lowpass: Annotated[float, in_unit("Hz", above=0)] | None = None
+    lowpass: Annotated[float, in_unit("Hz", above=0, most=1e6)] | None = None
     """Cut-off of a low pass that both sides of the regression go through."""
 
     def __post_init__(self) -> None:

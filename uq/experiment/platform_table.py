@@ -14,6 +14,7 @@ from identify.motion.leg_limits import Limits
 from identify.motion.stewart_platform import Platform, Rod
 from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.inertia import Body
+from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
 from uq.files.schema import Axes, Component, declared_table, in_unit, interval, vector, vector_schema
 
@@ -81,7 +82,7 @@ def _points(path: str, raw: Any, *, shifted: bool = False) -> np.ndarray:
         ring = read_table(path, raw, Ring).points
         return np.roll(ring, 1, axis=0) if shifted else ring
     if not isinstance(raw, list) or len(raw) != 6:
-        raise ValueError(f"is {raw!r}: write six points, one a leg, or a circle of three pairs")
+        raise ValueError(f"is {quoted(raw)}: write six points, one a leg, or a circle of three pairs")
     return np.array(read_value(path, raw, tuple[Axes[Metre], ...]))
 
 

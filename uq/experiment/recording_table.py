@@ -12,6 +12,7 @@ import numpy as np
 from identify import methods
 from identify.choices import CgMotion
 from identify.joint.alignment_prior import Alignment
+from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written
 from uq.experiment.rotation_key import ROTATION
 from uq.files.schema import Axes, in_unit, matrix, vector
@@ -37,7 +38,7 @@ SigmaOfMoment = Annotated[float, in_unit("N*m", least=0)]
 
 def _method(_: str, raw: Any) -> str:
     if raw not in methods.names():
-        raise ValueError(f"is {raw!r}: choose one of {', '.join(methods.names())}")
+        raise ValueError(f"is {quoted(raw)}: choose one of {', '.join(methods.names())}")
     return raw
 
 
@@ -46,7 +47,7 @@ def unit_name(unit: str) -> msgspec.Meta:
 
     def read(_: str, raw: Any) -> str:
         if not isinstance(raw, str):
-            raise ValueError(f"is {raw!r}: write a string")
+            raise ValueError(f"is {quoted(raw)}: write a string")
         scale(raw, unit)
         return raw
 
@@ -55,7 +56,7 @@ def unit_name(unit: str) -> msgspec.Meta:
 
 def _names(_: str, raw: Any) -> tuple[str, ...]:
     if not isinstance(raw, list) or not all(isinstance(name, str) and name for name in raw):
-        raise ValueError(f"is {raw!r}: write a list of names of [[source]]")
+        raise ValueError(f"is {quoted(raw)}: write a list of names of [[source]]")
     return tuple(dict.fromkeys(raw))
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import msgspec
 
+from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_value, written
 from uq.experiment.conformity import Conformity
 from uq.files.document import ExperimentError
@@ -24,14 +25,14 @@ def _day(_: str, raw: Any) -> date:
     try:
         return raw if isinstance(raw, date) else date.fromisoformat(raw if isinstance(raw, str) else "")
     except ValueError:
-        raise ValueError(f"is {raw!r}: write a date, such as 2026-03-31") from None
+        raise ValueError(f"is {quoted(raw)}: write a date, such as 2026-03-31") from None
 
 
 def _days(path: str, raw: Any) -> tuple[date, ...]:
     """A day, or the first and the last."""
     days = read_value(path, raw if isinstance(raw, list) else [raw], tuple[Day, ...])
     if len(days) > 2 or list(days) != sorted(days):
-        raise ValueError(f"is {raw!r}: write a date, or the first and the last")
+        raise ValueError(f"is {quoted(raw)}: write a date, or the first and the last")
     return days
 
 

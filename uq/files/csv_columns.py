@@ -13,6 +13,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from identify.signals.run import RunError
+from rig.exceptions import listed, quoted
 from rig.toml_tables import TomlTable, WrongKeyError
 
 
@@ -43,10 +44,10 @@ class ColumnsTable(TomlTable, frozen=True, kw_only=True):
         names = [name for columns in self.columns.names.values() for name in columns]
         for name in names:
             if names.count(name) > 1:
-                raise WrongKeyError("", f"names column {name!r} twice: name each column once")
+                raise WrongKeyError("", f"names column {quoted(name)} twice: name each column once")
         if len(self.delimiter) != 1 or self.delimiter in '"\r\n' or self.delimiter == self.decimal:
             raise WrongKeyError(
-                "delimiter", "write one character other than the decimal mark", f"is {self.delimiter!r}"
+                "delimiter", "write one character other than the decimal mark", f"is {quoted(self.delimiter)}"
             )
 
     @property
@@ -106,9 +107,9 @@ def _read(named: str, lines: Iterator[list[str]], columns: Columns) -> dict[str,
 def _place(named: str, head: list[str], name: str) -> int:
     count = head.count(name.strip())
     if count == 0:
-        raise RunError(f"no column {name!r} in {named}: it has {', '.join(head)}")
+        raise RunError(f"no column {quoted(name)} in {named}: it has {listed(head)}")
     if count > 1:
-        raise RunError(f"{count} columns {name!r} in {named}: give each its own name")
+        raise RunError(f"{count} columns {quoted(name)} in {named}: give each its own name")
     return head.index(name.strip())
 
 
@@ -118,5 +119,7 @@ def _number(named: str, name: str, row: int, cell: str, decimal: str) -> float:
     except ValueError:
         value = float("nan")
     if not abs(value) < float("inf") or "_" in cell:
-        raise RunError(f"column {name!r} in {named} is {cell.strip()!r} at row {row}: write a finite number")
+        raise RunError(
+            f"column {quoted(name)} in {named} is {quoted(cell.strip())} at row {row}: write a finite number"
+        )
     return value

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 import numpy as np
 
+from rig.exceptions import quoted
 from rig.toml_tables import TomlError, TomlTable, read_table, read_value, written
 from uq.files.document import ExperimentError
 from uq.files.units import quantity
@@ -27,21 +28,26 @@ QUANTITY = r"^\s*[+-]?(\d|\.\d)[\d.eE+-]* +\S.*$"
 """A number, a space and the name of a unit, as a JSON Schema's pattern."""
 
 
-def in_unit(unit: str, *, above: float | int = -math.inf, least: float | int = -math.inf) -> msgspec.Meta:
+def in_unit(
+    unit: str, *, above: float | int = -math.inf, least: float | int = -math.inf, most: float | int = math.inf
+) -> msgspec.Meta:
     """Return the annotation of a float that is written with a unit of the dimension of ``unit``, and converted to it.
 
     Args:
         unit: the unit of the value.
         above: what the value must exceed.
         least: what it must not fall below.
+        most: what it must not exceed.
     """
 
     def read(_: str, raw: Any) -> float:
         value = quantity(raw, unit)
         if value <= above:
-            raise ValueError(f"is {raw!r}: write a value above {'zero' if above == 0 else above}")
+            raise ValueError(f"is {quoted(raw)}: write a value above {'zero' if above == 0 else above}")
         if value < least:
-            raise ValueError(f"is {raw!r}: write {'zero' if least == 0 else least} or more")
+            raise ValueError(f"is {quoted(raw)}: write {'zero' if least == 0 else least} or more")
+        if value > most:
+            raise ValueError(f"is {quoted(raw)}: write {most:g} {unit} or less")
         return value
 
     return written(read, quantity_schema(unit))
@@ -76,7 +82,7 @@ def interval(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
     def read(path: str, raw: Any) -> tuple[float, float]:
         low, high = read_value(path, raw, tuple[end, end])
         if low >= high:
-            raise ValueError(f"is {raw!r}: write the lower limit first")
+            raise ValueError(f"is {quoted(raw)}: write the lower limit first")
         return low, high
 
     return written(read, {"type": "array", "items": quantity_schema(unit), "minItems": 2, "maxItems": 2})
@@ -108,7 +114,7 @@ def finite(raw: Any, shape: tuple[int, int]) -> np.ndarray:
     except ValueError:  # rows of unequal length
         values = np.array(np.nan)
     if values.shape != shape or not np.isfinite(values).all():
-        raise ValueError(f"is {raw!r}: write {shape[0]} rows of {shape[1]} finite numbers")
+        raise ValueError(f"is {quoted(raw)}: write {shape[0]} rows of {shape[1]} finite numbers")
     return values
 
 

@@ -3,11 +3,12 @@
 An angle is a dimension of its own here, so ``"5 Hz"`` is not taken for 5 rad/s, nor ``"1/s"`` for rad/s.
 """
 
-import math
 import re
 import tokenize
 from functools import cache
 from typing import Any
+
+from rig.exceptions import quoted
 
 UNIT = re.compile(r"[A-Za-zµΩ°%_]([\w*/^.µΩ° ()-]*[\w)µΩ°])?")
 """What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
@@ -30,6 +31,13 @@ USUAL = {
 
 UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
 """What pint raises for a text that it cannot read, beside pint.PintError."""
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+"""What a number looks like. Python would read 1_0, inf and the digits of other scripts, too."""
+LARGEST = 1e30
+"""What no quantity of a rig reaches, in any unit: its square is still a number."""
+LONGEST = 60
+"""Most characters of a unit, and of a number: pint takes minutes over a name of 100,000 letters."""
 
 
 class UnitError(ValueError):
@@ -58,16 +66,18 @@ def quantity(text: object, unit: str) -> float:
         UnitError: ``text`` is a bare number, not a number with a unit, not finite, or of another dimension.
     """
     if not isinstance(text, str):
-        raise UnitError(f'is {text!r}: write a value with its unit, such as "1 {unit}"')
-    number, _, name = text.strip().partition(" ")
+        raise UnitError(f'is {quoted(text)}: write a value with its unit, such as "1 {unit}"')
+    number, _, name = text[: 4 * LONGEST].strip().partition(" ")
     try:
+        if len(number) > LONGEST or not NUMBER.fullmatch(number):
+            raise ValueError("no number, or more digits than any measurement has")
         value = float(number) * _factor(name.strip(), unit)
     except DimensionError:
-        raise UnitError(f"is {text!r}: write a unit of the same dimension as {unit}") from None
+        raise UnitError(f"is {quoted(text)}: write a unit of the same dimension as {unit}") from None
     except UNREADABLE:
-        raise UnitError(f'is {text!r}: write a number, a space and a unit, such as "1 {unit}"') from None
-    if not math.isfinite(value):
-        raise UnitError(f"is {text!r}: write a finite number and a unit")
+        raise UnitError(f'is {quoted(text)}: write a number, a space and a unit, such as "1 {unit}"') from None
+    if not abs(value) < LARGEST:
+        raise UnitError(f"is {quoted(text)}: write a number below 1e30, and a unit")
     return value
 
 
@@ -80,16 +90,16 @@ def scale(name: str, unit: str) -> float:
     try:
         return _factor("standard_gravity" if (name, unit) == ("g", "m/s^2") else name, unit)
     except DimensionError:
-        raise UnitError(f"is {name!r}: write the name of a unit of the same dimension as {unit}") from None
+        raise UnitError(f"is {quoted(name)}: write the name of a unit of the same dimension as {unit}") from None
     except UNREADABLE:
-        raise UnitError(f"is {name!r}: write the name of a unit, such as {unit}") from None
+        raise UnitError(f"is {quoted(name)}: write the name of a unit, such as {unit}") from None
 
 
 @cache
 def _factor(name: str, unit: str) -> float:
     """How many ``unit`` the unit ``name`` is."""
-    if not UNIT.fullmatch(name) or POWER.search(name):
-        raise ValueError(f"{name!r} is not a unit")
+    if len(name) > LONGEST or not UNIT.fullmatch(name) or POWER.search(name):
+        raise ValueError(f"{quoted(name)} is not a unit")
     if name == unit:
         return 1.0
     if (name, unit) in USUAL:
@@ -105,7 +115,7 @@ def _factor(name: str, unit: str) -> float:
     except pint.DimensionalityError:
         raise DimensionError(name) from None
     except pint.PintError:
-        raise ValueError(f"{name!r} is not a unit") from None
+        raise ValueError(f"{quoted(name)} is not a unit") from None
 
 
 def _angle(unit: Any) -> float:

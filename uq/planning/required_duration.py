@@ -19,6 +19,7 @@ from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.text_tables import Table
+from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.propagation.experiment_law import law
 
@@ -163,7 +164,7 @@ def required_duration(
         ExperimentError: a target that is not above zero, an unknown name, a source that the law cannot take.
     """
     if goal not in GOALS:
-        raise ExperimentError(f"unknown goal '{goal}': choose one of {', '.join(GOALS)}")
+        raise ExperimentError(f"unknown goal {quoted(goal)}: choose one of {', '.join(GOALS)}")
     if not 0 < target < np.inf:
         raise ExperimentError(f"a target of {GRAM_METRE * target:g} g·m²: give an uncertainty above zero")
     name, spec = experiment.select(trajectory)

@@ -14,6 +14,7 @@ from identify.rigid_body.dynamics import moment_about
 from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
+from rig.exceptions import quoted
 from uq.experiment.recording_table import UNITS, Recording
 from uq.files.units import UnitError, scale
 
@@ -155,7 +156,7 @@ def _scale(metadata: _Metadata, quantity: str, name: str, si: str) -> float:
         return scale(name, si)
     except UnitError:
         raise RunError(
-            f"{metadata.name} says that its {quantity.replace('_', ' ')} is in {name!r}, which is no unit of it: "
+            f"{metadata.name} says that its {quantity.replace('_', ' ')} is in {quoted(name)}, which is no unit of it: "
             "repair the metadata rig.run"
         ) from None
 

@@ -5,6 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, written
 from uq.files.document import ExperimentError
 from uq.sources.distributions import Normal
@@ -34,7 +35,7 @@ class Link(NamedTuple):
 
 def _two_names(_: str, raw: Any) -> tuple[str, str]:
     if not isinstance(raw, list) or len(raw) != 2 or not all(isinstance(name, str) for name in raw):
-        raise ValueError(f"is {raw!r}: name two of [[source]]")
+        raise ValueError(f"is {quoted(raw)}: name two of [[source]]")
     return raw[0], raw[1]
 
 
@@ -58,7 +59,7 @@ def link_of(where: str, table: LinkTable, sources: Mapping[str, Source]) -> Link
     """
     names, written_names = table.sources, list(table.sources)
     if not set(names) <= sources.keys() or names[0] == names[1]:
-        raise ExperimentError(f"{where}.sources is {written_names!r}: name two different ones of [[source]]")
+        raise ExperimentError(f"{where}.sources is {quoted(written_names)}: name two different ones of [[source]]")
     first, second = (sources[name] for name in names)
     for source in (first, second):
         check_correlated(f"{where}.sources", source)

@@ -11,6 +11,7 @@ from typing import Any
 
 import scipy
 
+from rig.exceptions import quoted
 from uq.files.units import UnitError, quantity
 from uq.sources.distributions import Distribution, Normal, Rectangular, StudentT, Triangular, UShaped
 
@@ -54,7 +55,7 @@ def datasheet(
         UnitError: the statement is not understood, or needs the full scale or the reading.
     """
     if not isinstance(text, str):
-        raise UnitError(f"is {text!r}: write a statement such as {EXAMPLES}")
+        raise UnitError(f"is {quoted(text)}: write a statement such as {EXAMPLES}")
     figure, *remarks = (part.strip() for part in re.split(r"[,;()]", text) if part.strip() or not text.strip())
     for words in (r"\d\s*(?:σ|sigma)", "rms", "resolution", "standard (?:uncertainty|deviation)"):
         if remark := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
@@ -79,14 +80,16 @@ def _half_width(text: str, figure: str, unit: str, full_scale: float | None, rea
     for pattern, name, whole in ((FULL_SCALE, "full scale", full_scale), (READING, "reading", reading)):
         if match := pattern.fullmatch(figure):
             if whole is None:
-                raise UnitError(f"is {text!r}: give the {name} too")
+                raise UnitError(f"is {quoted(text)}: give the {name} too")
             return float(match[1]) / 100 * whole
     try:
         value = quantity(re.sub(rf"^({NUMBER})\s*(?=\D)", r"\1 ", figure), unit)
     except UnitError:
-        raise UnitError(f"is {text!r}: write a figure in {unit} or in % of full scale, such as {EXAMPLES}") from None
+        raise UnitError(
+            f"is {quoted(text)}: write a figure in {unit} or in % of full scale, such as {EXAMPLES}"
+        ) from None
     if not value >= 0:
-        raise UnitError(f"is {text!r}: write zero or more")
+        raise UnitError(f"is {quoted(text)}: write zero or more")
     return value
 
 
@@ -99,10 +102,10 @@ def _meaning(text: str, half_width: float, remarks: list[str]) -> Distribution:
     if covers and shape is None:
         return _covering(text, half_width, stated.get("k"), stated.get("level"), stated.get("freedom"))
     if covers or "freedom" in stated:
-        raise UnitError(f"is {text!r}: a coverage factor goes with a normal error; leave one out")
+        raise UnitError(f"is {quoted(text)}: a coverage factor goes with a normal error; leave one out")
     if "normal" in stated:
         raise UnitError(
-            f"is {text!r}: a normal error needs a coverage factor or a level of confidence; add k = 2 or 95 %"
+            f"is {quoted(text)}: a normal error needs a coverage factor or a level of confidence; add k = 2 or 95 %"
         )
     return (shape or Rectangular)(-half_width, half_width)
 
@@ -114,7 +117,7 @@ def _understood(text: str, words: str) -> dict[str, Any]:
             return {name: float(next(filter(None, match.groups()), 1.0))}
     if words.lower() in SHAPES:
         return {"shape": SHAPES[words.lower()]}
-    raise UnitError(f"is {text!r}: '{words}' is not understood; write such as {EXAMPLES}")
+    raise UnitError(f"is {quoted(text)}: '{words}' is not understood; write such as {EXAMPLES}")
 
 
 def _covering(
@@ -122,7 +125,7 @@ def _covering(
 ) -> Distribution:
     """Normal, or t, of which an expanded uncertainty is stated: by its coverage factor, or by its level alone."""
     if (k is not None and k <= 0) or (level is not None and not 50 <= level < 100) or (freedom or 1) <= 0:
-        raise UnitError(f"is {text!r}: write a coverage factor above zero, or a level from 50 % to below 100 %")
+        raise UnitError(f"is {quoted(text)}: write a coverage factor above zero, or a level from 50 % to below 100 %")
     if k is None:
         upper = (1 + (level or 0.0) / 100) / 2
         k = NormalDist().inv_cdf(upper) if freedom is None else float(scipy.special.stdtrit(freedom, upper))

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 import numpy as np
 
-from rig.toml_tables import TomlTable
+from rig.toml_tables import Name, TomlTable
 from uq.files.schema import matrix
 from uq.sources.source import KINDS, ErrorKind
 
@@ -15,9 +15,9 @@ from uq.sources.source import KINDS, ErrorKind
 class SourceTable(TomlTable, frozen=True, kw_only=True):
     """``[[source]]``: a source of error; its other keys depend on target and kind."""
 
-    name: str
+    name: Name
     """By which results and correlations call it; its random stream is keyed by it."""
-    group: str
+    group: Name
     """In which it counts, such as load_cell."""
     reference: str = ""
     """Where its figures come from."""

@@ -6,6 +6,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from rig.exceptions import quoted
 from rig.toml_tables import TomlError, WrongKeyError, read_table, read_value
 from uq.files.document import ExperimentError
 from uq.sources.correlations import Entry, LinkTable, check_correlated, check_correlation, link_of, mixing_of
@@ -32,7 +33,7 @@ def read_source(path: str, raw: Any) -> WrittenSource:
         TomlError: a mistake in its keys.
     """
     if not isinstance(raw, Mapping):
-        raise TomlError(f"{path} is {raw!r}: write a table")
+        raise TomlError(f"{path} is {quoted(raw)}: write a table")
     target = _word(path, raw, "target", {target for target, _ in KINDS})
     name = _word(path, raw, "kind", {name for _, name in KINDS})
     kind = KINDS.get((target, name))

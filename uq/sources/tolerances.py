@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
 from uq.files.schema import in_unit, quantity_schema
 from uq.sources.distributions import Distribution, Normal, Rectangular, Triangular, UShaped
@@ -57,7 +58,7 @@ def _read(path: str, raw: Any, unit: str, above: float | int) -> UncertainQuanti
         return float(read_value(path, raw, Annotated[float, in_unit(unit, above=above)]))
     distribution = read_table(path, raw, _table(unit, above)).distribution_of_value
     if getattr(distribution, "low", math.inf) <= above:
-        raise ValueError(f"has a tolerance {raw['tolerance']!r}: the limits must be above zero")
+        raise ValueError(f"has a tolerance {quoted(raw['tolerance'])}: the limits must be above zero")
     return distribution
 
 
@@ -108,7 +109,7 @@ def _tolerance(unit: str) -> Any:
             return read_value(path, raw, Annotated[float, in_unit(unit, above=0)])
         ends = read_value(path, raw, tuple[deviation, ...])
         if len(ends) != 2 or not ends[0] < ends[1]:
-            raise ValueError(f"is {raw!r}: write the lower deviation, then the upper")
+            raise ValueError(f"is {quoted(raw)}: write the lower deviation, then the upper")
         return ends[0], ends[1]
 
     return read

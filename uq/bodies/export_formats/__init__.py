@@ -8,6 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import NamedTuple
 
+from rig.exceptions import quoted
 from uq.bodies.exported_body import ExportedBody
 from uq.files.document import ExperimentError
 
@@ -36,7 +37,7 @@ def chosen(formats: str | Sequence[str]) -> tuple[str, ...]:
     given = formats.split(",") if isinstance(formats, str) else formats
     wanted = tuple(dict.fromkeys(name.strip() for name in given))
     if unknown := [name for name in wanted or ("",) if name not in names()]:
-        raise ExperimentError(f"unknown export format '{unknown[0]}': choose of {', '.join(names())}")
+        raise ExperimentError(f"unknown export format {quoted(unknown[0])}: choose of {', '.join(names())}")
     return wanted
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
+from rig.exceptions import quoted
 from rig.toml_tables import WrongKeyError, read_value, written
 from uq.files.schema import in_unit, quantity_schema
 from uq.sources.source import ErrorKind
@@ -41,7 +42,7 @@ class CrossTalk(ErrorKind):
             if isinstance(raw, str):
                 return np.array(read_value(path, raw, Annotated[float, in_unit("%", least=least)]) * 0.01)
             if not isinstance(raw, list) or [len(row) for row in raw if isinstance(row, list)] != [6] * 6:
-                raise ValueError(f"is {raw!r}: write six rows of six values, or one in %")
+                raise ValueError(f"is {quoted(raw)}: write six rows of six values, or one in %")
             return np.array([_row(f"{path}[{i}]", raw[i], UNITS[i], least=least) for i in range(6)])
 
         row = {"type": "array", "items": {"type": "string"}, "minItems": 6, "maxItems": 6}
@@ -54,7 +55,7 @@ class CrossTalk(ErrorKind):
 
         def read(path: str, raw: Any) -> np.ndarray:
             if not isinstance(raw, list) or len(raw) != 6:
-                raise ValueError(f"is {raw!r}: write six values, force then moment")
+                raise ValueError(f"is {quoted(raw)}: write six values, force then moment")
             return _row(path, raw, WRENCH_UNITS, above=0)
 
         return written(read, {"type": "array", "items": {"type": "string"}, "minItems": 6, "maxItems": 6})
