@@ -6,7 +6,7 @@ from pathlib import Path
 from mcap.records import Channel, Schema
 
 from rig.bags.message_batches import ForeignFile, Packer
-from rig.exceptions import RigError
+from rig.exceptions import RigError, reason
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions
 
@@ -16,7 +16,7 @@ class Ros1File(ForeignFile):
 
     def damage(self, why: str) -> RigError:
         """The error for a file that is cut or damaged."""
-        return RigError(f"cut or damaged ROS 1 bag {self.name} ({why}): repair a copy with `rosbag reindex`")
+        return RigError(f"cut or damaged ROS 1 bag {self.name} ({reason(why)}): repair a copy with `rosbag reindex`")
 
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages of these types, a megabyte at a time."""

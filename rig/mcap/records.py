@@ -19,7 +19,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rig.exceptions import RigError
+from rig.exceptions import RigError, reason
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT = 2**30  # no sane writer makes larger chunks; a damaged length must not take all the memory
@@ -119,7 +119,7 @@ def _u32(body: bytes, offset: int) -> int:
 def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError:
     """The error for a file damaged at this byte."""
     return DamageError(
-        f"cut or damaged MCAP {path} at byte {position} ({why}): "
+        f"cut or damaged MCAP {path} at byte {position} ({reason(why)}): "
         f"save its intact messages with `inertia recover {path} -o NEW.mcap`"
     )
 
