@@ -15,12 +15,17 @@ from typing import Protocol, runtime_checkable
 import zstandard
 
 from rig.bags.message_batches import ZSTD
-from rig.exceptions import RigError, reason
+from rig.exceptions import RigError, listed
 from rig.mcap.records import MAGIC, Batch, Definitions, Scanner, batches, damage
+from rig.read_limits import UnpackBudget, require_file
 
 PathLike = str | os.PathLike[str]
-BLOCK = 2**14
-"""Compressed bytes at a time."""
+BLOCK = 2**9
+"""Compressed bytes at a time: they become 16 MiB at most."""
+FRAME = 2**12
+"""Bytes that a zstd frame counts for, however little it holds."""
+LONGEST_METADATA = 2**24
+"""Bytes of a metadata.yaml; a file of a run takes some hundred."""
 OTHERS = {
     b"\x89HDF": ("HDF5", "export its channels as a table and use `inertia import`"),
     b"MATLAB": ("MATLAB", "export its channels as a table and use `inertia import`"),
@@ -40,6 +45,8 @@ OTHERS = {
 class ContainerFile(Protocol):
     """One file of a recording."""
 
+    budget: UnpackBudget
+
     @property
     def sha256(self) -> str:
         """The file's hash, once all its batches are taken."""
@@ -52,10 +59,10 @@ class ContainerFile(Protocol):
 
 
 class McapFile:
-    """An MCAP file; ``name`` is what messages call it, where it was unpacked from another."""
+    """An MCAP file; messages call it by its budget's name, where it was unpacked from another."""
 
-    def __init__(self, path: PathLike, name: PathLike | None = None) -> None:
-        self.path, self.name = path, path if name is None else name
+    def __init__(self, path: PathLike, budget: UnpackBudget) -> None:
+        self.path, self.name, self.budget = path, budget.name, budget
         self._scanner: Scanner | None = None
 
     @property
@@ -66,7 +73,7 @@ class McapFile:
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """All messages, chunk by chunk."""
         with open(self.path, "rb") as stream:
-            self._scanner = Scanner(self.name, stream)
+            self._scanner = Scanner(self.name, stream, self.budget)
             yield from batches(self._scanner, definitions)
 
     def damage(self, why: str) -> RigError:
@@ -77,8 +84,8 @@ class McapFile:
 class ZstdFile:
     """A compressed file of any kind, unpacked to a temporary file while it is read."""
 
-    def __init__(self, path: PathLike, name: PathLike | None = None) -> None:
-        self.path, self.name = path, path if name is None else name
+    def __init__(self, path: PathLike, budget: UnpackBudget) -> None:
+        self.path, self.name, self.budget = path, budget.name, budget
         self.sha256 = ""
         self._inner: ContainerFile | None = None
 
@@ -86,60 +93,68 @@ class ZstdFile:
         """The messages of the file inside."""
         with tempfile.TemporaryDirectory(prefix="inertia-") as folder:
             file = Path(folder, "unpacked")
-            self.sha256 = _unpack(self.path, file, self.name)
-            self._inner = container_file(file, self.name)
+            self.sha256 = _unpack(self.path, file, self.budget)
+            self.budget.step_inside()
+            self._inner = container_file(file, self.budget)
+            if isinstance(self._inner, ZstdFile):
+                raise RigError(f"zstd within zstd {self.name}: unpack it first")
             yield from self._inner.batches(definitions, types)
 
     def damage(self, why: str) -> RigError:
         """The error for what is wrong with what was read last."""
         if self._inner is None:
-            return RigError(f"cut or damaged {self.name} ({reason(why)}): fetch or pack it again")
+            return RigError(f"cut or damaged {self.name} ({why}): fetch or pack it again")
         return self._inner.damage(why)
 
 
-def _unpack(path: PathLike, target: Path, name: PathLike) -> str:
+def _unpack(path: PathLike, target: Path, budget: UnpackBudget) -> str:
     """Decompress a file and return its hash."""
-    expand, digest = zstandard.ZstdDecompressor().decompressobj(), hashlib.sha256()
+    expand, digest, name = zstandard.ZstdDecompressor().decompressobj(), hashlib.sha256(), budget.name
     with open(path, "rb") as packed, open(target, "wb") as file:
         while data := packed.read(BLOCK):
             digest.update(data)
+            budget.reached(packed.tell())
             while data:
+                if expand.eof:
+                    expand = zstandard.ZstdDecompressor().decompressobj()
+                    budget.take(FRAME)
                 try:
-                    file.write(expand.decompress(data))
+                    plain = expand.decompress(data)
                 except zstandard.ZstdError as error:
                     raise RigError(f"cut or damaged {name} (it does not decompress): fetch or pack it again") from error
-                data = expand.unused_data if expand.eof else b""
-                if data:
-                    expand = zstandard.ZstdDecompressor().decompressobj()
+                budget.take(len(plain))
+                file.write(plain)
+                data = expand.unused_data
     if not expand.eof:
         raise RigError(f"cut or damaged {name} (it ends early): fetch or pack it again")
     return digest.hexdigest()
 
 
-def container_file(path: PathLike, name: PathLike | None = None) -> ContainerFile:
-    """The reader of a file, by its first bytes.
+def container_file(path: PathLike, budget: UnpackBudget | None = None) -> ContainerFile:
+    """The reader of a file, by its first bytes; ``budget``: of the file that it was unpacked from.
 
     Raises:
         RigError: it is of no kind that is read.
         OSError: it cannot be opened.
     """
+    require_file(path)
     with open(path, "rb") as stream:
         start = stream.read(16)
-    shown = path if name is None else name
+    budget = UnpackBudget(path) if budget is None else budget
     if start.startswith(ZSTD):
-        return ZstdFile(path, shown)
+        return ZstdFile(path, budget)
     if start == b"SQLite format 3\0":
         from rig.bags.sqlite_bag import SqliteFile
 
-        return SqliteFile(path, shown)
+        return SqliteFile(path, budget)
     if start.startswith(b"#ROSBAG V2.0"):
         from rig.bags.ros1_bag import Ros1File
 
-        return Ros1File(path, shown)
+        return Ros1File(path, budget)
     for first, (kind, cure) in OTHERS.items():
         if start.startswith(first) and not start.startswith(MAGIC):
-            raise RigError(f"not an MCAP file {shown} but {kind}: {cure}")
-    return McapFile(path, shown)
+            raise RigError(f"not an MCAP file {budget.name} but {kind}: {cure}")
+    return McapFile(path, budget)
 
 
 class RecordingFiles:
@@ -183,14 +198,16 @@ def folder_files(folder: Path) -> list[Path]:
     """The files of a rosbag2 folder, in order.
 
     Raises:
-        RigError: it is empty, a file of its metadata.yaml is missing, or its files are several runs.
+        RigError: it is empty, a file of its metadata.yaml is missing or there twice, or its files are several runs.
     """
     about = folder / "metadata.yaml"
     if about.is_file():
         names = _listed_files(about)
+        if len(set(names)) < len(names):
+            raise RigError(f"a file twice in {about}: name each file of the run once")
         missing = [name for name in names if not (folder / name).is_file()]
         if missing:
-            raise RigError(f"no file {missing[0]} in {folder}, which its metadata.yaml names: fetch it")
+            raise RigError(f"no file {listed(missing[:1])} in {folder}, which its metadata.yaml names: fetch it")
         if names:
             return [folder / name for name in names]
     files = sorted(file for file in folder.iterdir() if file.suffix in BAGS)
@@ -202,13 +219,15 @@ def folder_files(folder: Path) -> list[Path]:
     if len({match and match["stem"] for match in numbers.values()}) > 1 or not all(numbers.values()):
         raise RigError(
             f"several runs in the folder {folder}, which has no metadata.yaml: "
-            f"name one of {', '.join(file.name for file in files)}"
+            f"name one of {listed(file.name for file in files)}"
         )
     return sorted(files, key=lambda file: int(match["number"]) if (match := numbers[file]) else 0)
 
 
 def _listed_files(about: Path) -> list[str]:
     """The entries of ``relative_file_paths``; names alone, since a folder may have been moved."""
+    if about.stat().st_size > LONGEST_METADATA:
+        raise RigError(f"too long {about}: it is no list of a run's files")
     lines = iter(about.read_text("utf-8", "replace").splitlines())
     names = []
     for line in lines:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rig.bags.message_batches import MESSAGE
 from rig.bags.protobuf_messages import decoder
+from rig.exceptions import quoted
 from rig.mcap.message_fields import SHAPES, STAMPED, Field, columns
 
 ENCODINGS = ("json", "protobuf")
@@ -69,7 +70,7 @@ def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, sc
 def _json(data: bytes) -> Mapping[str, Any]:
     try:
         tree = json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ValueError("a message is not JSON") from None
     if not isinstance(tree, dict):
         raise ValueError("a message is not a JSON object")
@@ -86,7 +87,7 @@ def _header(tree: Mapping[str, Any]) -> tuple[int, str]:
     if not isinstance(stamp, Mapping) or not isinstance(frame, str):
         raise ValueError("a message has no header.stamp with seconds and nanoseconds")
     numbers = [next((stamp[name] for name in names if name in stamp), None) for names in (SECONDS, NANOSECONDS)]
-    if not all(isinstance(number, int) and abs(number) < 2**40 for number in numbers):
+    if not all(isinstance(number, int) and abs(number) < 2**33 for number in numbers):
         raise ValueError("a message has no header.stamp with seconds and nanoseconds")
     return int(numbers[0] or 0) * 1_000_000_000 + int(numbers[1] or 0), frame
 
@@ -97,7 +98,10 @@ def _values(tree: Mapping[str, Any], type_name: str) -> tuple[tuple[str, ...], d
     values = {}
     for item in SHAPES[type_name]:
         if item.kind == "texts":
-            names = tuple(map(str, _at(tree, item.path)))
+            texts = _at(tree, item.path)
+            if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+                raise ValueError(f"its field {item.path} is no list of names")
+            names = tuple(texts)
         elif item.column:
             values[item.column] = list(_numbers(_at(tree, item.path), item))
     assert set(values) == set(columns(type_name))  # noqa: S101
@@ -118,5 +122,5 @@ def _numbers(value: Any, item: Field) -> Iterator[float]:
         raise ValueError(f"its field {item.path} has not {item.count} numbers")
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, (int, float)):
-            raise ValueError(f"its field {item.path} holds {number!r}, which is no number")
+            raise ValueError(f"its field {item.path} holds {quoted(number)}, which is no number")
         yield float(number)

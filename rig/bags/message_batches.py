@@ -7,20 +7,24 @@ from collections.abc import Iterator
 
 import zstandard
 
-from rig.mcap.records import CHUNK_LIMIT, Batch
+from rig.mcap.records import Batch
+from rig.read_limits import UnpackBudget
 
 MESSAGE = struct.Struct("<BQHIQQ")
 """A message's record up to its data: opcode 5, length, channel, sequence, log time, publish time."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 FULL = 2**20
 """Bytes of a chunk."""
+LONGEST = 2**20
+"""Bytes of a message; a sample takes some hundred."""
 
 
 class ForeignFile:
-    """A file that is no MCAP; ``name`` is what messages call it."""
+    """A file that is no MCAP; messages call it by its budget's name."""
 
-    def __init__(self, path: str | os.PathLike[str], name: str | os.PathLike[str]) -> None:
-        self.path, self.name = path, name
+    def __init__(self, path: str | os.PathLike[str], budget: UnpackBudget) -> None:
+        self.path, self.name, self.budget = path, budget.name, budget
+        budget.reached(os.path.getsize(path))
 
     @property
     def sha256(self) -> str:
@@ -37,9 +41,10 @@ class Packer:
         self._offsets: dict[int, list[int]] = {}
 
     def add(self, channel: int, log_time: int, data: bytes, sequence: int = 0) -> None:
-        """Take one message. Raises ``ValueError`` when its time cannot be."""
+        """Take one message. Raises ``ValueError`` when its time cannot be, or it is too long."""
         if not 0 <= log_time < 2**63:
             raise ValueError(f"a message has the time {log_time} ns")
+        _check_length(len(data))
         self._offsets.setdefault(channel, []).append(len(self._data))
         self._data += MESSAGE.pack(5, MESSAGE.size - 9 + len(data), channel, sequence, log_time, log_time)
         self._data += data
@@ -56,23 +61,47 @@ class Packer:
         self._data, self._offsets = bytearray(), {}
 
 
-def unpacked(data: bytes, offsets: list[int]) -> tuple[bytes, list[int]]:
-    """The same messages with their data decompressed, where rosbag2 compressed each by itself (mode MESSAGE).
+def _check_length(size: int) -> None:
+    if size > LONGEST:
+        raise ValueError(f"a message of {size} bytes, where a sample has some hundred")
+
+
+def pieces(data: bytes, offsets: list[int], budget: UnpackBudget) -> Iterator[tuple[bytes, list[int]]]:
+    """The messages at ``offsets`` about a megabyte at a time, so that decoding takes little memory.
+
+    They are decompressed where rosbag2 compressed each by itself (mode MESSAGE).
 
     Raises:
-        ValueError: one does not decompress.
+        ValueError: one does not decompress or is too long.
+        UnpackError: together they are more than the budget has left.
     """
-    if not data.startswith(ZSTD, offsets[0] + MESSAGE.size):
-        return data, offsets
+    packed = data.startswith(ZSTD, offsets[0] + MESSAGE.size)
+    if not packed and len(data) <= 2 * FULL:
+        yield data, offsets
+        return
     packer, expand = Packer(), zstandard.ZstdDecompressor()
     for offset in offsets:
         _, length, channel, sequence, log_time, _ = MESSAGE.unpack_from(data, offset)
-        packed = data[offset + MESSAGE.size : offset + 9 + length]
-        try:
-            if zstandard.get_frame_parameters(packed).content_size > CHUNK_LIMIT:
-                raise ValueError("a message's length is out of bounds")
-            packer.add(channel, log_time, expand.decompress(packed, max_output_size=CHUNK_LIMIT), sequence)
-        except zstandard.ZstdError as error:
-            raise ValueError("a message does not decompress") from error
-    (batch,) = packer.take()
-    return batch.data, next(iter(batch.offsets.values()))
+        message = data[offset + MESSAGE.size : offset + 9 + length]
+        if packed:
+            message = _message(message, expand)
+            budget.take(len(message))
+        packer.add(channel, log_time, message, sequence)
+        if packer.full:
+            yield from _taken(packer)
+    yield from _taken(packer)
+
+
+def _message(packed: bytes, expand: zstandard.ZstdDecompressor) -> bytes:
+    try:
+        stated = zstandard.get_frame_parameters(packed).content_size
+        if stated != zstandard.CONTENTSIZE_UNKNOWN:
+            _check_length(stated)
+        return expand.decompress(packed, max_output_size=LONGEST)
+    except zstandard.ZstdError as error:
+        raise ValueError("a message does not decompress") from error
+
+
+def _taken(packer: Packer) -> Iterator[tuple[bytes, list[int]]]:
+    for batch in packer.take():
+        yield batch.data, next(iter(batch.offsets.values()))

@@ -6,7 +6,7 @@ from typing import Any
 
 from mcap.records import Schema
 
-from rig.exceptions import RigError
+from rig.exceptions import RigError, listed
 
 
 class Fields(Mapping[str, Any]):
@@ -50,12 +50,12 @@ def decoder(descriptors: bytes, name: str) -> Callable[[bytes], Mapping[str, Any
     try:
         decode: Any = DecoderFactory().decoder_for("protobuf", Schema(1, descriptors, "protobuf", name))
     except Exception as error:  # of mcap, protobuf and its pool of descriptors, whichever meets the mistake
-        raise ValueError(f"its schema does not define {name}") from error
+        raise ValueError(f"its schema does not define {listed([name])}") from error
 
     def fields(data: bytes) -> Mapping[str, Any]:
         try:
             return Fields(decode(data))
         except DecodeError as error:
-            raise ValueError(f"a message is no {name}") from error
+            raise ValueError(f"a message is no {listed([name])}") from error
 
     return fields

@@ -14,9 +14,17 @@ from urllib.parse import quote
 from mcap.records import Channel, Schema
 
 from rig.bags.message_batches import ForeignFile, Packer
-from rig.exceptions import RigError
+from rig.exceptions import RigError, listed
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions
+
+STEPS, LEAST_STEPS, STEPS_PER_BYTE = 2**16, 2**25, 10
+"""Steps of SQLite's machine: between two looks at their sum; what any file may take; more for each of its bytes.
+
+A sound file takes fewer than it has bytes.
+"""
+TOPIC = 2**12
+"""Bytes that a topic counts for beside its texts."""
 
 
 class SqliteFile(ForeignFile):
@@ -35,8 +43,8 @@ class SqliteFile(ForeignFile):
         try:
             with closing(sqlite3.connect(uri, uri=True)) as database:
                 yield from self._messages(database, definitions, types)
-        except (sqlite3.Error, OverflowError) as error:
-            raise self.damage(str(error)) from error
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
+            raise self.damage(listed([str(error)])) from error
 
     def _check_whole(self) -> None:
         """Refuse a file that is shorter than its own header says, or whose last messages are still in its journal."""
@@ -54,22 +62,25 @@ class SqliteFile(ForeignFile):
             )
 
     def _messages(self, database: sqlite3.Connection, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
-        tables = {row[0] for row in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not {"topics", "messages"} <= tables:
-            raise RigError(f"no rosbag2 recording {self.name}: an SQLite file without the tables topics and messages")
-        topics = database.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
-        for number, topic, kind, encoding in topics:
+        self._limit(database)
+        for table in ("topics", "messages"):
+            self._check_table(database, table)
+        wanted = []
+        for row in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+            number, topic, kind, encoding = self._topic(row)
             definitions.schemas[number] = Schema(number, b"", "ros2msg", kind)
             definitions.channels[number] = Channel(number, topic, encoding, {}, number)
-        wanted = [number for number, _, kind, _ in topics if canonical(kind) in types]
+            if canonical(kind) in types:
+                wanted.append(number)
         packer, places = Packer(), ", ".join("?" * len(wanted))
-        rows = database.execute(
-            f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) ORDER BY id",  # noqa: S608
+        rows = database.execute(  # as the table stands: by its key, which is the order of writing, and never sorted
+            f"SELECT topic_id, timestamp, data FROM messages NOT INDEXED WHERE topic_id IN ({places})",  # noqa: S608
             wanted,
         )
-        for topic_id, timestamp, data in rows:
-            if not isinstance(timestamp, int) or not isinstance(data, bytes):
+        for topic_id, timestamp, data in rows if wanted else ():
+            if not isinstance(topic_id, int) or not isinstance(timestamp, int) or not isinstance(data, bytes):
                 raise self.damage("a message without time or data")
+            self.budget.take(len(data))
             try:
                 packer.add(topic_id, timestamp, data)
             except ValueError as error:
@@ -77,3 +88,37 @@ class SqliteFile(ForeignFile):
             if packer.full:
                 yield from packer.take()
         yield from packer.take()
+
+    def _limit(self, database: sqlite3.Connection) -> None:
+        """Bound the size of a value and the steps of a query: a damaged file's pages may lead in circles."""
+        database.text_factory = lambda data: data.decode("utf-8", "replace")
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self.budget.piece)
+        database.execute("PRAGMA trusted_schema = OFF")
+        left = LEAST_STEPS + STEPS_PER_BYTE * os.path.getsize(self.path)
+
+        def exhausted() -> bool:
+            nonlocal left
+            left -= STEPS
+            return left < 0
+
+        database.set_progress_handler(exhausted, STEPS)
+
+    def _check_table(self, database: sqlite3.Connection, name: str) -> None:
+        """Refuse a table that is missing, or whose values are computed and not stored."""
+        query = "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?"
+        (sql,) = database.execute(query, (name,)).fetchone() or (None,)
+        if sql is None:
+            raise RigError(f"no rosbag2 recording {self.name}: an SQLite file without the tables topics and messages")
+        stored = not str(sql).upper().startswith("CREATE VIRTUAL")
+        computed = [row[6] for row in database.execute(f"PRAGMA table_xinfo({name})") if row[6]]
+        if computed or not stored:
+            raise RigError(f"no rosbag2 recording {self.name}: its table {name} is computed, not stored")
+
+    def _topic(self, row: tuple[object, ...]) -> tuple[int, str, str, str]:
+        """Number, name, type and encoding of a topic."""
+        number, topic, kind, encoding = row
+        texts = isinstance(topic, str) and isinstance(kind, str) and isinstance(encoding, str)
+        if not isinstance(number, int) or not 0 <= number < 2**16 or not texts:
+            raise self.damage("a topic without number, name or type")
+        self.budget.take(TOPIC + len(f"{topic}{kind}{encoding}"))
+        return number, str(topic), str(kind), str(encoding)

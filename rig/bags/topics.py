@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from rig.bags import json_messages
 from rig.bags.containers import recording_files
-from rig.bags.message_batches import unpacked
+from rig.bags.message_batches import pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
-from rig.exceptions import RigError
+from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions
 from rig.mcap.cdr_layout import ENCODINGS
 from rig.mcap.message_fields import IMU, WRENCH
 from rig.mcap.records import Batch, Definitions
+from rig.read_limits import UnpackBudget
 
 PathLike = str | os.PathLike[str]
 
@@ -36,7 +37,7 @@ class TopicMessages:
         self.frames |= {group.frame_id for group in groups}
         self.joints |= {group.names for group in groups}
         if len(self.joints) > 1:
-            raise RigError(f"its messages name different joints ({_listed(sorted(map(str, self.joints)))})")
+            raise RigError(f"its messages name different joints ({listed(sorted(map(str, self.joints)))})")
         for name in self.names:
             values = np.concatenate([group.column(name) for group in groups])
             self.chunks[name].append(values if len(groups) == 1 else values[order])
@@ -61,7 +62,7 @@ class Contents:
         self.types: dict[str, str] = {}
         self.topics: dict[str, TopicMessages] = {}
 
-    def add(self, batch: Batch, definitions: Definitions, only: Mapping[str, str | None]) -> None:
+    def add(self, batch: Batch, definitions: Definitions, only: Mapping[str, str | None], budget: UnpackBudget) -> None:
         """Take the messages of one chunk that are of a type in ``only``, from the named topic or from every one."""
         for channel_id, offsets in batch.offsets.items():
             if channel_id not in definitions.channels:
@@ -70,10 +71,11 @@ class Contents:
             type_name = type_of(channel, definitions)
             if type_name in only and only[type_name] in (None, channel.topic):
                 messages = self.topics.setdefault(channel.topic, TopicMessages(type_name))
-                try:
-                    messages.add(_decoded(batch, offsets, channel, type_name, definitions))
-                except RigError as error:
-                    raise RigError(f"topic {channel.topic} in {self.path}: {error}") from None
+                for data, places in pieces(batch.data, offsets, budget):
+                    try:
+                        messages.add(_decoded(data, places, channel, type_name, definitions))
+                    except RigError as error:
+                        raise RigError(f"topic {listed([channel.topic])} in {self.path}: {error}") from None
 
     def note(self, definitions: Definitions) -> None:
         """Take the topics and metadata of one file."""
@@ -90,20 +92,22 @@ class Contents:
         expected = " or ".join(wanted)
         candidates = sorted(name for name in self.types if self.types[name] in wanted)
         if topic is not None and topic not in self.types:
-            raise RigError(f"no topic {topic} in {self.path}: choose one of {_listed(candidates)} ({expected})")
+            raise RigError(
+                f"no topic {topic} in {self.path}: choose one of {listed(candidates) or 'none'} ({expected})"
+            )
         if topic is not None and self.types[topic] not in wanted:
             raise RigError(
                 f"topic {topic} in {self.path} is {self.types[topic]}, not {expected}: "
-                f"choose one of {_listed(candidates)}"
+                f"choose one of {listed(candidates) or 'none'}"
             )
         filled = [name for name in candidates if name in self.topics]
         first = next((kind for kind in wanted if any(self.types[name] == kind for name in filled)), None)
         filled = [name for name in filled if self.types[name] == first]
         if topic is None and len(filled) > 1:
-            raise RigError(f"several {first} topics in {self.path}: name one of {_listed(filled)}")
+            raise RigError(f"several {first} topics in {self.path}: name one of {listed(filled)}")
         if not candidates:
             held = [f"{name} ({kind})" for name, kind in sorted(self.types.items())]
-            raise RigError(f"no {expected} topic in {self.path}: it has {_listed(held)}")
+            raise RigError(f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}")
         chosen = topic or (filled or candidates)[0]
         if chosen not in self.topics:
             raise RigError(f"topic {chosen} in {self.path} has no messages: record the run again")
@@ -138,33 +142,30 @@ class Contents:
     def _frame(self, topic: str) -> str:
         frames = sorted(self.topics[topic].frames)
         if len(frames) > 1:
-            raise RigError(f"topic {topic} in {self.path} names several frames ({_listed(frames)}): split the run")
+            raise RigError(f"topic {topic} in {self.path} names several frames ({listed(frames)}): split the run")
         return frames[0]
 
 
 def type_of(channel: Channel, definitions: Definitions) -> str:
     """The message type of a channel, or what is wrong with its encoding."""
     schema = definitions.schemas.get(channel.schema_id)
-    name = "no type" if schema is None else message_definitions.canonical(schema.name)
+    name = "no type" if schema is None else listed([message_definitions.canonical(schema.name)])
     if channel.message_encoding in (*ENCODINGS, *json_messages.ENCODINGS):
         return name
-    return f"{name} in encoding {channel.message_encoding!r}, which `mcap convert` or its writer can change to cdr"
+    return (
+        f"{name} in encoding {quoted(channel.message_encoding)}, which `mcap convert` or its writer can change to cdr"
+    )
 
 
 def _decoded(
-    batch: Batch, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
+    data: bytes, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
 ) -> Sequence["cdr_decode.Group | json_messages.Group"]:
-    data, offsets = unpacked(batch.data, offsets)
     if channel.message_encoding in ENCODINGS:
         return cdr_decode.decode(data, offsets, type_name, channel.message_encoding)
     try:
         return json_messages.decode(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
     except ValueError as error:
         raise RigError(f"{error}: write its messages with the fields of {type_name}") from None
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) if names else "none"
 
 
 def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Contents:
@@ -175,7 +176,7 @@ def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Con
         only: per message type the one topic to take, or None for all; by default WrenchStamped and Imu.
 
     Raises:
-        RigError: it is no recording, cut or damaged.
+        RigError: it is no recording, cut, damaged, or unpacks to too much.
         OSError: it cannot be opened.
     """
     contents = Contents(path)
@@ -185,10 +186,10 @@ def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Con
         definitions = Definitions({}, {}, {})
         for batch in file.batches(definitions, set(wanted)):
             try:
-                contents.add(batch, definitions, wanted)
+                contents.add(batch, definitions, wanted, file.budget)
             except RigError:
                 raise
-            except ValueError as error:
+            except (ValueError, OverflowError) as error:
                 raise file.damage(str(error)) from error
         contents.note(definitions)
     contents.sha256 = recording.sha256

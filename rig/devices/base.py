@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from rig.devices.conversation import Conversation, Identity
 from rig.devices.parser import Parser
-from rig.exceptions import RigError
+from rig.exceptions import RigError, quoted
 
 Measures = Literal["wrench", "imu", "values"]
 LEAST_RATE, MOST_RATE = 0.1, 50_000.0
@@ -54,10 +54,12 @@ class Device(ABC):
             default = self.OPTIONS.get(name)
             if name not in self.OPTIONS:
                 accepted = ", ".join(self.OPTIONS) or "none"
-                raise RigError(f"unknown option '{name}' of device kind '{self.KIND}': it takes {accepted}")
+                raise RigError(f"unknown option {quoted(name)} of device kind '{self.KIND}': it takes {accepted}")
             number = isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool)
             if not number and type(value) is not type(default):
-                raise RigError(f"option '{name}' of device kind '{self.KIND}' is {value!r}: give a {_kind(default)}")
+                raise RigError(
+                    f"option '{name}' of device kind '{self.KIND}' is {quoted(value)}: give a {_kind(default)}"
+                )
         self.options = {**self.OPTIONS, **options}
         self._check_rate()
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from rig.devices.base import Device, Emulator, Measures
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.exceptions import RigError
+from rig.exceptions import RigError, quoted
 
 WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 IMU = ("omega_x", "omega_y", "omega_z", "specific_force_x", "specific_force_y", "specific_force_z")
@@ -162,7 +162,7 @@ def _column(text: object) -> tuple[str, float]:
     name, _, unit = str(text).partition(" ")
     unit = unit.strip() or "1"
     if unit not in UNITS or (name == "time" and unit not in TIME_UNITS):
-        raise RigError(f"column '{text}' of a line device has an unknown unit: choose one of {', '.join(UNITS)}")
+        raise RigError(f"column {quoted(text)} of a line device has an unknown unit: choose one of {', '.join(UNITS)}")
     return name, UNITS[unit]
 
 

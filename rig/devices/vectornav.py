@@ -12,7 +12,7 @@ from typing import ClassVar
 from rig.devices.base import Device, Emulator
 from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.exceptions import RigError
+from rig.exceptions import RigError, quoted
 
 # Bytes of the items of group 1 by bit (VN-100 user manual, binary output groups).
 SIZES = (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8)
@@ -121,7 +121,9 @@ class VectorNav(Device):
         super().__init__(**options)
         mask = self.options["mask"]
         if not isinstance(mask, int) or mask & OUTPUT & ~1 != OUTPUT & ~1 or mask >> len(SIZES):
-            raise RigError(f"option 'mask' of a VectorNav is {mask}: it needs bits 5 (rate) and 8 (acceleration)")
+            raise RigError(
+                f"option 'mask' of a VectorNav is {quoted(mask)}: it needs bits 5 (rate) and 8 (acceleration)"
+            )
         self._mask = mask
 
     def parser(self) -> VectorNavParser:

@@ -81,7 +81,8 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     report.findings = [*judge(channels, findings), *_end(contents.metadata)]
     missing = {WRENCH, IMU} - {channel.type for channel in report.channels}
     report.findings += [
-        Finding("missing", report.file, f"no messages of type {name}: a run needs one topic of it") for name in missing
+        Finding("missing", report.file, f"no messages of type {name}: a run needs one topic of it")
+        for name in sorted(missing)
     ]
     return report
 

@@ -13,6 +13,8 @@ from rig.mcap.message_fields import SHAPES, STAMPED
 
 ENDIANNESS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 ENCODINGS = ("cdr", "ros1")
+MOST_NAMES = 4096
+"""Joints in a message; each is a field of the layout."""
 
 
 @dataclass
@@ -100,5 +102,8 @@ def of(message: bytes, type_name: str, encoding: str) -> Layout:
         elif item.kind == "text":
             layout.text(name)
         else:
-            layout.names = [layout.text(f"{name}_{k}") for k in range(layout.length(name))]
+            count = layout.length(name)
+            if count > MOST_NAMES:
+                raise ValueError(f"its {name} has more than {MOST_NAMES} texts")
+            layout.names = [layout.text(f"{name}_{k}") for k in range(count)]
     return layout

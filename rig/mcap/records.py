@@ -19,10 +19,20 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rig.exceptions import RigError, reason
+from rig.exceptions import RigError, quoted
+from rig.read_limits import UnpackBudget
 
 MAGIC = b"\x89MCAP0\r\n"
-CHUNK_LIMIT = 2**30  # no sane writer makes larger chunks; a damaged length must not take all the memory
+BLOCK = 2**20
+"""Bytes at a time of a record that nobody reads."""
+UNREAD = frozenset(map(int, (Opcode.ATTACHMENT, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX)))
+"""Records whose bytes count only for the checksums."""
+MESSAGE_HEAD = 22
+"""Bytes of a message's record before its data: channel, sequence, two times."""
+MOST_DEFINITIONS = 2**16
+"""Schemas and channels in one chunk; their ids have 16 bits."""
+DEFINITION = 4096
+"""Bytes that the objects of a schema or channel count for, however short its record."""
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
 PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
@@ -34,7 +44,10 @@ class DamageError(RigError):
 
 @dataclass(frozen=True)
 class Record:
-    """One top-level record: where it starts, its opcode and its bytes behind opcode and length."""
+    """One top-level record: where it starts, its opcode and its bytes behind opcode and length.
+
+    A large one of ``UNREAD`` is without bytes.
+    """
 
     position: int
     opcode: int
@@ -45,11 +58,12 @@ class Scanner:
     """Iterates over a file's records from start to end, verifying magic, lengths and section checksums.
 
     After a full iteration ``sha256`` is the file's hash. Raises ``DamageError`` where the file ends early or a
-    checksum disagrees, and ``RigError`` where it is no MCAP at all.
+    checksum disagrees, ``UnpackError`` where a record is too large to be held, and ``RigError`` where it is no MCAP.
     """
 
-    def __init__(self, path: str | os.PathLike[str], stream: IO[bytes]) -> None:
+    def __init__(self, path: str | os.PathLike[str], stream: IO[bytes], budget: UnpackBudget | None = None) -> None:
         self.path = path
+        self.budget = UnpackBudget(path) if budget is None else budget
         self._stream = stream
         self._size = os.fstat(stream.fileno()).st_size
         self._position = 0
@@ -83,6 +97,12 @@ class Scanner:
     def _next(self) -> Record:
         position = self._position
         opcode, length = RECORD_HEADER.unpack(self._take(9))
+        if length > self.budget.piece and length <= self._size - self._position:
+            if opcode not in UNREAD and opcode in KNOWN:
+                raise self.budget.exceeded()
+            for start in range(0, length, BLOCK):
+                self._take(min(BLOCK, length - start))
+            return Record(position, opcode, b"")
         return Record(position, opcode, self._take(length))
 
     def _take(self, count: int) -> bytes:
@@ -92,6 +112,7 @@ class Scanner:
         if len(data) != count:
             raise damage(self.path, self._position, "it ends early")
         self._position += count
+        self.budget.reached(self._position)
         self._hash.update(data)
         self._crc = zlib.crc32(data, self._crc)
         return data
@@ -119,18 +140,24 @@ def _u32(body: bytes, offset: int) -> int:
 def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError:
     """The error for a file damaged at this byte."""
     return DamageError(
-        f"cut or damaged MCAP {path} at byte {position} ({reason(why)}): "
+        f"cut or damaged MCAP {path} at byte {position} ({why}): "
         f"save its intact messages with `inertia recover {path} -o NEW.mcap`"
     )
 
 
-def chunk_data(record: Record) -> bytes:
-    """The uncompressed records of a chunk, its checksum verified. Raises ``ValueError`` when anything disagrees."""
+def chunk_data(record: Record, budget: UnpackBudget) -> bytes:
+    """The uncompressed records of a chunk, its checksum verified.
+
+    Raises:
+        ValueError: anything disagrees.
+        UnpackError: it truly holds more than the budget has left.
+    """
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(record.body)))
     except PARSE_ERRORS as error:
         raise ValueError("the chunk's header is damaged") from error
-    data = _decompress(chunk)
+    data = _decompress(chunk, budget)
+    budget.take(len(data))
     if len(data) != chunk.uncompressed_size:
         raise ValueError("a chunk's length is wrong")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
@@ -138,22 +165,41 @@ def chunk_data(record: Record) -> bytes:
     return data
 
 
-def _decompress(chunk: Chunk) -> bytes:
-    if chunk.uncompressed_size > CHUNK_LIMIT:
-        raise ValueError("a chunk's length is out of bounds")
+def _decompress(chunk: Chunk, budget: UnpackBudget) -> bytes:
+    """At most a byte more than the chunk claims or the budget has left: a length by itself may be damage."""
+    limit = min(chunk.uncompressed_size, budget.left) + 1
     try:
         if chunk.compression == "zstd":
-            stated = zstandard.get_frame_parameters(chunk.data).content_size
-            if stated not in (0, zstandard.CONTENTSIZE_UNKNOWN, chunk.uncompressed_size):
-                raise ValueError("a chunk's length is wrong")
-            return zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+            return _from_zstd(chunk, budget, limit)
         if chunk.compression == "lz4":
-            return lz4.frame.decompress(chunk.data)
+            expand = lz4.frame.LZ4FrameDecompressor()
+            data = expand.decompress(chunk.data, max_length=limit)
+            if len(data) < limit and not expand.eof:
+                raise ValueError("a chunk does not decompress")
+            return data
     except (zstandard.ZstdError, RuntimeError, MemoryError, EOFError) as error:
         raise ValueError("a chunk does not decompress") from error
     if chunk.compression:
-        raise ValueError(f"unknown compression {chunk.compression!r}")
+        raise ValueError(f"unknown compression {quoted(chunk.compression)}")
     return chunk.data
+
+
+def _from_zstd(chunk: Chunk, budget: UnpackBudget, limit: int) -> bytes:
+    stated = zstandard.get_frame_parameters(chunk.data).content_size
+    if stated in (0, zstandard.CONTENTSIZE_UNKNOWN):
+        return zstandard.ZstdDecompressor().stream_reader(chunk.data).read(limit)
+    if stated != chunk.uncompressed_size:
+        raise ValueError("a chunk's length is wrong")
+    if stated > budget.left:  # two lengths agree: no damage
+        raise budget.exceeded()
+    return zstandard.decompress(chunk.data, max_output_size=stated)
+
+
+def chunk_batch(record: Record, budget: UnpackBudget) -> "Batch":
+    """The records of a chunk. Raises as :func:`chunk_data` and :func:`walk`."""
+    batch = walk(chunk_data(record, budget))
+    budget.take(DEFINITION * (len(batch.schemas) + len(batch.channels)))
+    return batch
 
 
 @dataclass
@@ -178,6 +224,8 @@ def walk(data: bytes) -> Batch:
         while position < end:
             opcode, length, channel = _MESSAGE_START(data, position)
             if opcode == 5:
+                if length < MESSAGE_HEAD:
+                    raise ValueError("a chunk's records are damaged")
                 if channel in offsets:
                     offsets[channel].append(position)
                 else:
@@ -197,6 +245,10 @@ def _definition(batch: Batch, opcode: int, body: bytes) -> None:
         batch.schemas.append(Schema.read(ReadDataStream(BytesIO(body))))
     elif opcode == Opcode.CHANNEL:
         batch.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
+    elif not opcode:
+        raise ValueError("no record has the opcode 0")
+    if len(batch.schemas) + len(batch.channels) > MOST_DEFINITIONS:
+        raise ValueError("a chunk defines too much")
 
 
 SEAL = "crc32"
@@ -239,13 +291,13 @@ class Definitions:
 def batches(scanner: Scanner, definitions: Definitions) -> Iterator[Batch]:
     """The messages of a file, chunk by chunk; messages outside chunks come in batches of about a megabyte.
 
-    Fills ``definitions`` on the way. Raises ``DamageError`` at the first damage.
+    Fills ``definitions`` on the way. Raises ``DamageError`` at the first damage, ``UnpackError`` beyond the limit.
     """
     loose = bytearray()
     for record in scanner:
         try:
             if record.opcode == Opcode.CHUNK:
-                yield _collect(walk(chunk_data(record)), definitions)
+                yield _collect(chunk_batch(record, scanner.budget), definitions)
             elif record.opcode == Opcode.METADATA:
                 name, facts = metadata(record)
                 definitions.metadata[name] = facts

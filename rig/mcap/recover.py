@@ -24,26 +24,28 @@ from mcap.writer import Writer
 from rig.atomic_files import refuse_existing, replacing
 from rig.exceptions import RigError
 from rig.mcap.records import (
+    BLOCK,
     KNOWN,
     MAGIC,
     PARSE_ERRORS,
     RECORD_HEADER,
+    UNREAD,
     Batch,
     Record,
     Scanner,
-    chunk_data,
+    chunk_batch,
     is_sealed,
     metadata,
     seal,
     walk,
 )
 from rig.mcap.writer import new_writer
+from rig.read_limits import UnpackBudget, UnpackError, require_file
 
 # A chunk's header: opcode, length, three u64, CRC, name of the compression.
 CHUNK_START = re.compile(rb"\x06(?=.{5}\0\0\0.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0\0\0\0))", re.DOTALL)
 HEADER = struct.Struct("<BQQQQII")
 FOOTER = struct.Struct("<QQI")
-INDEXES = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)  # only repeat what the chunks say
 
 
 @dataclass
@@ -85,7 +87,7 @@ class _IntactRecords:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[int] = field(default_factory=list)
-    between: list[Record] = field(default_factory=list)
+    between: list[tuple[int, int]] = field(default_factory=list)  # position and opcode
     gaps: list[int] = field(default_factory=list)  # damaged bytes behind each chunk, and before the first
     finished: bool = False
 
@@ -99,10 +101,11 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
     """Write every intact message of a file to a new one. The source is only read.
 
     Raises:
-        RigError: the output exists, or the file holds no intact message.
+        RigError: the output exists, the file is damaged and holds no intact message, or it unpacks to too much.
         OSError: a file cannot be opened or written.
     """
     refuse_existing(output)
+    require_file(path)
     with open(path, "rb") as stream:
         if os.fstat(stream.fileno()).st_size < len(MAGIC):
             raise RigError(f"nothing to recover in {path}: it ends before its first chunk")
@@ -111,19 +114,22 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
 
 
 def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.PathLike[str]) -> Recovery:
-    intact = _find_intact(data)
+    intact = _find_intact(data, UnpackBudget(path))
     result = Recovery(intact=_is_intact(path), lost_bytes=sum(intact.gaps))
     trusted = result.intact or intact.only_cut
     _summary(data, intact, trusted, result)
     loose = _loose(intact, trusted, result)
     if not intact.chunks and not loose:
-        raise RigError(f"nothing to recover in {path}: no intact chunk in {len(data)} bytes")
+        if not result.intact:
+            raise RigError(f"nothing to recover in {path}: no intact chunk in {len(data)} bytes")
+        result.notes.append("the file is intact and holds no messages")
     with replacing(output) as stream:
         writer = new_writer(stream)
-        for name, facts in _metadata(intact, trusted, result):
+        for name, facts in _metadata(data, intact, trusted, result):
             writer.add_metadata(name, seal(name, facts))
-        copy = _Copy(writer, intact)
-        for batch in chain((walk(chunk_data(_record(data, at))) for at in intact.chunks), loose):
+        copy, budget = _Copy(writer, intact), UnpackBudget(path, read=len(data))
+        chunks = (chunk_batch(_record(data, at), budget) for at in intact.chunks)
+        for batch in chain(chunks, _loose_batches(data, loose)):
             result.messages += copy.batch(batch)
             result.chunks += 1
             writer.flush()
@@ -139,27 +145,30 @@ def _is_intact(path: str | os.PathLike[str]) -> bool:
     """Whether the file reads from end to end with every checksum right."""
     try:
         with open(path, "rb") as stream:
-            for record in Scanner(path, stream):
+            scanner = Scanner(path, stream)
+            for record in scanner:
                 if record.opcode == Opcode.CHUNK:
-                    walk(chunk_data(record))
+                    chunk_batch(record, scanner.budget)
                 elif record.opcode == Opcode.METADATA:
                     metadata(record)
+    except UnpackError:
+        raise
     except PARSE_ERRORS:
         return False
     return True
 
 
-def _find_intact(data: mmap.mmap) -> _IntactRecords:
+def _find_intact(data: mmap.mmap, budget: UnpackBudget) -> _IntactRecords:
     intact = _IntactRecords(finished=data[-len(MAGIC) :] == MAGIC)
     position = len(MAGIC)
     for match in CHUNK_START.finditer(data):
-        if match.start() < position or (batch := _chunk_at(data, match.start())) is None:
+        if match.start() < position or (batch := _chunk_at(data, match.start(), budget)) is None:
             continue
         _between(data, position, match.start(), intact)
         intact.chunks.append(match.start())
         intact.schemas |= {schema.id: schema for schema in batch.schemas}
         intact.channels |= {channel.id: channel for channel in batch.channels}
-        position = match.start() + 9 + len(_record(data, match.start()).body)
+        position = match.start() + 9 + RECORD_HEADER.unpack_from(data, match.start())[1]
     _between(data, position, len(data) - (len(MAGIC) if intact.finished else 0), intact)
     return intact
 
@@ -169,8 +178,11 @@ def _record(data: mmap.mmap, start: int) -> Record:
     return Record(start, opcode, data[start + 9 : start + 9 + length])
 
 
-def _chunk_at(data: mmap.mmap, start: int) -> Batch | None:
-    """The chunk that starts here, if its lengths, its checksum and its records agree."""
+def _chunk_at(data: mmap.mmap, start: int, budget: UnpackBudget) -> Batch | None:
+    """The chunk that starts here, if its lengths, its checksum and its records agree.
+
+    What only looks like a chunk costs its bytes, too: many might overlap.
+    """
     if start + HEADER.size + 8 > len(data):
         return None
     _, length, _, _, _, _, name = HEADER.unpack_from(data, start)
@@ -179,8 +191,12 @@ def _chunk_at(data: mmap.mmap, start: int) -> Batch | None:
     (size,) = struct.unpack_from("<Q", data, start + HEADER.size + name)
     if length != 40 + name + size:
         return None
+    budget.reached(start + 9 + length)
+    budget.take(length)
     try:
-        return walk(chunk_data(_record(data, start)))
+        return chunk_batch(_record(data, start), budget)
+    except UnpackError:
+        raise
     except ValueError:
         return None
 
@@ -191,8 +207,8 @@ def _between(data: mmap.mmap, position: int, end: int, intact: _IntactRecords) -
         opcode, length = RECORD_HEADER.unpack_from(data, position) if position + 9 <= end else (0, 0)
         if opcode not in KNOWN or opcode == Opcode.CHUNK or position + 9 + length > end:
             break
-        if opcode not in INDEXES:
-            intact.between.append(_record(data, position))
+        if opcode not in UNREAD:
+            intact.between.append((position, opcode))
         position += 9 + length
     intact.gaps.append(end - position)
 
@@ -200,18 +216,18 @@ def _between(data: mmap.mmap, position: int, end: int, intact: _IntactRecords) -
 def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Recovery) -> None:
     """Definitions and counts from outside the chunks, where a checksum or an undamaged file vouches for them."""
     start = 0 if trusted else _verified_summary(data, intact)
-    for record in intact.between:
-        if start is None or record.position < start:
+    for position, opcode in intact.between:
+        if start is None or position < start or opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS):
             continue
         try:
-            stream = ReadDataStream(BytesIO(record.body))
-            if record.opcode == Opcode.SCHEMA:
+            stream = ReadDataStream(BytesIO(_record(data, position).body))
+            if opcode == Opcode.SCHEMA:
                 schema = Schema.read(stream)
                 intact.schemas.setdefault(schema.id, schema)
-            elif record.opcode == Opcode.CHANNEL:
+            elif opcode == Opcode.CHANNEL:
                 channel = Channel.read(stream)
                 intact.channels.setdefault(channel.id, channel)
-            elif record.opcode == Opcode.STATISTICS:
+            else:
                 result.expected = Statistics.read(stream).message_count
         except PARSE_ERRORS:
             continue
@@ -219,31 +235,44 @@ def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Rec
 
 def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int | None:
     """Where the summary starts, if its checksum is there and right."""
-    last = intact.between[-1] if intact.between else None
-    if last is None or last.opcode != Opcode.FOOTER or len(last.body) != 20:
+    last, opcode = intact.between[-1] if intact.between else (0, 0)
+    if opcode != Opcode.FOOTER or RECORD_HEADER.unpack_from(data, last)[1] != FOOTER.size:
         return None
-    start, _, expected = FOOTER.unpack(last.body)
-    if not 0 < start <= last.position or expected != zlib.crc32(data[start : last.position + 25]):
+    start, _, expected = FOOTER.unpack_from(data, last + RECORD_HEADER.size)
+    if not 0 < start <= last or expected != zlib.crc32(data[start : last + 25]):
         return None
     return start
 
 
-def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> list[Batch]:
-    """The messages outside chunks, where they can be trusted."""
-    records = [record for record in intact.between if record.opcode == Opcode.MESSAGE]
-    if not records:
+def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> list[int]:
+    """Where the messages outside chunks are, if they can be trusted."""
+    positions = [position for position, opcode in intact.between if opcode == Opcode.MESSAGE]
+    if not positions:
         return []
     if not trusted:
-        result.notes.append(f"{len(records)} messages outside chunks are left out: they cannot be verified")
+        result.notes.append(f"{len(positions)} messages outside chunks are left out: they cannot be verified")
         return []
-    result.notes.append(f"{len(records)} messages outside chunks have no checksum of their own")
-    return [walk(b"".join(RECORD_HEADER.pack(r.opcode, len(r.body)) + r.body for r in records))]
+    result.notes.append(f"{len(positions)} messages outside chunks have no checksum of their own")
+    return positions
 
 
-def _metadata(intact: _IntactRecords, trusted: bool, result: Recovery) -> Iterator[tuple[str, dict[str, str]]]:
-    for record in intact.between:
-        if record.opcode != Opcode.METADATA:
+def _loose_batches(data: mmap.mmap, positions: list[int]) -> Iterator[Batch]:
+    """These messages, about a megabyte at a time."""
+    together = bytearray()
+    for position in positions:
+        together += data[position : position + 9 + RECORD_HEADER.unpack_from(data, position)[1]]
+        if len(together) >= BLOCK or position == positions[-1]:
+            yield walk(bytes(together))
+            together.clear()
+
+
+def _metadata(
+    data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Recovery
+) -> Iterator[tuple[str, dict[str, str]]]:
+    for position, opcode in intact.between:
+        if opcode != Opcode.METADATA:
             continue
+        record = _record(data, position)
         try:
             name, facts = metadata(record)
         except PARSE_ERRORS:

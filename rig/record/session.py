@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from rig.devices.base import LEAST_RATE, MOST_RATE
-from rig.exceptions import RigError
+from rig.exceptions import RigError, quoted
 from rig.record.device_source import DeviceSource, Measurement
 from rig.record.port import latency_warning
 from rig.record.reader import Event, Reader
@@ -97,7 +97,7 @@ def _emulator_option(entry: Entry, text: str) -> tuple[str, float]:
     key, _, written = text.partition("=")
     if key not in EMULATOR_OPTIONS:
         raise RigError(
-            f"unknown option {key!r:.40} in the port of {entry.name}: it takes {', '.join(EMULATOR_OPTIONS)}"
+            f"unknown option {quoted(key)} in the port of {entry.name}: it takes {', '.join(EMULATOR_OPTIONS)}"
         )
     least, most = EMULATOR_OPTIONS[key]
     try:
@@ -106,7 +106,7 @@ def _emulator_option(entry: Entry, text: str) -> tuple[str, float]:
         value = math.nan
     if not least <= value <= most:  # so written that NaN is refused
         raise RigError(
-            f"option '{key}' in the port of {entry.name} is {written!r:.40}: give a number from {least:g} to {most:g}"
+            f"option '{key}' in the port of {entry.name} is {quoted(written)}: give a number from {least:g} to {most:g}"
         )
     return key, value
 

@@ -6,9 +6,10 @@ from mcap.opcode import Opcode
 
 from rig import runs
 from rig.exceptions import RigError
-from rig.mcap.records import Scanner
+from rig.mcap.records import Scanner, chunk_batch
 from rig.mcap.recover import recover
 from rig.mcap.writer import new_writer, register
+from rig.read_limits import UnpackBudget
 from tests.rig_samples import imu_channel, wrench_channel
 from uq.cli.main import main
 
@@ -69,9 +70,7 @@ def saved(path, output):
 
 
 def rows_of_chunk(record):
-    from rig.mcap.records import chunk_data, walk
-
-    return sum(len(offsets) for offsets in walk(chunk_data(record)).offsets.values())
+    return sum(len(offsets) for offsets in chunk_batch(record, UnpackBudget("")).offsets.values())
 
 
 def test_an_intact_file_comes_back_whole(tmp_path):

@@ -1,0 +1,105 @@
+"""What may be read from a stranger's file: regular files only, and a limit on what they unpack to.
+
+A few bytes can claim, or truly hold, gigabytes. A file may unpack to 64 MiB and to 100 times the bytes that were read
+of it so far, in pieces of at most 128 MiB. Every library that unpacks is told the limit before it starts.
+"""
+
+import math
+import os
+import stat
+from dataclasses import dataclass
+
+from rig.exceptions import RigError
+
+PathLike = str | os.PathLike[str]
+ALLOWANCE = 2**26
+"""Bytes that any file may unpack to."""
+RATIO = 100
+"""Bytes more for each byte read."""
+PIECE = 2**27
+"""Largest chunk or record [bytes], which are held in memory as a whole."""
+VARIABLE = "INERTIA_UNPACK_GIB"
+"""Environment variable that raises both the allowance and the largest piece [GiB]."""
+
+
+class UnpackError(RigError):
+    """A file unpacks to more than it may."""
+
+
+@dataclass
+class UnpackBudget:
+    """How much a file has unpacked to, of how many bytes read; what is packed inside it counts to the same budget.
+
+    Attributes:
+        name: of the file, for messages.
+        read: bytes read of the file so far.
+        unpacked: bytes that came of them.
+    """
+
+    name: PathLike
+    read: int = 0
+    unpacked: int = 0
+
+    def __post_init__(self) -> None:
+        extra = _raised()
+        self._allowance, self._piece, self._inside = max(ALLOWANCE, extra), max(PIECE, extra), False
+
+    def reached(self, position: int) -> None:
+        """So many bytes of the file have been read."""
+        if not self._inside:
+            self.read = position
+
+    def step_inside(self) -> None:
+        """What is read from here on came out of the file: it earns nothing more."""
+        self._inside = True
+
+    @property
+    def left(self) -> int:
+        """The largest number of bytes that may come next."""
+        return max(0, min(self._piece, self._allowance + RATIO * self.read - self.unpacked))
+
+    def take(self, count: int) -> None:
+        """Count what was unpacked, or is about to be. Raises ``UnpackError`` when it is more than ``left``."""
+        if count > self.left:
+            raise self.exceeded()
+        self.unpacked += count
+
+    @property
+    def piece(self) -> int:
+        """The largest number of bytes that are held at once."""
+        return self._piece
+
+    def exceeded(self) -> UnpackError:
+        """The error for more than ``left``."""
+        return UnpackError(
+            f"too much to unpack in {self.name}: more than {self._allowance / 2**20:g} MiB and {RATIO} times the "
+            f"{self.read} bytes read, or over {self._piece / 2**20:g} MiB at once; "
+            f"if you trust the file, set {VARIABLE}=4 (GiB) or more"
+        )
+
+
+def _raised() -> int:
+    """The bytes that the environment variable allows; 0 without it."""
+    text = os.environ.get(VARIABLE, "")
+    if not text:
+        return 0
+    try:
+        size = float(text)
+    except ValueError:
+        size = math.nan
+    if not 0 < size < 2**20:  # so written that NaN is refused
+        raise RigError(f"the environment variable {VARIABLE} is no number of GiB: set it to 4, for example")
+    return round(size * 2**30)
+
+
+def require_file(path: PathLike) -> None:
+    """Refuse what is no regular file: a FIFO or a device may never end, or never begin.
+
+    Raises:
+        RigError: it is a folder, a FIFO, a socket or a device.
+        OSError: there is none.
+    """
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):
+        kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket"}
+        raise RigError(f"not a file {path} but {kinds.get(stat.S_IFMT(mode), 'a device')}: give a file")
