@@ -4,8 +4,9 @@ ENV := .venv
 BIN := $(ENV)/bin
 UV := .uv/bin/uv
 OUT ?= out/paper
+MINUTES ?= 60
 
-.PHONY: env paper test check unit bench study lock clean
+.PHONY: env paper test check unit bench study fuzz lock clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -54,6 +55,10 @@ unit: env
 bench: env
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.answers
+
+# Mutated files of every kind for an hour; `tests/test_fuzz.py` is the short form.
+fuzz: env
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 # Slow statistical studies; their results are kept in docs/.
 study: env

@@ -20,6 +20,12 @@ def quoted(value: object) -> str:
     return text if len(text) <= ECHO else f"{text[: ECHO - 1 - half]}…{text[-half:]}"
 
 
+def reason(error: object) -> str:
+    """Return what a library says of a failure as a message gives it: one line, not too long."""
+    text = on_one_line(str(error))
+    return text if len(text) <= ECHO else f"{text[: ECHO - 1]}…"
+
+
 def listed(names: Iterable[str]) -> str:
     """Return names with commas between them, of many the first ones and how many more there are."""
     all_names = [name if _plain(name) else quoted(name) for name in names]

@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 import zstandard
 
 from rig.bags.message_batches import ZSTD
-from rig.exceptions import RigError, listed
+from rig.exceptions import RigError, listed, reason
 from rig.mcap.records import MAGIC, Batch, Definitions, Scanner, batches, damage
 from rig.read_limits import UnpackBudget, require_file
 
@@ -103,7 +103,7 @@ class ZstdFile:
     def damage(self, why: str) -> RigError:
         """The error for what is wrong with what was read last."""
         if self._inner is None:
-            return RigError(f"cut or damaged {self.name} ({why}): fetch or pack it again")
+            return RigError(f"cut or damaged {self.name} ({reason(why)}): fetch or pack it again")
         return self._inner.damage(why)
 
 

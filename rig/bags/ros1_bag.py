@@ -10,7 +10,7 @@ import lz4.frame
 from mcap.records import Channel, Schema
 
 from rig.bags.message_batches import ForeignFile, Packer
-from rig.exceptions import RigError, listed
+from rig.exceptions import RigError, reason
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions
 from rig.read_limits import UnpackBudget
@@ -24,7 +24,7 @@ class Ros1File(ForeignFile):
 
     def damage(self, why: str) -> RigError:
         """The error for a file that is cut or damaged."""
-        return RigError(f"cut or damaged ROS 1 bag {self.name} ({why}): repair a copy with `rosbag reindex`")
+        return RigError(f"cut or damaged ROS 1 bag {self.name} ({reason(why)}): repair a copy with `rosbag reindex`")
 
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages of these types, a megabyte at a time."""
@@ -44,8 +44,7 @@ class Ros1File(ForeignFile):
         except (GeneratorExit, RigError, OSError):
             raise
         except Exception as error:  # rosbags lets out what struct, bz2 and lz4 raise of a damaged file
-            why = listed(str(error).splitlines()[:1]) or type(error).__name__
-            raise self.damage(why) from error
+            raise self.damage(str(error) or type(error).__name__) from error
         yield from packer.take()
 
     def _reader(self) -> AbstractContextManager[Any]:

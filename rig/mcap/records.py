@@ -19,7 +19,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rig.exceptions import RigError, quoted
+from rig.exceptions import RigError, quoted, reason
 from rig.read_limits import UnpackBudget
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -140,7 +140,7 @@ def _u32(body: bytes, offset: int) -> int:
 def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError:
     """The error for a file damaged at this byte."""
     return DamageError(
-        f"cut or damaged MCAP {path} at byte {position} ({why}): "
+        f"cut or damaged MCAP {path} at byte {position} ({reason(why)}): "
         f"save its intact messages with `inertia recover {path} -o NEW.mcap`"
     )
 

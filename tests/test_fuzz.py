@@ -1,0 +1,21 @@
+"""The short form of ``make fuzz``: the same mutated files in every run."""
+
+import pytest
+
+from tests import fuzz
+
+KINDS = ("experiment", "body", "rig", "map", "table", "poses", "centre", "mcap", "cut", "bag", "sqlite")
+
+
+@pytest.fixture(scope="module")
+def kinds(tmp_path_factory):
+    return fuzz.kinds(tmp_path_factory.mktemp("fuzz"))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_mutated_file_gives_a_result_or_one_line(name, kinds, tmp_path_factory, monkeypatch):
+    monkeypatch.chdir(next(path for path in tmp_path_factory.getbasetemp().glob("fuzz*")))
+    assert set(kinds) == set(KINDS)
+    tried, failures = fuzz.fuzz(kinds[name], 40)
+    assert tried >= 40
+    assert not failures
