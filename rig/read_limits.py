@@ -71,10 +71,10 @@ class UnpackBudget:
 
     def exceeded(self) -> UnpackError:
         """The error for more than ``left``."""
+        allowance, piece = f"{self._allowance / 2**20:g} MiB", f"{self._piece / 2**20:g} MiB"
         return UnpackError(
-            f"too much to unpack in {self.name}: more than {self._allowance / 2**20:g} MiB and {RATIO} times the "
-            f"{self.read} bytes read, or over {self._piece / 2**20:g} MiB at once; "
-            f"if you trust the file, set {VARIABLE}=4 (GiB) or more"
+            f"too much to unpack in {self.name}: over {allowance} and {RATIO} times the {self.read} bytes read, "
+            f"or {piece} at once; if you trust the file, set {VARIABLE}=4 or more"
         )
 
 

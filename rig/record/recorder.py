@@ -90,7 +90,7 @@ class Recorder:
         """Record for so long, or until ``stop``, or to the end of an emulated run.
 
         Raises:
-            RigError: a device is not there, the file exists, or the disk is full.
+            RigError: a device is not there, the file exists or was deleted meanwhile, or the disk is full.
             OSError: the file cannot be written.
         """
         with Session(self._rig, self._stopped) as session:
@@ -100,7 +100,21 @@ class Recorder:
                     self._record(session, sink, seconds or session.duration, progress)
                 except OSError as error:
                     raise self._full(sink, error) from error
+                finally:
+                    if not sink.whole:
+                        sink.remove()
+                self._check_place(sink)
         return self.summary
+
+    def _check_place(self, sink: Sink) -> None:
+        """Say that the file is no longer where it was opened. Raises ``RigError`` when it is gone."""
+        if sink.place == "deleted":
+            raise RigError(
+                f"output deleted while recording {self._path}: what was recorded is lost, "
+                "record again and leave the file until the end"
+            )
+        if sink.place == "moved":
+            self._say_all([f"{self._path} was moved or replaced while recording: look for the file under its new name"])
 
     def _say_all(self, warnings: list[str]) -> None:
         self.summary.warnings += warnings
@@ -110,6 +124,8 @@ class Recorder:
     def _full(self, sink: Sink, error: OSError) -> RigError:
         with contextlib.suppress(OSError):
             sink.cut_back()
+        if not sink.whole:
+            return RigError(f"cannot write {self._path} ({error.strerror}): nothing was recorded, free some space")
         return RigError(
             f"cannot write {self._path} ({error.strerror}) after {self.summary.seconds:.1f} s: free some space; "
             f"what was recorded until then is kept, `inertia recover {self._path} -o NEW.mcap` reads it"
@@ -150,6 +166,8 @@ class Recorder:
             if now >= next_status:
                 next_status = now + round(STATUS * 1e9)
                 self._status(session, now)
+                if sink.place == "deleted":
+                    return
                 if progress is not None:
                     progress(Progress(self.summary.seconds, sink.tell(), session.sources))
             if now >= next_flush:
@@ -263,6 +281,7 @@ class Recorder:
             facts |= {f"{name}.{key}": str(value) for key, value in values.items()}
         self._writer.add_metadata("rig.end", seal("rig.end", facts))
         self._writer.finish()
+        sink.mark_whole()
         summary.bytes = sink.tell()
 
     def _device_summary(self, source: DeviceSource) -> dict[str, object]:

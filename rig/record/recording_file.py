@@ -1,7 +1,8 @@
-"""The file that a recording grows in; a full disk leaves it cut back to its last whole chunk."""
+"""The file that a recording grows in; a full disk leaves it cut back to its last whole chunk, or no file at all."""
 
 import os
 from pathlib import Path
+from typing import Literal
 
 from rig.atomic_files import refuse_existing
 from rig.exceptions import RigError
@@ -48,6 +49,27 @@ class Sink:
         """Take away what was written since the last ``mark_whole``: half a chunk."""
         os.ftruncate(self._handle, self._whole)
         self._position = self._whole
+
+    @property
+    def whole(self) -> int:
+        """Bytes that can be read whatever happens next; 0: nothing yet."""
+        return self._whole
+
+    @property
+    def place(self) -> Literal["there", "moved", "deleted"]:
+        """What has become of the file under its name; what is written to a deleted file is lost with the process."""
+        here = os.fstat(self._handle)
+        if not here.st_nlink:
+            return "deleted"
+        try:
+            return "there" if os.path.samestat(here, os.stat(self.path)) else "moved"
+        except OSError:
+            return "moved"
+
+    def remove(self) -> None:
+        """Delete the file, if it is still there."""
+        if self.place == "there":
+            os.unlink(self.path)
 
     def close(self) -> None:
         """Bring the file to disk and close it."""

@@ -69,8 +69,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:
-        status = module.run(parser.parse_args(rest))
-        sys.stdout.flush()
+        with _once_over_no_interrupt() if by_itself else contextlib.nullcontext():
+            status = module.run(parser.parse_args(rest))
+            sys.stdout.flush()
         return status
     except BrokenPipeError:  # whoever reads has enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -99,6 +100,15 @@ def _leaving_at_once() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _once_over_no_interrupt() -> Iterator[None]:
+    """Let a second Ctrl-C, which comes when the command has ended, not meet Python as it ends."""
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _complain(message: str) -> None:

@@ -61,8 +61,8 @@ def _record(arguments: argparse.Namespace) -> int:
     recorder = Recorder(rig, run_path(arguments.output), note=arguments.note, say=terminal.say)
     with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
         summary = recorder.run(arguments.seconds, progress=terminal.progress)
-    terminal.done()
-    print(json.dumps(summary.to_dict()))
+        terminal.done()
+        print(json.dumps(summary.to_dict()), flush=True)
     return 0 if summary.complete else 1
 
 

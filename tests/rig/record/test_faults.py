@@ -134,6 +134,50 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_was_there(tmp_path, repea
         assert np.diff(run.imu.sequence.astype(int)).tolist() == [1] * (len(run.imu.sequence) - 1)
 
 
+def test_a_disk_that_was_full_from_the_start_leaves_no_file(tmp_path):
+    with Bench(tmp_path) as bench:
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap", wait=False)
+        resource.prlimit(recording.process.pid, resource.RLIMIT_FSIZE, (100, 100))
+        status, _, messages = recording.end()
+    assert status == 2
+    assert messages.splitlines()[-1].endswith("nothing was recorded, free some space")
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_an_output_that_is_deleted_while_recording_is_said_and_ends_it(tmp_path):
+    with Bench(tmp_path) as bench:
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap")
+        time.sleep(0.2)
+        (tmp_path / "run.mcap").unlink()
+        status, summary, messages = recording.end()
+    assert (status, summary) == (2, None)
+    assert messages.splitlines()[-1].startswith("error: output deleted while recording")
+
+
+def test_an_output_that_is_moved_while_recording_is_whole_and_said_to_be_elsewhere(tmp_path):
+    with Bench(tmp_path) as bench:
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap")
+        time.sleep(0.2)
+        (tmp_path / "run.mcap").rename(tmp_path / "other.mcap")
+        status, summary, messages = recording.stop()
+    assert (status, summary["complete"]) == (0, True)
+    assert "was moved or replaced while recording" in messages
+    assert "was moved or replaced" in summary["warnings"][-1]
+    assert len(runs.read(tmp_path / "other.mcap").wrench.stamp) > 100
+
+
+def test_ctrl_c_again_and_again_ends_a_recording_like_one(tmp_path):
+    with Bench(tmp_path) as bench:
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap")
+        time.sleep(0.2)
+        while recording.process.poll() is None:
+            recording.process.send_signal(signal.SIGINT)
+            time.sleep(0.002)
+        status, summary, messages = recording.end()
+    assert "Traceback" not in messages
+    assert (status, summary["complete"]) == (0, True)
+
+
 @pytest.mark.parametrize("repeats", REPEATS)
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, repeats):
     """/sys is read-only for everybody, root too."""
