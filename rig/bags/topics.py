@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rig.bags import json_messages
 from rig.bags.containers import recording_files
-from rig.bags.message_batches import pieces
+from rig.bags.message_batches import MESSAGE, pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions
@@ -36,6 +36,8 @@ class TopicMessages:
         order = np.argsort(np.concatenate([group.where for group in groups]))
         self.frames |= {group.frame_id for group in groups}
         self.joints |= {group.names for group in groups}
+        if len(self.frames) > 1:
+            raise RigError(f"its messages name several frames ({listed(sorted(self.frames))}): split the run")
         if len(self.joints) > 1:
             raise RigError(f"its messages name different joints ({listed(sorted(map(str, self.joints)))})")
         for name in self.names:
@@ -72,6 +74,8 @@ class Contents:
             if type_name in only and only[type_name] in (None, channel.topic):
                 messages = self.topics.setdefault(channel.topic, TopicMessages(type_name))
                 for data, places in pieces(batch.data, offsets, budget):
+                    if channel.message_encoding in json_messages.ENCODINGS:  # they count again: objects, one by one
+                        budget.take(sum(MESSAGE.unpack_from(data, place)[1] for place in places))
                     try:
                         messages.add(_decoded(data, places, channel, type_name, definitions))
                     except RigError as error:
@@ -140,10 +144,8 @@ class Contents:
         return MotionChannel(topic=topic, type=messages.type_name, frame_id=self._frame(topic), names=names, **column)
 
     def _frame(self, topic: str) -> str:
-        frames = sorted(self.topics[topic].frames)
-        if len(frames) > 1:
-            raise RigError(f"topic {topic} in {self.path} names several frames ({listed(frames)}): split the run")
-        return frames[0]
+        (frame,) = self.topics[topic].frames
+        return frame
 
 
 def type_of(channel: Channel, definitions: Definitions) -> str:

@@ -30,9 +30,9 @@ UNREAD = frozenset(map(int, (Opcode.ATTACHMENT, Opcode.MESSAGE_INDEX, Opcode.CHU
 MESSAGE_HEAD = 22
 """Bytes of a message's record before its data: channel, sequence, two times."""
 MOST_DEFINITIONS = 2**16
-"""Schemas and channels in one chunk; their ids have 16 bits."""
+"""Records in one chunk that are no messages; ids of schemas and channels have 16 bits."""
 DEFINITION = 4096
-"""Bytes that the objects of a schema or channel count for, however short its record."""
+"""Bytes that such a record counts for, however short it is: the objects that it becomes, and the time."""
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
 PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
@@ -198,18 +198,22 @@ def _from_zstd(chunk: Chunk, budget: UnpackBudget, limit: int) -> bytes:
 def chunk_batch(record: Record, budget: UnpackBudget) -> "Batch":
     """The records of a chunk. Raises as :func:`chunk_data` and :func:`walk`."""
     batch = walk(chunk_data(record, budget))
-    budget.take(DEFINITION * (len(batch.schemas) + len(batch.channels)))
+    budget.take(DEFINITION * batch.others)
     return batch
 
 
 @dataclass
 class Batch:
-    """The records of one chunk: its bytes, and per channel the offsets of its messages, in file order."""
+    """The records of one chunk: its bytes, and per channel the offsets of its messages, in file order.
+
+    ``others`` counts the records that are no messages.
+    """
 
     data: bytes
     offsets: dict[int, list[int]]
     schemas: list[Schema]
     channels: list[Channel]
+    others: int = 0
 
 
 _MESSAGE_START = struct.Struct("<BQH").unpack_from
@@ -247,7 +251,8 @@ def _definition(batch: Batch, opcode: int, body: bytes) -> None:
         batch.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
     elif not opcode:
         raise ValueError("no record has the opcode 0")
-    if len(batch.schemas) + len(batch.channels) > MOST_DEFINITIONS:
+    batch.others += 1
+    if batch.others > MOST_DEFINITIONS:
         raise ValueError("a chunk defines too much")
 
 

@@ -9,7 +9,8 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -88,6 +89,7 @@ class _IntactRecords:
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[int] = field(default_factory=list)
     between: list[tuple[int, int]] = field(default_factory=list)  # position and opcode
+    loose: array = field(default_factory=lambda: array("Q"))  # positions of the messages outside chunks
     gaps: list[int] = field(default_factory=list)  # damaged bytes behind each chunk, and before the first
     finished: bool = False
 
@@ -207,7 +209,9 @@ def _between(data: mmap.mmap, position: int, end: int, intact: _IntactRecords) -
         opcode, length = RECORD_HEADER.unpack_from(data, position) if position + 9 <= end else (0, 0)
         if opcode not in KNOWN or opcode == Opcode.CHUNK or position + 9 + length > end:
             break
-        if opcode not in UNREAD:
+        if opcode == Opcode.MESSAGE:
+            intact.loose.append(position)
+        elif opcode not in UNREAD:
             intact.between.append((position, opcode))
         position += 9 + length
     intact.gaps.append(end - position)
@@ -244,19 +248,17 @@ def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int | None:
     return start
 
 
-def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> list[int]:
+def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> Sequence[int]:
     """Where the messages outside chunks are, if they can be trusted."""
-    positions = [position for position, opcode in intact.between if opcode == Opcode.MESSAGE]
-    if not positions:
-        return []
-    if not trusted:
-        result.notes.append(f"{len(positions)} messages outside chunks are left out: they cannot be verified")
-        return []
-    result.notes.append(f"{len(positions)} messages outside chunks have no checksum of their own")
-    return positions
+    if intact.loose and not trusted:
+        result.notes.append(f"{len(intact.loose)} messages outside chunks are left out: they cannot be verified")
+        return ()
+    if intact.loose:
+        result.notes.append(f"{len(intact.loose)} messages outside chunks have no checksum of their own")
+    return intact.loose
 
 
-def _loose_batches(data: mmap.mmap, positions: list[int]) -> Iterator[Batch]:
+def _loose_batches(data: mmap.mmap, positions: Sequence[int]) -> Iterator[Batch]:
     """These messages, about a megabyte at a time."""
     together = bytearray()
     for position in positions:

@@ -162,6 +162,25 @@ def test_a_chunk_of_nothing_but_channels(tmp_path):
     refused("too much to unpack", "inspect", path)
 
 
+def test_a_chunk_of_short_records_of_an_unused_kind(tmp_path):
+    data = record(0x80, bytes(2)) * (2**26 // 12)
+    path = mcap(tmp_path / "bomb.mcap", chunk(zstandard.compress(data), len(data), "zstd"))
+    refused("a chunk's records are damaged", "inspect", path)
+
+
+def test_json_counts_twice(tmp_path):
+    """Its numbers become objects one by one: 40 MiB in one compressed chunk are too much."""
+    text = b'{"header":{"stamp":{"sec":1,"nsec":2}},"wrench":{"force":[1,2,3],"torque":[1,2,3]}}' + b" " * 2000
+    with open(tmp_path / "bomb.mcap", "wb") as stream:
+        writer = McapWriter(stream, compression=CompressionType.ZSTD, chunk_size=2**27)
+        writer.start()
+        number = writer.register_channel("/wrench", "json", writer.register_schema(WRENCH_TYPE, "", b""))
+        for _ in range(40 * 2**20 // len(text)):
+            writer.add_message(number, 5, text, 5)
+        writer.finish()
+    refused("too much to unpack", "inspect", tmp_path / "bomb.mcap")
+
+
 def test_chunks_that_overlap_cost_their_bytes(tmp_path):
     """Every 53 bytes a chunk that would reach to the end of the file: recovery must not read it a thousand times."""
     count, step = 20_000, HEADER.size + 12

@@ -118,6 +118,18 @@ def test_joints_that_are_no_list_are_one_line(tmp_path):
         runs.load(tmp_path / "r.mcap", only={"sensor_msgs/msg/JointState": None})
 
 
+def test_a_topic_whose_frames_change_is_one_line_that_names_the_first(tmp_path):
+    head = {"stamp": {"sec": 1, "nsec": 2}}
+    body = {"wrench": {"force": [1, 2, 3], "torque": [1, 2, 3]}}
+    items = [
+        (k, "/wrench", "geometry_msgs/WrenchStamped", {"header": {**head, "frame_id": f"f{k}"}, **body})
+        for k in range(999)
+    ]
+    encode = lambda tree, _: json.dumps(tree).encode()  # noqa: E731
+    write_mcap(tmp_path / "r.mcap", items, encoding="json", schema_encoding="", encode=encode)
+    one_line(tmp_path / "r.mcap", r"several frames \(f0, f1, .* and \d+ more\): split the run")
+
+
 def test_a_folder_that_names_a_file_again_and_again(tmp_path):
     runs.write(tmp_path / "run_0.mcap", wrench=WRENCH, imu=IMU)
     (tmp_path / "metadata.yaml").write_text("relative_file_paths:\n" + "  - run_0.mcap\n" * 100_000)
