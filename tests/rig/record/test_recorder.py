@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -227,11 +228,19 @@ def test_a_command_that_never_comes_does_not_stop_a_recording(tmp_path):
     assert (status, summary["devices"]["pose"]["samples"]) == (0, 0)
 
 
+def stops_cleanly(pid):
+    """Whether a process has its handler of SIGTERM, and so that of Ctrl-C, in place."""
+    status = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
+    return bool(int(status["SigCgt"], 16) >> (signal.SIGTERM - 1) & 1)
+
+
 def test_stopping_while_a_device_is_awaited_records_nothing(tmp_path):
     with Bench(tmp_path) as bench:
         bench.rig.write_text(bench.rig.read_text().replace('"xsens"', '"microstrain"'))
         recording = Recording(bench.rig, "-o", tmp_path / "run.mcap", wait=False)
-        time.sleep(0.9)
+        while not stops_cleanly(recording.process.pid):
+            time.sleep(0.02)
+        time.sleep(0.2)
         status, _, messages = recording.stop()
     assert status == 2
     assert messages.startswith("error: stopped before every device had answered")
