@@ -1,6 +1,7 @@
 """ROS 1 bags (.bag, version 2.0), by the optional package rosbags; their messages are decoded like all others."""
 
 import bz2
+import errno
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -41,9 +42,11 @@ class Ros1File(ForeignFile):
                     packer.add(connection.id, time, bytes(data))
                     if packer.full:
                         yield from packer.take()
-        except (GeneratorExit, RigError, OSError):
+        except (GeneratorExit, RigError):
             raise
-        except Exception as error:  # rosbags lets out what struct, bz2 and lz4 raise of a damaged file
+        except Exception as error:  # rosbags lets out what struct, bz2, lz4 and seeking raise of a damaged file
+            if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
+                raise
             raise self.damage(str(error) or type(error).__name__) from error
         yield from packer.take()
 

@@ -7,13 +7,14 @@ import sqlite3
 import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 
 from rig import inspect, runs
 from rig.bags.marks import read_marks
 from rig.exceptions import RigError
 from rig.mcap.recover import recover
-from tests.bags import merged, write_mcap, write_rosbag2
+from tests.bags import ROS1, merged, write_mcap, write_ros1, write_rosbag2
 from tests.rig_samples import imu_channel, wrench_channel
 from uq.cli.main import main
 
@@ -87,6 +88,23 @@ def test_flipped_bytes_of_an_sqlite_bag_are_a_recording_or_one_line(tmp_path, fl
                 messages.append(str(error))
     assert len(messages) > flips / 2
     assert not [text for text in messages if "\n" in text]
+
+
+@pytest.mark.parametrize("compression", [None, *Ros1Writer.CompressionFormat])
+def test_flipped_bytes_of_a_ros1_bag_are_a_recording_or_one_line(tmp_path, compression):
+    file = tmp_path / "run.bag"
+    write_ros1(file, merged(WRENCH, IMU, store=ROS1), compression=compression)
+    whole, draw = file.read_bytes(), np.random.default_rng(4)
+    refused = 0
+    for _ in range(100):
+        data = bytearray(whole)
+        data[draw.integers(13, len(data))] ^= 1 << int(draw.integers(8))
+        file.write_bytes(data)
+        try:
+            runs.load(file)
+        except RigError:
+            refused += 1
+    assert refused > 5
 
 
 DEEP = b"[" * 100_000
