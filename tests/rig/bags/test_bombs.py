@@ -74,21 +74,31 @@ def messages(path, data, count):
     return path
 
 
+COMMAND = """
+import re, sys
+from uq.cli.main import main
+try:
+    status = main(sys.argv[1:])
+except SystemExit as end:
+    status = end.code
+print(re.search(r"VmHWM:\\s*(\\d+)", open("/proc/self/status").read())[1])
+raise SystemExit(status)
+"""
+"""Prints last the most memory that it had [KiB]: what `wait4` says may be the parent's, from before it was replaced."""
+
+
 def run(*arguments, **environment):
     """Run a command; its status, its lines of error, and the most memory that it had [bytes]."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "uq.cli.main", *map(str, arguments)],
-        stdout=subprocess.DEVNULL,
+        [sys.executable, "-c", COMMAND, *map(str, arguments)],
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, **environment},
     )
     resource.prlimit(process.pid, resource.RLIMIT_AS, (2 * GIB, 2 * GIB))
-    lines = process.stderr.read().splitlines()
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    process.stderr.close()
-    return process.returncode, lines, used.ru_maxrss * 1024
+    printed, lines = process.communicate()
+    return process.returncode, lines.splitlines(), int(printed.split()[-1]) * 1024
 
 
 def refused(words, *arguments):
