@@ -162,13 +162,9 @@ class Centre(Result):
         if not isinstance(content, Mapping) or content.get("kind") != KIND:
             raise RunError(f"{name} is no result of `inertia centre`: give the centre.json that it wrote")
         if content.get("version") != VERSION:
-            raise RunError(
-                f"{name} is of version {content.get('version')!r}, not {VERSION}: run `inertia centre` again"
-            )
+            raise RunError(f"{name} is of another version than {VERSION}: run `inertia centre` again")
         if content.get("parameters") != list(PARAMETERS) or content.get("units") != list(UNITS):
-            raise RunError(
-                f"{name} has other parameters or units than {', '.join(PARAMETERS)}: run `inertia centre` again"
-            )
+            raise RunError(f"{name} has other parameters or units than those of a centre: run `inertia centre` again")
         return _read(cls, _Content(content, name))
 
     def tables(self) -> list[Table]:
