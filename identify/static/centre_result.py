@@ -280,7 +280,7 @@ class _Content:
             value = value.get(key) if isinstance(value, Mapping) else None
         try:
             values = np.asarray(value, float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             values = np.array(np.nan)
         fits = values.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, values.shape, strict=False))
         if not fits or not np.isfinite(values).all():
@@ -294,6 +294,9 @@ class _Content:
 
 def _read(cls: type[Centre], content: _Content) -> Centre:
     n = len(PARAMETERS)
+    provenance = content.content.get("provenance") or {}
+    if not isinstance(provenance, Mapping):
+        raise RunError(f"provenance of {content.name} is no table: run `inertia centre` again")
     mass = float(content.array("mass", "value", shape=()))
     covariance = content.array("covariance", shape=(n, n))
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)).clip(0))
@@ -319,7 +322,7 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         float(content.array("gravity", shape=())),
         warnings=content.texts("warnings"),
         assumptions=content.texts("assumptions"),
-        provenance=dict(content.content.get("provenance") or {}),
+        provenance=dict(provenance),
         lasting=lasting,
         lasting_names=content.texts("lasting_names"),
     )

@@ -233,6 +233,8 @@ def test_a_centre_is_read_back_as_it_was(written):
         (lambda c: [], "is no result of `inertia centre`"),
         (lambda c: c | {"kind": "result"}, "is no result of `inertia centre`"),
         (lambda c: c | {"version": 2}, "is of another version than 1"),
+        (lambda c: c | {"provenance": "x"}, "provenance of .* is no table"),
+        (lambda c: c | {"covariance": [[10**400] * 10] * 10}, "covariance of .* is missing or not finite"),
         (lambda c: c | {"parameters": c["parameters"][::-1]}, "other parameters or units"),
         (lambda c: c | {"covariance": [[1.0]]}, "covariance of centre.json is missing or not finite"),
         (lambda c: c | {"covariance": np.diag([-1.0] * 10).tolist()}, "none, not symmetric or not positive"),
