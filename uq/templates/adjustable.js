@@ -56,8 +56,8 @@ export function evaluate(law, state) {
     }
     return { variance, mean };
   });
-  const told = ({ variance, mean }) => ({ spread: 3 * Math.sqrt(Math.max(variance, 0)), mean });
-  return { total: total.map(told), sources: parts.map((part) => part.map(told)) };
+  const bar = ({ variance, mean }) => ({ spread: 3 * Math.sqrt(Math.max(variance, 0)), mean });
+  return { total: total.map(bar), sources: parts.map((part) => part.map(bar)) };
 }
 
 function made(tag, attributes = {}, ...children) {

@@ -52,26 +52,28 @@ def prepare_any(
         if needs_samples(sources, mixing):
             return prepare_samples(motion, body, platform, sources, estimators, trajectory=trajectory, **usual)
         return prepare(motion, body, platform, sources, estimators, sampling=sampling, **usual)
-    told = in_sums(motion, trajectory, sources, mixing)
-    if sampling == "collapsed" and told.sampled:
+    split = in_sums(motion, trajectory, sources, mixing)
+    if sampling == "collapsed" and split.sampled:
         raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
     parts: list[Any] = []
-    if told.told and sampling == "collapsed":
-        parts.append(collapse(motion, body, told.sources, estimators, mixing=mixing, cases=told.told))
-    elif told.told:
+    if split.summed and sampling == "collapsed":
+        parts.append(collapse(motion, body, split.sources, estimators, mixing=mixing, cases=split.summed))
+    elif split.summed:
         parts.append(
-            prepare(motion, body, platform, told.sources, estimators, cases=told.told, delayed=told.delayed, **usual)
+            prepare(
+                motion, body, platform, split.sources, estimators, cases=split.summed, delayed=split.delayed, **usual
+            )
         )
-    if len(parts) == 1 and not told.sampled and not told.same:
+    if len(parts) == 1 and not split.sampled and not split.same:
         return parts[0]
     by_samples = [
         prepare_samples(motion, body, platform, sources, estimators, trajectory=trajectory, cases=cases, **usual)
-        for cases in (told.sampled, told.same)
+        for cases in (split.sampled, split.same)
         if cases
     ]
-    same = first_trial(by_samples.pop()) if told.same else TrialEstimates.none(len(estimators))
+    same = first_trial(by_samples.pop()) if split.same else TrialEstimates.none(len(estimators))
     setups = (*parts, *by_samples)
-    places = {case: k for k, case in enumerate([*told.told, *told.sampled, *told.same])}
+    places = {case: k for k, case in enumerate([*split.summed, *split.sampled, *split.same])}
     cases = cases_of(sources)
     return SplitSetup(setups, same, cases, tuple(places[case] for case in cases))
 
@@ -107,10 +109,10 @@ def how_computed(setup: AnySetup, sources: Sequence[Source]) -> dict[str, Any]:
     """
     parts = setup.parts if isinstance(setup, SplitSetup) else (setup,)
     in_sums = [part for part in parts if not isinstance(part, SampledSetup)]
-    told = {name for part in in_sums for case in part.cases for name in case.sources}
+    names = {name for part in in_sums for case in part.cases for name in case.sources}
     computed = {case.name for part in parts for case in part.cases}
     said = {
-        "in_sums": {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.needs_samples and s.name in told},
+        "in_sums": {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.needs_samples and s.name in names},
         "by_samples": [case.name for part in parts if isinstance(part, SampledSetup) for case in part.cases],
         "once": [case.name for case in setup.cases if case.name not in computed],
     }

@@ -48,8 +48,8 @@ class InSums(eqx.Module):
 
     sources: tuple[Source, ...]
     """What stands for the sources; a source for itself where nothing does."""
-    told: tuple[Case, ...] = eqx.field(static=True)
-    """Cases that sums tell."""
+    summed: tuple[Case, ...] = eqx.field(static=True)
+    """Cases that sums over samples express."""
     sampled: tuple[Case, ...] = eqx.field(static=True)
     """Cases that need every sample."""
     same: tuple[Case, ...] = eqx.field(static=True)
@@ -66,18 +66,18 @@ def in_sums(motion: Motion, trajectory: Trajectory, sources: Sequence[Source], m
     rate = float((len(motion.t) - 1) / (motion.t[-1] - motion.t[0]))
     remainder = 0.0 if delayed is None else delayed.remainder
     standing: dict[str, Source] = {}
-    told, sampled, same = [], [], []
+    summed, sampled, same = [], [], []
     for case in cases_of(sources):
         acting = [source for source in sources if source.name in case.sources]
         each = {s.name: s.error_kind.in_sums(s, _beside(s, acting, mixing, rate, remainder)) for s in acting}
         if None not in each.values() and not crossed(acting, mixing):
-            told.append(case)
+            summed.append(case)
             standing |= {name: source for name, source in each.items() if source is not None}
         elif any(source.drawn for source in acting):
             sampled.append(case)
         else:
             same.append(case)
-    return InSums(tuple(standing.get(s.name, s) for s in sources), tuple(told), tuple(sampled), tuple(same), delayed)
+    return InSums(tuple(standing.get(s.name, s) for s in sources), tuple(summed), tuple(sampled), tuple(same), delayed)
 
 
 def _beside(
