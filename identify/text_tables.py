@@ -1,11 +1,15 @@
 """Small tables, for a terminal and for Jupyter."""
 
 import math
+import os
 import re
+import sys
+import textwrap
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import takewhile
 
 FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+)?")
 
@@ -36,20 +40,68 @@ class Table:
         return html_table(self.head, self.rows, self.caption)
 
 
-def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return an aligned table: text to the left, figures to the right."""
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int | None = None) -> str:
+    """Return an aligned table: text to the left, figures to the right.
+
+    What is wider than ``width`` (None: :func:`terminal_width`) comes in several tables one below the other, each with
+    the leading columns of text; where these leave no room, as one line a figure.
+    """
     lines = [list(head), *map(list, rows)]
     widths = [max(_width(line[k]) for line in lines) for k in range(len(head))]
     right = [all(is_figure(row[k]) for row in rows) for k in range(len(head))]
+    labels = list(takewhile(lambda k: not right[k], range(len(head))))
+    labels = labels[:1] if len(labels) == len(head) else labels
+    room = terminal_width() if width is None else width
+    tables = [list(range(len(head)))]
+    if room is not None and sum(widths) + 2 * (len(head) - 1) > room:
+        tables = _columns_that_fit(widths, labels, room)
 
-    def draw(line: Sequence[str]) -> str:
-        cells = [
-            " " * (width - _width(cell)) + cell if to_right else cell + " " * (width - _width(cell))
-            for cell, width, to_right in zip(line, widths, right, strict=True)
-        ]
-        return "  ".join(cells).rstrip()
+    def draw(line: Sequence[str], columns: Sequence[int]) -> str:
+        padding = {k: " " * (widths[k] - _width(line[k])) for k in columns}
+        return "  ".join(padding[k] + line[k] if right[k] else line[k] + padding[k] for k in columns).rstrip()
 
-    return "\n".join([draw(lines[0]), "  ".join("─" * width for width in widths), *map(draw, lines[1:])])
+    if not tables:
+        return "\n".join(text for row in rows for text in _one_a_line(head, row, len(labels), room or 0))
+    ruled = [lines[0], ["─" * width for width in widths], *lines[1:]]
+    return "\n\n".join("\n".join(draw(line, columns) for line in ruled) for columns in tables)
+
+
+def terminal_width() -> int | None:
+    """Return the columns of the terminal; None where what is printed goes to no terminal. ``COLUMNS`` counts first."""
+    stated = os.environ.get("COLUMNS", "")
+    if stated.isdecimal() and int(stated):
+        return int(stated)
+    try:
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or None if sys.stdout.isatty() else None  # type: ignore[union-attr]
+    except (AttributeError, OSError, ValueError):  # no stream, or one of a notebook
+        return None
+
+
+def _columns_that_fit(widths: Sequence[int], labels: list[int], room: int) -> list[list[int]]:
+    """Return the columns of each of several tables, the labels first; none where not even one column fits."""
+    tables, taken = [], room + 1
+    beside = sum(widths[k] + 2 for k in labels)
+    for k in range(len(labels), len(widths)):
+        if taken + 2 + widths[k] > room:
+            tables.append([*labels])
+            taken = beside - 2
+        tables[-1].append(k)
+        taken += 2 + widths[k]
+        if taken > room:
+            return []
+    return tables
+
+
+def _one_a_line(head: Sequence[str], row: Sequence[str], labels: int, room: int) -> list[str]:
+    """Return a row as lines: its labels, then each of its other cells with its head."""
+    said = [f"{name} {cell}".strip() for name, cell in zip(head, row, strict=True) if cell]
+    blank = sum(not cell for cell in row[:labels])
+    first = ", ".join(said[: labels - blank])
+    return [
+        line
+        for indent, text in [("", first), *(("  ", text) for text in said[labels - blank :])]
+        for line in textwrap.wrap(text, max(room, 20), initial_indent=indent, subsequent_indent=indent + "  ")
+    ]
 
 
 def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:

@@ -30,7 +30,7 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
         raise RigError(f"no folder {target.parent}: create it first")
     handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with naming(target), os.fdopen(handle, "wb") as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
@@ -39,6 +39,16 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
     except BaseException:
         with suppress(FileNotFoundError):
             os.unlink(temporary)
+        raise
+
+
+@contextmanager
+def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Let an error of the system say which file it met, as where the disk is full."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or os.fspath(path)
         raise
 
 

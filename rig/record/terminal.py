@@ -3,6 +3,7 @@
 import contextlib
 import os
 import select
+import shutil
 import termios
 import threading
 import tty
@@ -14,10 +15,10 @@ from rig.record.recorder import Progress
 
 
 class Terminal:
-    """Progress and messages on a stream; without a terminal only the messages."""
+    """Progress and messages on a stream; without a terminal that can rewrite a line only the messages."""
 
     def __init__(self, stream: TextIO | TextIOBase) -> None:
-        self._stream, self._live = stream, stream.isatty()
+        self._stream, self._live = stream, stream.isatty() and os.environ.get("TERM") != "dumb"
         self._last: dict[str, tuple[float, int]] = {}
 
     def say(self, text: str) -> None:
@@ -28,8 +29,14 @@ class Terminal:
     def progress(self, progress: Progress) -> None:
         """The line that is always rewritten."""
         if self._live:
-            self._stream.write("\r\x1b[K" + self.line(progress))
+            self._stream.write("\r\x1b[K" + self.line(progress)[: self._width() - 1])
             self._stream.flush()
+
+    def _width(self) -> int:
+        """Columns of the terminal: a line that wraps cannot be rewritten."""
+        with contextlib.suppress(OSError, ValueError):
+            return os.get_terminal_size(self._stream.fileno()).columns or shutil.get_terminal_size().columns
+        return shutil.get_terminal_size().columns
 
     def line(self, progress: Progress) -> str:
         """Elapsed time, file size, and per device rate, missing samples and checksum failures."""

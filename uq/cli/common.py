@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -22,6 +23,7 @@ ERRORS = (ExperimentError, RunError, RigError)
 
 def start_jax() -> None:
     """Switch on float64, keep what is compiled, let each processor be a device; before the first array is made."""
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written is no user's concern
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))

@@ -1,12 +1,16 @@
 """The ``inertia`` command: finds the command's module, parses its arguments, turns a user's mistake into one line."""
 
 import argparse
+import codecs
 import contextlib
+import errno
 import importlib
 import keyword
 import os
+import resource
 import signal
 import sys
+import unicodedata
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
@@ -28,6 +32,25 @@ COMMANDS = {
 }
 
 
+WITHOUT_JAX = ("record", "recover", "inspect")
+LEAST_MEMORY = 3 * 2**29
+"""Bytes of address space below which JAX does not start but aborts the process, with a page of its own."""
+CURES = {
+    errno.ENOSPC: "free some space",
+    errno.EDQUOT: "free some space",
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENOMEM: "give it more memory (ulimit -v, the job's limit)",
+}
+OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc", "can't start new thread", "failed to map segment",
+                 "annot allocate memory")  # fmt: skip
+"""What libraries say where Python would raise a MemoryError."""
+ASCII = {
+    "−": "-", "–": "-", "—": "-", "─": "-", "±": "+-", "²": "^2", "³": "^3", "·": "*", "×": "x", "σ": "sigma",
+    "ω": "omega", "Ω": "Omega", "α": "alpha", "χ": "chi", "ρ": "rho", "µ": "u", "μ": "u", "°": " deg", "…": "...",
+    "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "→": "->", "∞": "inf", "’": "'", "“": '"', "”": '"',
+}  # fmt: skip
+"""What is printed where the terminal or file cannot take a sign; a minus must not get lost."""
 LONGEST = 150
 """Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
 
@@ -44,16 +67,48 @@ class Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 done but something is missing, 2 bad input."""
     by_itself = argv is None
-    argv = list(sys.argv[1:] if argv is None else argv)
+    if by_itself:
+        _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # a terminal without σ shows a question mark, not a traceback
+            stream.reconfigure(errors=_in_ascii.__name__)
+    try:
+        status = _run(list(sys.argv[1:] if argv is None else argv), by_itself)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # whoever reads has enough, as with `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    except OSError as error:
+        where = f" {error.filename}" if error.filename is not None else ""
+        cure = CURES.get(error.errno or 0, "check the path and its permissions")
+        _complain(f"{error.strerror or error}{where}: {cure}")
+    except (MemoryError, RuntimeError, ImportError, SystemError) as error:
+        if not isinstance(error, MemoryError) and not any(words in str(error) for words in OUT_OF_MEMORY):
+            raise
+        _complain("out of memory: give this process more (ulimit -v, the job's limit), or ask for less at once")
+    except KeyboardInterrupt:
+        _complain("interrupted")
+        return 130
+    return 2
+
+
+def _run(argv: list[str], by_itself: bool) -> int:
+    """Run one command; a user's mistake is one line and status 2."""
     if not argv or argv[0] in ("-h", "--help"):
         print(_overview())
         return 0 if argv else 2
     name, rest = argv[0], argv[1:]
     if name not in COMMANDS:
         _complain(f"unknown command {quoted(name)}: choose one of {', '.join(COMMANDS)}")
+        return 2
+    if strange := [text for text in rest if not _is_unicode(text)]:
+        _complain(f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1")
+        return 2
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if name not in WITHOUT_JAX and resource.RLIM_INFINITY != limit < LEAST_MEMORY:
+        allowed = f"{limit / 2**30:.2g} GiB"
+        _complain(f"this process may have {allowed} of memory: raise the limit (ulimit -v) to 2 GiB or more")
         return 2
     if "--distributed" in rest and by_itself:
         status = divide()
@@ -70,20 +125,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     module.configure(parser)
     try:
         with _once_over_no_interrupt() if by_itself else contextlib.nullcontext():
-            status = module.run(parser.parse_args(rest))
-            sys.stdout.flush()
-        return status
-    except BrokenPipeError:  # whoever reads has enough, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + signal.SIGPIPE
-    except OSError as error:
-        where = f" {error.filename}" if error.filename is not None else ""
-        _complain(f"{error.strerror or error}{where}: check the path and its permissions")
+            return module.run(parser.parse_args(rest))
     except module.ERRORS as error:
         _complain(str(error))
-    except KeyboardInterrupt:
-        print("error: interrupted", file=sys.stderr)
-        return 130
     return 2
 
 
@@ -111,8 +155,40 @@ def _once_over_no_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
+def _open_closed_streams() -> None:
+    """Let a standard stream that is closed lead nowhere: else the next file that is opened takes its place."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  its number is the lowest free
+
+
+def _is_unicode(text: str) -> bool:
+    """Whether a text can be written into reports and recordings; bytes of the command line may be no characters."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
+    """Return what is printed in place of a sign that cannot be; spaces behind a longer one make up for it."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text, end = error.object, error.start + 1
+    sign = text[error.start]
+    simpler = ASCII.get(sign) or "".join(ASCII.get(c, c) for c in unicodedata.normalize("NFKD", sign))
+    plain = simpler.encode("ascii", "ignore").decode() or "?"
+    spaces = len(text[end:]) - len(text[end:].lstrip(" "))
+    return plain, end + min(len(plain) - 1, max(spaces - (sign != "±"), 0))
+
+
+codecs.register_error(_in_ascii.__name__, _in_ascii)
+
+
 def _complain(message: str) -> None:
-    print(f"error: {on_one_line(message)}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # nobody hears it
+        print(f"error: {on_one_line(message)}", file=sys.stderr, flush=True)
 
 
 def _overview() -> str:

@@ -13,12 +13,14 @@ VARIABLE = "INERTIA_CACHE"
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of compiled code, for this kind of processor; None where it is switched off."""
+    """Return the folder of compiled code, for this kind of processor; None: switched off, or a user without a home."""
     chosen = os.environ.get(VARIABLE, "")
     if chosen == "off":
         return None
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return (Path(chosen) if chosen else home / "inertia-uq") / f"compiled-{_processor()}"
+    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    if not chosen and cache.startswith("~"):  # a user without a home
+        return None
+    return (Path(chosen) if chosen else Path(cache, "inertia-uq")) / f"compiled-{_processor()}"
 
 
 def keep_compiled() -> None:

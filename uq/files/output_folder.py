@@ -5,6 +5,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from rig.atomic_files import naming
+
 
 def place(content: Mapping[str, bytes], out: Path) -> None:
     """Write files into a folder: all are on the disk before the first is moved into place.
@@ -13,7 +15,7 @@ def place(content: Mapping[str, bytes], out: Path) -> None:
         OSError: the folder cannot be made or written.
     """
     out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
+    with naming(out), tempfile.TemporaryDirectory(prefix=".partial-", dir=out) as folder:
         for name, data in content.items():
             _write(Path(folder, name), data)
         for name in content:

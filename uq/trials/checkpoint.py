@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.atomic_files import naming
 from uq.files.document import ExperimentError
 from uq.sources.draws import stream_number
 from uq.trials.trial import TrialEstimates
@@ -229,7 +230,7 @@ def _checksum(header: dict[str, Any], payload: bytes) -> str:
 def _write(path: Path, data: bytes) -> None:
     """Write a file beside its place, down to the disk, and move it there."""
     partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
+    with naming(path), partial.open("wb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())
