@@ -2,16 +2,19 @@
 
 The reference is ``python -c "import jax, jax.numpy as n; n.ones(3) + 1"``. Commands and reference alternate; user time
 of the process and its children, median of the rounds. Compiled code is in its folder already (warm), or the folder is
-new each time (cold). ``--tree DIR`` measures another version beside this one: its own code, the same interpreter.
+new each time (cold); Python's bytecode is there always, as after an installation. ``--tree DIR`` measures another
+version beside this one: its own code, the same interpreter.
 """
 
 import argparse
+import compileall
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import jax
@@ -87,6 +90,8 @@ def user_seconds(arguments: Sequence[str], tree: Path, cache: Path) -> float:
 
 def measure(trees: Sequence[Path], rounds: int, *, cold: bool) -> list[list[str]]:
     """Return the table's rows: the command, then for each tree its time over the reference's, and its seconds."""
+    for tree, package in product(trees, ("identify", "rig", "uq")):
+        compileall.compile_dir(tree / package, quiet=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         recordings(folder)

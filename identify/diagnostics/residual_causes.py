@@ -83,7 +83,7 @@ class Fit(NamedTuple):
     def chance(self) -> float:
         """Of as much without a cause."""
         count = len(self.coefficients)
-        return float(scipy.stats.f.sf(self.wald / count, count, max(self.freedom, 1.0)))
+        return float(scipy.special.fdtrc(count, max(self.freedom, 1.0), self.wald / count))
 
     @property
     def criterion(self) -> float:

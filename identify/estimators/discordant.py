@@ -71,7 +71,7 @@ def _chances(values: np.ndarray, uncertainties: np.ndarray, level: float) -> tup
     stated = np.abs(values - mean) / np.sqrt(uncertainties**2 + 1 / of_others)
 
     def chance(variance: np.ndarray, degrees: float) -> np.ndarray:
-        return 2 * scipy.stats.t.sf(stated / np.sqrt(variance), degrees)
+        return 2 * scipy.special.stdtr(degrees, -stated / np.sqrt(variance))
 
     widened = np.maximum((STATED_FREEDOM + squares) / (STATED_FREEDOM + freedom), 1.0)
     together = squares.sum(axis=1, keepdims=True) / (6 * freedom)

@@ -8,8 +8,9 @@ antisymmetric part of ``G`` is an error of r_CG, and the symmetric part of ``H``
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+
+from identify.signals.welch import without_line
 
 CLEAR = 30.0
 """Power of a line's fitted moment over that of the gyro's noise in it, from which it counts as the motion's."""
@@ -53,5 +54,5 @@ def angle_turned(omega: Float[np.ndarray, "n 3"], segments: Sequence[slice], rat
     """
     angle = np.zeros_like(omega)
     for segment in segments:
-        angle[segment] = scipy.signal.detrend(np.cumsum(omega[segment], axis=0) / rate, axis=0)
+        angle[segment] = without_line(np.cumsum(omega[segment], axis=0).T / rate).T
     return angle

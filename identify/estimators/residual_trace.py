@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+
+from identify.signals.welch import welch
 
 BINS = 300
 """Most segments of time, and most frequencies."""
@@ -83,7 +84,7 @@ def _longest(t: np.ndarray, step: float) -> slice:
 def _density(signal: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies and amplitude density, thinned to bands of equal ratio."""
     length = min(len(signal), LONGEST, max(len(signal) // SEGMENTS, 64))
-    frequency, power = scipy.signal.welch(signal, fs=rate, nperseg=length, axis=0)
+    frequency, power = welch(signal, rate, length)
     frequency, power = frequency[1:], power[1:]
     if not len(frequency):
         return frequency, np.sqrt(power)

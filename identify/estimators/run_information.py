@@ -8,7 +8,6 @@ the textbook ``σ²(ΩᵀΩ)⁻¹``.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import Sums, normal_equations, sums_of
@@ -23,6 +22,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import motion_band, noise_level, response
 from identify.signals.run import Run
 from identify.signals.spectrum import Lines, Spectrum, leverage, spectrum
+from identify.signals.welch import welch
 
 
 @dataclass(frozen=True)
@@ -172,9 +172,7 @@ def longest(run: Run) -> np.ndarray:
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
     omega = longest(run)
-    frequency, power = scipy.signal.welch(
-        omega, fs=run.rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris"
-    )
+    frequency, power = welch(omega, run.rate, max(len(omega) // 4, 8), window="blackmanharris")
     inside = frequency <= motion_band(omega, run.rate)
     passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
     weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2

@@ -95,10 +95,10 @@ def _difference(
     expected = covariance(apart, apart_by_centre) + no_news
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
     square = value @ np.linalg.solve(expected, value) * (freedom - len(value) + 1) / (freedom * len(value))
-    factor = scipy.stats.t.ppf(PROBABILITY, freedom)
+    factor = scipy.special.stdtrit(freedom, PROBABILITY)
     return Difference(
         value, expected, factor * np.sqrt(np.diag(covariance(alone, by_centre))),
-        float(scipy.stats.f.sf(square, len(value), freedom - len(value) + 1)),
+        float(scipy.special.fdtrc(len(value), freedom - len(value) + 1, square)),
     )  # fmt: skip
 
 
@@ -112,10 +112,10 @@ def reaching(plain: Pooled, weighted: Pooled, every: Sequence[Difference]) -> Po
     for difference in every:
         needed = np.maximum(needed, np.abs(apart + difference.value) + difference.half_width)
     of_centre = np.diag(plain.covariance - plain.together.covariance)
-    normal = scipy.stats.norm.ppf(PROBABILITY)
+    normal = scipy.special.ndtri(PROBABILITY)
     together = plain.together
     of_noise = np.sqrt(np.maximum(needed**2 - normal**2 * of_centre, together.half_width**2))
-    student = scipy.stats.t.ppf(PROBABILITY, together.residual_degrees_of_freedom)
+    student = scipy.special.stdtrit(together.residual_degrees_of_freedom, PROBABILITY)
     wider = of_noise / (student * np.sqrt(np.diag(together.from_residuals)))
     residual = together.from_residuals * np.outer(wider, wider)
     together = replace(together, from_residuals=residual)

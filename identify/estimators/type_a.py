@@ -58,9 +58,9 @@ class Pooling:
         if self.from_scatter is None:
             return np.zeros(6, bool)
         predicted = (
-            scipy.stats.t.ppf(PROBABILITY, self.residual_degrees_of_freedom) * self.predicted_standard_uncertainty
+            scipy.special.stdtrit(self.residual_degrees_of_freedom, PROBABILITY) * self.predicted_standard_uncertainty
         )
-        return scipy.stats.t.ppf(PROBABILITY, self.scatter_degrees_of_freedom) * self.from_scatter > predicted
+        return scipy.special.stdtrit(self.scatter_degrees_of_freedom, PROBABILITY) * self.from_scatter > predicted
 
     @property
     def scale(self) -> np.ndarray:
@@ -76,7 +76,7 @@ class Pooling:
     @property
     def half_width(self) -> np.ndarray:
         """Half the interval of 95 % from type A alone [kg·m²]."""
-        return scipy.stats.t.ppf(PROBABILITY, self.degrees_of_freedom) * self.scale
+        return scipy.special.stdtrit(self.degrees_of_freedom, PROBABILITY) * self.scale
 
     @property
     def excess(self) -> np.ndarray:

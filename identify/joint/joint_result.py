@@ -47,7 +47,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     """
     shared_errors = {error.unknown for error in setting.errors.values() if error.shared} | {"cg_from_still"}
     pooled = pool(joint_runs, (*ALIGNED, *(CALIBRATED if calibrated(setting.blocks) else ()), *sorted(shared_errors)))
-    factor = float(scipy.stats.t.ppf(0.975, pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)))
+    freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)
+    factor = float(scipy.special.stdtrit(freedom, 0.975))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
     inertia = value[tensor]

@@ -107,7 +107,7 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> E
     logarithm = 0.5 * (
         wald - float(along @ np.linalg.solve(total, along)) - np.linalg.slogdet(total)[1] + np.linalg.slogdet(spread)[1]
     )
-    chance = float(scipy.stats.f.sf(wald / len(along), len(along), freedom))
+    chance = float(scipy.special.fdtrc(len(along), freedom, wald / len(along)))
     before = float((base.residuals**2).sum())
     share = (before - float((after**2).sum())) / max(before, 1e-300)
     return Evidence(

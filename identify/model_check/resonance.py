@@ -1,16 +1,16 @@
 """A peak of force or moment above the motion's band: a mounting that rings, a machine beside it.
 
-Broad ones, too: a resonance of damping ζ at f is 2 ζ f wide. The spectrum is Welch's (doi:10.1109/TAU.1967.1161901).
+Broad ones, too: a resonance of damping ζ at f is 2 ζ f wide.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from identify.diagnostics.residual_causes import Verdict
 from identify.signals.run import Run
+from identify.signals.welch import welch
 
 SEGMENT = 2.0
 """Length of the segments whose spectra are averaged [s]."""
@@ -61,7 +61,7 @@ def resonance(run: Run, band: float) -> Peak | None:
         return None
     peaks = []
     for quantity in ("force", "moment"):
-        frequency, spectrum = scipy.signal.welch(getattr(run, quantity)[longest], run.rate, nperseg=size, axis=0)
+        frequency, spectrum = welch(getattr(run, quantity)[longest], run.rate, size)
         peaks += [Peak(quantity, axis, *_peak(frequency, of, ABOVE * band)) for axis, of in enumerate(spectrum.T)]
     best = max(peaks, key=lambda peak: peak.share)
     return best if best.share > MOST else None

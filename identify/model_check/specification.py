@@ -31,7 +31,7 @@ class Difference(NamedTuple):
     @property
     def clear(self) -> bool:
         """Whether it is more than chance."""
-        return bool(scipy.stats.chi2.sf(self.value @ np.linalg.solve(self.expected, self.value), 6) < CHANCE)
+        return bool(scipy.special.chdtrc(6, self.value @ np.linalg.solve(self.expected, self.value)) < CHANCE)
 
     @property
     def text(self) -> str:

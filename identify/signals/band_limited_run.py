@@ -14,6 +14,7 @@ import scipy
 from jaxtyping import Float, Int
 
 from identify.rigid_body.regressor import Array
+from identify.signals.filters import apply, kaiser, kaiser_shape
 from identify.signals.run import Run, RunError
 
 ROWS_PER_PERIOD = 10.0
@@ -119,19 +120,12 @@ def low_pass(rate: float, band: float, factor: int) -> np.ndarray:
     passed, closed = PASSED * band, rate / factor - PASSED * band
     width = 2 * (closed - passed) / rate
     count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
-    return scipy.signal.firwin(
-        count, (passed + closed) / 2, window=("kaiser", scipy.signal.kaiser_beta(ATTENUATION)), fs=rate
-    )
+    return kaiser(count, (passed + closed) / rate, kaiser_shape(ATTENUATION))
 
 
 def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
     """Filtered samples, every ``factor``-th, from the first on that has all its neighbours."""
-    count = (len(samples) - len(taps)) // factor + 1
-    padded = samples[: (count - 1) * factor + len(taps)]
-    skipped = -(len(taps) - 1) % factor  # so that the first complete sum is one of those kept
-    decimated = scipy.signal.upfirdn(np.concatenate([np.zeros(skipped), taps]), padded, down=factor, axis=0)
-    start = (len(taps) - 1 + skipped) // factor
-    return np.ascontiguousarray(decimated[start : start + count])
+    return np.ascontiguousarray(apply(samples.T, taps)[:, ::factor].T)
 
 
 def _usable(run: Run, taps: int) -> np.ndarray:

@@ -5,6 +5,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array
+from identify.signals.welch import welch
 
 LONGEST = 10_000_000
 """Taps of a low-pass on either side of its middle, at most."""
@@ -36,7 +37,24 @@ def lowpass(rate: float, nyquist: float) -> np.ndarray:
     """
     width = 0.6 * nyquist / (rate / 2)  # of the transition, as a part of half the rate
     count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
-    return scipy.signal.firwin(count, 0.7 * nyquist, window=("kaiser", scipy.signal.kaiser_beta(ATTENUATION)), fs=rate)
+    return kaiser(count, 1.4 * nyquist / rate, kaiser_shape(ATTENUATION))
+
+
+def kaiser(count: int, cutoff: float, shape: float) -> np.ndarray:
+    """Return the taps of a low-pass, an odd count: those of the ideal one under a Kaiser window, unit gain at rest.
+
+    Args:
+        count: of the taps.
+        cutoff: where the gain is a half, as a part of half the rate.
+        shape: Kaiser's β.
+    """
+    taps = np.sinc(cutoff * (np.arange(count) - count // 2)) * np.kaiser(count, shape)
+    return np.asarray(taps / taps.sum())
+
+
+def kaiser_shape(attenuation: float) -> float:
+    """Return Kaiser's β for an attenuation above 50 dB."""
+    return 0.1102 * (attenuation - 8.7)
 
 
 def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
@@ -50,12 +68,23 @@ def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Arr
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")
     if isinstance(signals, np.ndarray):
-        return scipy.signal.fftconvolve(signals, taps[None], mode="valid", axes=1)
+        size = scipy.fft.next_fast_len(signals.shape[1] + len(taps) - 1, real=True)
+        filtered = scipy.fft.irfft(scipy.fft.rfft(signals, size) * scipy.fft.rfft(taps, size), size)
+        return np.ascontiguousarray(filtered[:, len(taps) - 1 : signals.shape[1]])
     import jax
     from jax.scipy.signal import fftconvolve
 
     filtered = lambda signal: fftconvolve(signal, taps.astype(signal.dtype), mode="valid")  # noqa: E731
     return jax.vmap(filtered)(signals)
+
+
+def thinned(signal: Float[np.ndarray, "n k"], step: int) -> Float[np.ndarray, "m k"]:
+    """Return every so many-th sample, low-passed; the straight line from the first to the last stands for the ends."""
+    if step == 1:
+        return signal
+    reach, line = 10 * step, np.linspace(signal[0], signal[-1], len(signal))
+    padded = np.pad(signal - line, ((reach, reach), (0, 0)))
+    return np.asarray(line[::step] + apply(padded.T, kaiser(2 * reach + 1, 1 / step, 5.0)).T[::step])
 
 
 def motion_band(omega: np.ndarray, rate: float) -> float:
@@ -64,9 +93,7 @@ def motion_band(omega: np.ndarray, rate: float) -> float:
     Welch's spectrum of the angular velocity, shape (n, 3), in eight segments or more, against its own median above an
     eighth of the rate; a Blackman–Harris window, whose leakage is below the noise of any gyro.
     """
-    frequency, power = scipy.signal.welch(
-        omega, fs=rate, nperseg=max(len(omega) // 4, 8), axis=0, window="blackmanharris"
-    )
+    frequency, power = welch(omega, rate, max(len(omega) // 4, 8), window="blackmanharris")
     floor = np.median(power[frequency > rate / 8], axis=0)
     stands_out = (power > np.maximum(100 * floor, 1e-9 * power.max())).any(axis=1)
     return float(frequency[stands_out].max(initial=frequency[1]))
@@ -74,10 +101,10 @@ def motion_band(omega: np.ndarray, rate: float) -> float:
 
 def occupied_band(signal: np.ndarray, rate: float) -> float:
     """Return the frequency [Hz] below which four fifths of a signal's power above its noise lie, shape (n, 3)."""
-    frequency, power = scipy.signal.welch(signal, fs=rate, nperseg=min(len(signal), max(round(8 * rate), 8)), axis=0)
+    frequency, power = welch(signal, rate, max(round(8 * rate), 8))
     above = np.maximum(power - np.median(power[frequency > rate / 8], axis=0), 0).sum(axis=1)
     share = np.cumsum(above) / max(above.sum(), 1e-300)
-    return float(frequency[min(np.searchsorted(share, 0.8), len(frequency) - 1)])
+    return float(frequency[min(int(np.searchsorted(share, 0.8)), len(frequency) - 1)])
 
 
 def noise_level(*segments: np.ndarray) -> np.ndarray:

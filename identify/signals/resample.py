@@ -4,7 +4,7 @@ import numpy as np
 import scipy
 
 from identify.exceptions import RunError
-from identify.signals.filters import lowpass
+from identify.signals.filters import apply, lowpass
 
 JITTER_TOLERANCE = 1e-3
 """Departure from uniform sampling, as a part of the sample interval, below which samples are taken as they are."""
@@ -57,7 +57,7 @@ def below(
             raise RunError(
                 f"{name} lasts {t[-1] - t[0]:.3g} s, too short to bring its two rates together: record for longer"
             )
-        filtered.append(scipy.signal.oaconvolve(interpolate(t, values, at), taps[:, None], mode="valid", axes=0))
+        filtered.append(apply(interpolate(t, values, at).T, taps).T)
         uniform.append(at[half : len(at) - half])
         reach = max(reach, half * interval)
     return uniform, filtered, reach

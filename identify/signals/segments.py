@@ -14,6 +14,8 @@ import scipy
 from jaxtyping import Bool, Float
 
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
+from identify.signals.filters import thinned
+from identify.signals.welch import welch
 
 SMOOTHING = 0.1
 """Moving average that takes vibration and noise off [s]."""
@@ -108,7 +110,7 @@ def decisive(
     if len(segments) < 2:
         return tuple(segments)
     step = _thinning(rate, omega, segments)
-    coarse = [scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line") for signal in (omega, force, moment)]
+    coarse = [thinned(signal, step) for signal in (omega, force, moment)]
     columns = _columns(rate / step, *coarse[:2])
     samples = [(_cut(columns, rate / step, segment), _cut(coarse[2], rate / step, segment)) for segment in segments]
     largest = max(float(values.var(axis=0).sum()) for _, values in samples)
@@ -177,7 +179,7 @@ def _cut(signal: np.ndarray, rate: float, segment: Segment) -> np.ndarray:
 def _thinning(rate: float, omega: np.ndarray, segments: Sequence[Segment]) -> int:
     """By how much to thin out the samples: to sixteen times the band of the longest segment's motion."""
     longest = _cut(omega, rate, max(segments, key=lambda segment: segment.seconds))
-    frequency, power = scipy.signal.welch(longest, fs=rate, nperseg=min(len(longest), max(round(4 * rate), 8)), axis=0)
+    frequency, power = welch(longest, rate, max(round(4 * rate), 8))
     share = np.cumsum(power.sum(axis=1)) / max(power.sum(), 1e-300)
     band = max(float(frequency[np.searchsorted(share, 0.99)]), 1.0)
     return max(int(rate / (16 * band)), 1)

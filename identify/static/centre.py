@@ -106,7 +106,7 @@ def predicted_covariance(
 
 
 def _checked(solution: Fit, mass: tuple[float, float]) -> GainCheck:
-    factor = float(scipy.stats.t.ppf(0.975, solution.degrees_of_freedom[0]))
+    factor = float(scipy.special.stdtrit(solution.degrees_of_freedom[0], 0.975))
     return gain_check(*mass, float(solution.values[0]), float(np.sqrt(solution.covariance[0, 0])), factor)
 
 

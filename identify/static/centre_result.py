@@ -75,7 +75,7 @@ class Centre(Result):
     @property
     def coverage_factor(self) -> np.ndarray:
         """Of 95 %, from Student's t, of each of the ten parameters."""
-        return scipy.stats.t.ppf(0.975, np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS)))
+        return scipy.special.stdtrit(np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS)), 0.975)
 
     @property
     def interval95(self) -> np.ndarray:

@@ -34,7 +34,7 @@ def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.nda
     bend = time**2 - (time**2).mean()
     left = means - means.mean(axis=0) - np.outer(time, slope) - np.outer(bend, bend @ means / (bend @ bend))
     sigma = np.sqrt((left**2).sum(axis=0) / (count - 3) / (time @ time))
-    limit = scipy.stats.t.ppf(1 - CHANCE / (2 * signal.shape[1]), count - 3)
+    limit = scipy.special.stdtrit(count - 3, 1 - CHANCE / (2 * signal.shape[1]))
     return slope, np.abs(slope) > limit * sigma
 
 

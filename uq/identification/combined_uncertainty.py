@@ -60,7 +60,7 @@ def combined_interval(
     rng = np.random.default_rng([seed, trials])
     even = (np.arange(trials) + 0.5) / trials
     type_a = [
-        scale * scipy.stats.t.ppf(rng.permutation(even), freedom)
+        scale * scipy.special.stdtrit(freedom, rng.permutation(even))
         for scale, freedom in zip(together.scale, together.degrees_of_freedom, strict=True)
     ]
     return tuple(np.quantile(errors + np.transpose(type_a), [0.025, 0.975], axis=0))

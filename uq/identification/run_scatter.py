@@ -152,7 +152,7 @@ def scatter_verdict(
     if not ((s >= 0) & np.isfinite(s)).all() or not ((sigma > 0) & np.isfinite(sigma)).all():
         raise ValueError("Argument `measured` must be zero or more and `predicted` above zero, and both finite.")
     statistic, freedom = (repeats - 1) * (s / sigma) ** 2, repeats - 1
-    tails = np.minimum(scipy.stats.chi2.cdf(statistic, freedom), scipy.stats.chi2.sf(statistic, freedom))
+    tails = np.minimum(scipy.special.chdtr(freedom, statistic), scipy.special.chdtrc(freedom, statistic))
     return ScatterVerdict(s, sigma, repeats, np.minimum(2 * tails, 1.0), tuple(names), level)
 
 

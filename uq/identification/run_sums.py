@@ -26,6 +26,7 @@ from identify.estimators.offsets import resting
 from identify.estimators.regressor_rows import unbroken, usable_rows
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import apply
 from identify.signals.run import Run, RunError
 from identify.signals.spectrum import Lines
 from uq.gram_sums.error_maps import Columns, features_of_elements
@@ -175,8 +176,7 @@ def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Fl
 def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np.ndarray, "18 m"]:
     """The elements of an angular velocity, with the estimator's derivative, through its filter."""
     taps = estimator.taps(run.rate)
-    kernel = np.concatenate([-taps[::-1], [0.0], taps])[None]
-    alpha = scipy.signal.fftconvolve(omega.T, kernel[:, ::-1], mode="valid", axes=1)
+    alpha = apply(omega.T, np.concatenate([-taps[::-1], [0.0], taps])[::-1])
     inner = slice(len(taps), len(run.t) - len(taps))
     w, t = omega[inner].T, (run.t[inner] - run.t[0])[None]
     products = np.stack([w[i] * w[j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
@@ -185,7 +185,7 @@ def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np
 
 def _filtered(signals: np.ndarray, run: Run, estimator: EstimatorSpec) -> np.ndarray:
     taps = estimator.filter_taps(run.rate)
-    return signals if len(taps) == 1 else scipy.signal.fftconvolve(signals, taps[None], mode="valid", axes=1)
+    return signals if len(taps) == 1 else apply(signals, taps)
 
 
 def _columns(

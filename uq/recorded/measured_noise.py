@@ -7,11 +7,11 @@ that its figures describe, or that something shakes the rig.
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from identify.signals.filters import motion_band
 from identify.signals.run import Run
+from identify.signals.welch import welch
 from uq.sources.source import SIGNAL_UNITS, SIGNALS, Source
 
 FAR = 2.0
@@ -38,9 +38,7 @@ def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> 
         One value an axis, in the signal's unit; None where too few frequencies are left.
     """
     size = max(len(signal) // SEGMENTS, 8)
-    frequency, density = scipy.signal.welch(
-        signal, fs=rate, nperseg=size, axis=0, window="blackmanharris", detrend="linear"
-    )
+    frequency, density = welch(signal, rate, size, window="blackmanharris", straight=True)
     usable = (frequency > above) & (frequency < BELOW * rate / 2)
     if usable.sum() < FEWEST:
         return None

@@ -1,0 +1,48 @@
+"""Power spectra by Welch's method (doi:10.1109/TAU.1967.1161901), in NumPy.
+
+SciPy's own bring all of its statistics along, whose import takes longer than every spectrum of a run.
+"""
+
+from typing import Literal
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+WINDOWS = {"hann": (0.5, 0.5), "blackmanharris": (0.35875, 0.48829, 0.14128, 0.01168)}
+"""Amplitudes of their cosines, of alternating sign."""
+
+
+def welch(
+    signal: Float[np.ndarray, "n *k"],
+    rate: float,
+    size: int,
+    *,
+    window: Literal["hann", "blackmanharris"] = "hann",
+    straight: bool = False,
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m *k"]]:
+    """Return frequencies [Hz] and one-sided power densities [unit²/Hz], the mean of segments that overlap by half.
+
+    Args:
+        signal: samples first.
+        rate: sample rate [Hz].
+        size: samples of a segment; all that there are, where these are fewer.
+        window: that weighs a segment's samples; the second one leaks less.
+        straight: whether the straight line through a segment is taken off, and not only its mean.
+    """
+    size = min(size, len(signal))
+    angle = 2 * np.pi * np.arange(size) / size
+    weights = sum((-1) ** k * a * np.cos(k * angle) for k, a in enumerate(WINDOWS[window]))
+    segments = np.lib.stride_tricks.sliding_window_view(signal, size, axis=0)[:: size - size // 2]
+    level = without_line(segments) if straight else segments - segments.mean(axis=-1, keepdims=True)
+    lines = scipy.fft.rfft(level * weights)
+    density = (lines.real**2 + lines.imag**2).mean(axis=0) / (rate * (weights**2).sum())
+    density[..., 1 : (size + 1) // 2] *= 2  # but for the lines of a constant and of half the rate
+    return np.arange(size // 2 + 1) * rate / size, np.moveaxis(density, -1, 0)
+
+
+def without_line(signal: Float[np.ndarray, "*k n"]) -> Float[np.ndarray, "*k n"]:
+    """Return a signal less the straight line of least squares through its samples, along the last axis."""
+    time = np.arange(signal.shape[-1]) - (signal.shape[-1] - 1) / 2
+    level = signal - signal.mean(axis=-1, keepdims=True)
+    return level - (level @ time / max(time @ time, 1e-300))[..., None] * time

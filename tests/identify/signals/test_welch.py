@@ -1,0 +1,52 @@
+"""Welch's spectra, straight lines taken off and Kaiser's low-pass, each against SciPy's."""
+
+import numpy as np
+import pytest
+import scipy
+
+from identify.signals.filters import apply, kaiser, kaiser_shape, thinned
+from identify.signals.welch import WINDOWS, welch, without_line
+
+RATE = 400.0
+
+
+def drift(samples: int) -> np.ndarray:
+    """A signal of three components that wanders, about a constant."""
+    return np.random.default_rng(0).normal(size=(samples, 3)).cumsum(axis=0) + 5
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("straight", [False, True])
+@pytest.mark.parametrize(("samples", "size"), [(1000, 8), (1000, 251), (777, 250), (777, 777), (40, 64)])
+def test_spectra_are_those_of_scipy(samples, size, straight, window) -> None:
+    signal = drift(samples)
+    expected = scipy.signal.welch(
+        signal, RATE, nperseg=min(size, samples), axis=0, window=window, detrend="linear" if straight else "constant"
+    )
+    for ours, theirs in zip(welch(signal, RATE, size, window=window, straight=straight), expected, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-13 * theirs.max())  # rounding
+
+
+def test_a_straight_line_is_taken_off_as_scipy_does() -> None:
+    np.testing.assert_allclose(without_line(drift(500).T).T, scipy.signal.detrend(drift(500), axis=0), atol=1e-11)
+    assert without_line(np.ones((3, 1))).tolist() == [[0.0]] * 3
+
+
+@pytest.mark.parametrize("count", [5, 101])
+def test_taps_are_those_of_scipy(count) -> None:
+    window = ("kaiser", scipy.signal.kaiser_beta(100.0))
+    expected = scipy.signal.firwin(count, 0.15 * RATE, window=window, fs=RATE)
+    np.testing.assert_allclose(kaiser(count, 0.3, kaiser_shape(100.0)), expected, rtol=1e-12, atol=1e-16)
+
+
+def test_filtered_samples_are_those_of_scipy() -> None:
+    signal, taps = drift(1000).T, kaiser(51, 0.3, 8.0)
+    expected = scipy.signal.oaconvolve(signal, taps[None], mode="valid", axes=1)
+    np.testing.assert_allclose(apply(signal, taps), expected, atol=1e-13 * np.abs(signal).max())
+
+
+@pytest.mark.parametrize("step", [1, 2, 7])
+def test_thinned_samples_are_those_of_scipy(step) -> None:
+    signal = drift(1001)
+    expected = scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line")
+    np.testing.assert_allclose(thinned(signal, step), expected, rtol=1e-12)
