@@ -8,6 +8,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.model_check.predicted_wrench import Prediction
+from identify.rigid_body.regressor import cross_matrices, cross_matrix
 
 
 class Cause(NamedTuple):
@@ -131,13 +132,12 @@ def derivative(run: Prediction, signal: np.ndarray, order: int) -> np.ndarray:
 
 def _carried(run: Prediction, force: Float[np.ndarray, "n 3 p"]) -> np.ndarray:
     """A force at the centre of gravity with its moment about Q, where the accelerometer tells it, (n, 6, p)."""
-    lever = np.cross(run.x["r_cg"], force, axisb=1, axisc=1)
+    lever = cross_matrix(run.x["r_cg"]) @ force
     return np.concatenate([force, lever], axis=1) * (run.force_from == "accelerometer")
 
 
 def _accelerometer_place(run: Prediction) -> Made:
-    levers = np.stack([run.signals.acceleration(e) for e in np.eye(3)], axis=2)
-    return _carried(run, -run.x["mass"] * levers), np.full(3, 0.01)
+    return _carried(run, -run.x["mass"] * run.signals.levers), np.full(3, 0.01)
 
 
 def accelerometer_scale(run: Prediction) -> np.ndarray:
@@ -147,8 +147,7 @@ def accelerometer_scale(run: Prediction) -> np.ndarray:
 
 def _gyro_axes(run: Prediction) -> Made:
     """A gyro that is turned against the accelerometer: without one it is the IMU that is turned."""
-    signals = run.signals.omega, run.signals.alpha
-    omega, alpha = (np.stack([np.cross(e, signal) for e in np.eye(3)], axis=2) for signal in signals)
+    omega, alpha = -run.signals.spin, -cross_matrices(run.signals.alpha)
     return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer"), np.full(3, 0.005)
 
 

@@ -71,7 +71,7 @@ def flexing(run: Prediction) -> Columns:
         return np.cross(columns, vectors[:, :, None], axis=1)
 
     about = replace(run, force_from="none", imu_position=np.zeros(3))  # so that the lever is that from Q
-    at_q = run.specific_force - s.acceleration(r)
+    at_q = run.specific_force - s.levers @ r
     on_body = about.changed(
         rate - crossed(angle, s.omega),
         acceleration - crossed(angle, s.alpha) - crossed(rate, s.omega),

@@ -5,6 +5,7 @@ In NumPy: the joint model is compiled anew for every length of run, which takes 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -12,7 +13,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from identify.joint.joint_model import WANDER
-from identify.rigid_body.dynamics import acceleration_at
+from identify.rigid_body.regressor import cross_matrices
 from identify.rigid_body.rotation import cumulative_product
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
@@ -52,13 +53,19 @@ class MotionSignals:
         turns = Rotation.from_matrix(self.turns)
         return np.asarray((turns.mean().inv() * turns).as_rotvec())
 
-    def acceleration(self, arm: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
-        """Return ``alpha × arm + omega × (omega × arm)``."""
-        return np.asarray(acceleration_at(np.broadcast_to(arm, self.omega.shape), self.omega, self.alpha))
+    @cached_property
+    def spin(self) -> Float[np.ndarray, "n 3 3"]:
+        """``omega ×``, as matrices."""
+        return cross_matrices(self.omega)
+
+    @cached_property
+    def levers(self) -> Float[np.ndarray, "n 3 3"]:
+        """``alpha × + omega × (omega ×``, as matrices: the acceleration by a lever arm in B."""
+        return cross_matrices(self.alpha) + self.spin @ self.spin
 
     def turned(self, rate: Float[np.ndarray, "n 3 p"]) -> Float[np.ndarray, "n 3 p"]:
         """Return the rotation of the attitude, in B at the first node, that changes of the angular velocity cause."""
-        steps = np.einsum("nij,njp->nip", self.turns, rate)
+        steps = self.turns @ rate
         return np.asarray(self.interval * (np.cumsum(steps, axis=0) - (steps + steps[0]) / 2))
 
 

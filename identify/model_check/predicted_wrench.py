@@ -7,6 +7,7 @@ tells it, it is that of the measured force, and only moments about the centre of
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,8 @@ from jaxtyping import Float
 
 from identify.joint.joint_model import SIZES
 from identify.model_check.motion_signals import MotionSignals
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from identify.rigid_body.inertia import unpack
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrices, cross_matrix, features
 
 Force = Literal["still", "accelerometer", "none"]
 """Where the specific force comes from: a point at rest, the accelerometer, or the measured force."""
@@ -40,27 +42,27 @@ class Prediction:
         """Predict."""
         s, x = self.signals, self.x
         if self.force_from == "still":
-            specific = (self.gravity + x["gravity"]) * self.up + s.acceleration(x["cg_from_still"])
+            specific = (self.gravity + x["gravity"]) * self.up + s.levers @ x["cg_from_still"]
         elif self.force_from == "none":
             specific = (s.force - x["force_offset"]) / x["mass"]
         else:
             assert s.accelerometer is not None  # noqa: S101 - the caller chose it so
-            specific = s.accelerometer - x["accelerometer_bias"] + s.acceleration(x["r_cg"] - self.imu_position)
+            specific = s.accelerometer - x["accelerometer_bias"] + s.levers @ (x["r_cg"] - self.imu_position)
         force = x["mass"] * specific
         moment = self.regressor @ x["inertia"] + np.cross(x["r_cg"], force)
         object.__setattr__(self, "specific_force", specific)
         object.__setattr__(self, "wrench", np.hstack([force, moment]))
 
-    @property
+    @cached_property
     def up(self) -> Float[np.ndarray, "n 3"]:
         """Upward in B."""
-        return np.asarray(np.einsum("nji,j->ni", self.signals.turns, self.x["up"]))
+        return np.asarray(self.x["up"] @ self.signals.turns)
 
-    @property
+    @cached_property
     def regressor(self) -> Float[np.ndarray, "n 3 6"]:
         """Omega_R."""
         phi = features(self.signals.omega.T, self.signals.alpha.T)
-        return np.asarray(np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi))
+        return np.asarray(np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi, optimize=True))
 
     @property
     def residuals(self) -> Float[np.ndarray, "n 6"]:
@@ -86,44 +88,40 @@ class Prediction:
         spin = np.zeros_like(specific)
         if omega is not None and alpha is not None:
             arm = x["cg_from_still"] if self.force_from == "still" else x["r_cg"] - self.imu_position
-            tensor = _matrix_of(x["inertia"])
-            momentum, centripetal = s.omega @ tensor, np.cross(s.omega, arm)
-            spin = _dot(tensor, alpha) + _cross(omega, momentum) + _crossed(s.omega, _dot(tensor, omega))
-            specific = specific + _cross(alpha, np.broadcast_to(arm, s.omega.shape)) + _cross(omega, centripetal)
-            specific = specific + _crossed(s.omega, _cross(omega, np.broadcast_to(arm, s.omega.shape)))
+            tensor, by_arm = unpack(x["inertia"]), cross_matrix(arm)
+            momentum, centripetal = cross_matrices(s.omega @ tensor), cross_matrices(np.cross(s.omega, arm))
+            spin = tensor @ alpha + (s.spin @ tensor - momentum) @ omega
+            specific = specific - by_arm @ alpha - (s.spin @ by_arm + centripetal) @ omega
             if turning and self.force_from == "still":
-                turned = np.einsum("nji,njp->nip", s.turns, s.turned(omega))
-                specific = specific + self.gravity * _crossed(self.up, turned)
+                turned = s.turns.transpose(0, 2, 1) @ s.turned(omega)
+                specific = specific + self.gravity * (cross_matrices(self.up) @ turned)
         force = x["mass"] * specific
-        moment = spin + _crossed(np.broadcast_to(x["r_cg"], s.omega.shape), force)
-        return np.concatenate([force, moment], axis=1)
+        return np.concatenate([force, spin + cross_matrix(x["r_cg"]) @ force], axis=1)
 
     def of(self, name: str) -> Columns:
         """Return the derivative of the wrench, offsets and load cell's errors included, by one unknown."""
         s, n, unit = self.signals, len(self.signals.t), np.eye(3)
         zero = np.zeros((n, 3, 3))
         on_axes = lambda signal: signal[:, :, None] * unit  # noqa: E731
-        levers = np.stack([s.acceleration(e) for e in unit], axis=2)
         if name == "inertia":
             return np.concatenate([np.zeros((n, 3, 6)), self.regressor], axis=1)
         if name == "mass":
             f = self.specific_force
             return np.hstack([f, np.cross(self.x["r_cg"], f)])[:, :, None]
         if name == "r_cg":
-            moved = self.changed(None, None, levers if self.force_from == "accelerometer" else zero)
-            moved[:, 3:] += np.stack([np.cross(e, self.wrench[:, :3]) for e in unit], axis=2)
+            moved = self.changed(None, None, s.levers if self.force_from == "accelerometer" else zero)
+            moved[:, 3:] -= cross_matrices(self.wrench[:, :3])
             return moved
         if name == "cg_from_still":
-            return self.changed(None, None, levers if self.force_from == "still" else zero)
+            return self.changed(None, None, s.levers if self.force_from == "still" else zero)
         if name == "gravity":
             return self.changed(None, None, self.up[:, :, None] * (self.force_from == "still"))
         if name == "accelerometer_bias":
             still = self.force_from == "still"
             return self.changed(None, None, zero if still else np.broadcast_to(-unit, (n, 3, 3)))
         if name == "start":
-            by = np.stack([np.cross(e, self.x["up"]) for e in unit], axis=1)
-            turned = np.einsum("nji,jp->nip", s.turns, by) * (self.force_from == "still")
-            return self.changed(None, None, self.gravity * turned)
+            turned = s.turns.transpose(0, 2, 1) @ cross_matrix(self.x["up"]) * (self.force_from == "still")
+            return self.changed(None, None, -self.gravity * turned)
         if name in ("force_offset", "moment_offset", "force_drift", "moment_drift"):
             rows = np.zeros((n, 6, 3))
             first = 0 if name.startswith("force") else 3
@@ -137,13 +135,12 @@ class Prediction:
             slope = np.broadcast_to(-unit, (n, 3, 3)) * (s.progress * np.ptp(s.t))[:, None, None]
             return self.changed(slope, np.broadcast_to(-unit, (n, 3, 3)), zero, turning=True)
         if name == "rotation":
-            omega, alpha = (np.stack([np.cross(e, signal) for e in unit], axis=2) for signal in (s.omega, s.alpha))
+            omega, alpha = -s.spin, -cross_matrices(s.alpha)
             read = s.accelerometer if self.force_from == "accelerometer" else None
             turned = self.gravity * self.up if read is None else read
-            specific = np.stack([np.cross(e, turned) for e in unit], axis=2)
+            specific = -cross_matrices(turned)
             if read is None:  # upward at the first node stays as it is, in B
-                at_start = np.stack([np.cross(e, self.x["up"]) for e in unit], axis=1)
-                specific = specific - self.gravity * np.einsum("nji,jp->nip", s.turns, at_start)
+                specific = specific + self.gravity * (s.turns.transpose(0, 2, 1) @ cross_matrix(self.x["up"]))
             return self.changed(omega, alpha, specific)
         if name == "delay":
             up = self.gravity * np.cross(self.up, s.omega)
@@ -160,28 +157,9 @@ class Prediction:
 
 def about_centre(rows: Float[np.ndarray, "n 6 p"], r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3 p"]:
     """Return the moment about the centre of gravity of wrenches about Q."""
-    return np.asarray(rows[:, 3:] - np.cross(r_cg, rows[:, :3], axisb=1, axisc=1))
+    return np.asarray(rows[:, 3:] - cross_matrix(r_cg) @ rows[:, :3])
 
 
 def zero_unknowns() -> dict[str, np.ndarray]:
     """Return all unknowns at zero."""
     return {name: np.zeros(size) for name, size in SIZES.items()}
-
-
-def _matrix_of(inertia: np.ndarray) -> Float[np.ndarray, "3 3"]:
-    a, b, c, d, e, f = inertia
-    return np.array([[a, b, c], [b, d, e], [c, e, f]])
-
-
-def _dot(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    return np.asarray(np.einsum("ij,njp->nip", matrix, columns))
-
-
-def _cross(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """``column × vector`` at each instant."""
-    return np.cross(columns, vectors[:, :, None], axis=1)
-
-
-def _crossed(vectors: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """``vector × column`` at each instant."""
-    return np.cross(vectors[:, :, None], columns, axis=1)

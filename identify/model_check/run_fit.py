@@ -39,8 +39,11 @@ class Lines:
         """Return the lines of some columns."""
         counting = columns if self.r_cg is None else about_centre(columns, self.r_cg)
         count = int(2 * OVER_BAND * self.band * self.interval * len(columns))
-        lines = scipy.fft.dct(counting, axis=0, norm="ortho")[:count]
-        return np.asarray(np.einsum("ij,mjp->mip", self.whitener, lines))
+        signals = counting.reshape(len(counting), -1)
+        acting = signals.any(axis=0)  # most columns change few rows
+        lines = np.zeros((count, signals.shape[1]))
+        lines[:, acting] = scipy.fft.dct(signals[:, acting], axis=0, norm="ortho")[:count]
+        return np.asarray(self.whitener @ lines.reshape(count, *counting.shape[1:]))
 
     def above(self, rows: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "m 6"]:
         """Return the lines of rows above the motion's band, as far as the run's low-pass is flat."""
@@ -129,7 +132,7 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         precision = np.concatenate([np.full(size, float(name not in declared.flat)) for name, size in sizes.items()])
         z = np.concatenate([distance.get(name, np.zeros(size)) for name, size in sizes.items()])
         normal = products(columns, columns) + np.diag(precision)
-        change = _solved(normal, np.einsum("mip,mi->p", columns, residuals) - precision * z)
+        change = _solved(normal, products(columns, residuals[:, :, None])[:, 0] - precision * z)
         left = residuals - columns @ change
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)
         if step > 1 and (near or force_from == "none"):

@@ -56,7 +56,7 @@ def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> Difference:
     at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
     moved = np.zeros((*at.regressor.shape[:1], 6, 6))
     moved[:, 3:] = at.regressor - at.regressor.mean(axis=0)
-    rows = np.einsum("ij,mjp->mip", back, fit.lines(moved))
+    rows = back @ fit.lines(moved)
     about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, np.eye(3)])  # M - r × F of a wrench
     inverse = np.linalg.inv(products(rows, rows))
     gain = np.einsum("mkp,kj,ji,pq->miq", rows[:, 3:], about_cg, back, inverse)

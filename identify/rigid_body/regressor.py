@@ -74,6 +74,11 @@ def cross_matrix(vector: Float[Array, "3 *n"]) -> Float[Array, "3 3 *n"]:
     return xp.array([[zero, -v3, v2], [v3, zero, -v1], [-v2, v1, zero]])
 
 
+def cross_matrices(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return :func:`cross_matrix` of many vectors, in NumPy."""
+    return np.ascontiguousarray(np.moveaxis(cross_matrix(vectors.T), -1, 0))
+
+
 PI_OF_FORCE = np.array([pi(unit) for unit in np.eye(3)])
 """Shape (3, 3, 3): ``Pi(F) = sum_k F_k * PI_OF_FORCE[k]``."""
 

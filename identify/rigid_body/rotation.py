@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from identify.rigid_body.regressor import Array, cross_matrix
+from identify.rigid_body.regressor import Array, cross_matrices, cross_matrix
 
 TOLERANCE = 1e-3
 """Departure of a written matrix from orthonormal that counts as rounding of its decimals."""
@@ -86,7 +86,7 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
 def exponentials(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
     """Return the rotation matrices of many rotation vectors [rad], :func:`exponential` of each, in NumPy."""
     angle = np.sqrt((turns**2).sum(axis=1))[:, None, None]
-    hats = np.moveaxis(cross_matrix(turns.T), 2, 0)
+    hats = cross_matrices(turns)
     sine, cosine = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
     return np.asarray(np.eye(3) + sine * hats + cosine * (hats @ hats))
 
