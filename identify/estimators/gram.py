@@ -100,12 +100,14 @@ def _inverse_and_solution(
 ) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
     """By elimination: a positive definite matrix needs no pivots, and plain arithmetic is fast in a batch; else NaN."""
     table = jnp.concatenate([matrix, jnp.eye(6, dtype=matrix.dtype), right[:, None]], axis=1)
-    definite = jnp.ones((), bool)
+    here, pivots = np.eye(6, dtype=bool)[:, :, None], []
     for k in range(6):
-        definite &= table[k, k] > 0
-        row = table[k] / table[k, k]
-        table = (table - jnp.outer(table[:, k], row)).at[k].set(row)
-    table = jnp.where(definite, table, jnp.nan)
+        column = jax.lax.slice_in_dim(table, k, k + 1, axis=1)
+        pivot = jax.lax.slice_in_dim(column, k, k + 1)
+        pivots.append(pivot)
+        row = jax.lax.slice_in_dim(table, k, k + 1) / pivot
+        table = jnp.where(here[k], row, table - column * row)
+    table = jnp.where(jnp.min(jnp.concatenate(pivots)) > 0, table, jnp.nan)
     return table[:, 6:12], table[:, 12]
 
 

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from identify.rigid_body.regressor import Array, cross_matrices, cross_matrix
 
+CROSS = cross_matrix(np.eye(3)).transpose(2, 0, 1)
+"""``unit vector ×``, as a matrix, for each axis."""
 TOLERANCE = 1e-3
 """Departure of a written matrix from orthonormal that counts as rounding of its decimals."""
 
@@ -79,7 +81,7 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     angle = xp.sqrt(xp.where(small, 1.0, square))
     sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
     cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
-    hat = cross_matrix(turn)
+    hat = (CROSS * xp.reshape(turn, (3, 1, 1))).sum(axis=0).astype(turn.dtype)  # traced faster than cross_matrix
     return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
 
 

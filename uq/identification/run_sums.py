@@ -13,7 +13,6 @@ by the errors is that of the estimate. H takes the place of the undisturbed elem
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
@@ -29,13 +28,11 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
 from identify.signals.run import Run, RunError
 from identify.signals.spectrum import Lines
-from uq.gram_sums.error_maps import Columns, features_of_elements
+from uq.gram_sums.error_maps import Columns, map_of_true_elements
 from uq.sources.constant_errors import Errors
 
 ELEMENTS = 18
 """Of the true motion: 1, omega, its products, t, t omega, t², alpha."""
-NOISY = 24
-"""Elements of the noise, which is none here."""
 NODES = 7
 """Delays at which the sums are taken; between them they are interpolated by a polynomial."""
 REACH = 5.0
@@ -131,7 +128,7 @@ def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], 
         at: weights of the delays.
     """
     gram, wrench = jnp.tensordot(at, sums.gram, axes=1), jnp.tensordot(at, sums.wrench, axes=1)
-    elements = element_map(errors)
+    elements = map_of_true_elements(errors)
     both = elements @ wrench @ columns.T + jnp.outer(elements @ gram[:, 0], errors.cell_bias)
     return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
 
@@ -153,20 +150,16 @@ def weighed_equations(
         r_cg: believed centre of gravity, ``r'`` [m].
     """
     gram, wrench = jnp.tensordot(at, sums.gram, axes=1), jnp.tensordot(at, sums.wrench, axes=1)
-    rows = (gram @ element_map(errors).T).reshape(3, 6, -1)
+    rows = (gram @ map_of_true_elements(errors).T).reshape(3, 6, -1)
     both = (wrench @ columns.T + jnp.outer(gram[:, 0], errors.cell_bias)).reshape(3, 6, 6)
     about_cg = both[..., 3:] - jnp.cross(r_cg, both[..., :3])
     return jnp.einsum("apk,kaq->pq", rows, jnp.asarray(OMEGA_R_OF_FEATURES)), jnp.einsum("apa->p", about_cg)
 
 
-def element_map(errors: Errors) -> Float[Array, "13 18"]:
-    """Return the matrix that gives the features of the measured angular velocity from the elements of the true one."""
-    features = lambda element: features_of_elements(errors, element)  # noqa: E731
-    return jax.vmap(features, out_axes=1)(jnp.eye(ELEMENTS, ELEMENTS + NOISY))
-
-
 def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:
     """Return the weights of Lagrange's polynomial through the nodes, at a delay [s] within them."""
+    if len(nodes) == 1:
+        return jnp.ones(1)
     same = jnp.eye(len(nodes), dtype=bool)
     inside = jnp.clip(delay, jnp.min(nodes), jnp.max(nodes))
     apart = jnp.where(same, 1.0, nodes[:, None] - nodes[None])

@@ -165,7 +165,7 @@ def _unravel(errors: Array) -> Errors:
 
 
 def expected_sums(true: TrueSums, variance: Float[Array, "3"], of_alpha: Float[Array, ""]) -> TrueSums:
-    """Return the expected sums over all elements of :func:`uq.gram_sums.error_maps.features_of_elements`.
+    """Return the expected sums over all elements of :func:`uq.gram_sums.error_maps.element_map`.
 
     Args:
         true: one estimator's noise-free sums.

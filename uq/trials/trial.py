@@ -1,7 +1,7 @@
 """One trial of the Monte Carlo: draws in, estimates of every case and estimator out. A pure function of a key.
 
 A trial visits its samples in blocks and keeps only sums (:mod:`identify.estimators.gram`) over *elements*: the
-features, or with errors that map the angular velocity those of :func:`uq.gram_sums.error_maps.features_of_elements`.
+features, or with errors that map the angular velocity those of :func:`uq.gram_sums.error_maps.element_map`.
 The noise-free sums are computed once, and what the gyro's noise changes is summed apart: with the change δ of the
 elements φ, ``(φ + δ)(φ + δ)ᵀ - φφᵀ = (φ + δ/2) δᵀ + δ (φ + δ/2)ᵀ``, so that one product is enough. Every case (all
 sources, one group, one source) and every estimator is solved from the sums of the same draws, over the samples where
