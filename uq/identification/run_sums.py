@@ -95,7 +95,10 @@ def run_sums(
             f"a delay of up to {np.abs(delays).max():.3g} s is declared, which takes more than half of {run.name}: "
             "record for longer, or declare what is known of the delay"
         )
-    wrench = _columns(run, plain, estimator, r_cg, inertia, columns, offsets)[:, inside]
+    span = slice(inside[0], inside[-1] + 1) if len(inside) == np.ptp(inside) + 1 else inside  # a slice copies nothing
+    wrench = _columns(run, plain, estimator, r_cg, inertia, columns, offsets)[:, span]
+    if offsets == "estimate":
+        wrench = wrench - wrench.mean(axis=1, keepdims=True)
     fixed = None
     if weighed is not None:
         fixed = Lines.of(unbroken(keep), run.rate).samples(weighed)[reached].reshape(-1, ELEMENTS).T
@@ -103,14 +106,13 @@ def run_sums(
     gram, with_wrench = [], []
     for delay in delays:
         shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
-        elements = _elements(run, shifted, estimator)[:, inside]
+        elements = _elements(run, shifted, estimator)[:, span]
         if offsets == "estimate":
             elements = elements - elements.mean(axis=1, keepdims=True)
-            wrench = wrench - wrench.mean(axis=1, keepdims=True)
         left = elements if fixed is None else fixed
-        gram.append(weight * left @ elements.T)
-        with_wrench.append(weight * left @ wrench.T)
-    return RunSums(np.array(gram), np.array(with_wrench))
+        gram.append(left @ elements.T)
+        with_wrench.append(left @ wrench.T)
+    return RunSums(weight * np.array(gram), weight * np.array(with_wrench))
 
 
 def added(runs: Sequence[RunSums]) -> RunSums:
