@@ -132,7 +132,7 @@ PAIRS = ((0, 1), (0, 2), (1, 2))
 """Axes of the features that are products of two."""
 ROWS, COLUMNS = np.eye(3)[[0, 1, 2, 0, 0, 1]], np.eye(3)[[0, 1, 2, 1, 2, 2]]
 """Select the first and the second axis of the products of two: a product with these is traced faster than indices."""
-TWICE = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+TWICE = np.array([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
 """One for those of two different axes, which stand there twice."""
 
 
