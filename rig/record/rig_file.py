@@ -12,6 +12,7 @@ import msgspec
 from rig.devices import create_device, kinds
 from rig.devices.base import Device
 from rig.exceptions import RigError
+from rig.read_limits import require_file
 from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
 
 Matrix = tuple[tuple[float, float, float], ...]
@@ -120,6 +121,7 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
         RigError: it is no TOML, a key is missing, unknown or of a wrong type, or a value is wrong.
         OSError: it cannot be opened.
     """
+    require_file(path)
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of too many digits, lists in lists

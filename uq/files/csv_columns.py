@@ -14,6 +14,7 @@ import numpy as np
 
 from identify.signals.run import RunError
 from rig.exceptions import listed, quoted
+from rig.read_limits import require_file
 from rig.toml_tables import TomlTable, WrongKeyError
 
 
@@ -73,8 +74,10 @@ def read_columns(path: str | Path, columns: Columns) -> dict[str, np.ndarray]:
     Raises:
         RunError: not text, empty, a column missing or twice in the head, a row of another length than the head, a
             cell that is not a finite number.
+        RigError: it is a folder, a FIFO or a device.
         OSError: the file cannot be read.
     """
+    require_file(path)
     named = Path(path).name
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:

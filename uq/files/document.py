@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rig.read_limits import require_file
+
 
 class ExperimentError(ValueError):
     """A mistake in an experiment file, in one line: what, where, what to do."""
@@ -21,8 +23,10 @@ def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:
 
     Raises:
         ExperimentError: it is no TOML.
+        RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
     """
+    require_file(path)
     data = Path(path).read_bytes()
     try:
         return tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()

@@ -10,6 +10,7 @@ import numpy as np
 
 from identify.exceptions import RunError
 from identify.static.centre_result import Centre
+from rig.read_limits import require_file
 from uq.experiment.experiment import Experiment
 from uq.files.provenance import sha256
 from uq.sources.source import Source
@@ -23,8 +24,10 @@ def load_centre(path: str | Path) -> Centre:
 
     Raises:
         RunError: it is not JSON, no centre, of another version, or holds figures that cannot be used.
+        RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
     """
+    require_file(path)
     name = Path(path).name
     try:
         content = json.loads(Path(path).read_text("utf-8"))

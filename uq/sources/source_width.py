@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.read_limits import require_file
 from rig.toml_tables import WrongKeyError
 from uq.files.units import UnitError, scale
 from uq.sources.datasheet import datasheet
@@ -149,6 +150,7 @@ def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Wid
 
 def _read_samples(table: Any, folder: Path) -> np.ndarray:
     try:
+        require_file(folder / table.samples)
         text = (folder / table.samples).read_text("utf-8")
     except (OSError, UnicodeDecodeError, ValueError):
         raise WrongKeyError("samples", "not a readable file beside the experiment; correct the name") from None

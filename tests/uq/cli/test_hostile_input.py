@@ -1,10 +1,13 @@
 """Values that no one writes by mistake: each is one line of less than 200 characters, status 2, and at once."""
 
+import importlib
+import os
 import signal
 import subprocess
 import sys
 import time
 from importlib import resources
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,6 +15,7 @@ import pytest
 
 from identify.signals.differentiate import matched
 from identify.signals.filters import gaussian
+from tests.rig_lab import ramp_run
 from uq.bodies.export_formats import mjcf, sdf, urdf
 from uq.bodies.exported_body import ExportedBody
 from uq.cli.main import main
@@ -77,6 +81,46 @@ def test_a_value_of_an_experiment(text, instead, tmp_path, capsys, monkeypatch):
 )  # fmt: skip
 def test_an_option(options, capsys):
     complaint(capsys, "montecarlo", "barreto2016", *options)
+
+
+MAP = """
+[columns]
+time = "t"
+time_unit = "s"
+force = ["a", "b", "c"]
+moment = ["d", "e", "f"]
+angular_velocity = ["g", "h", "i"]
+[recording]
+wrench = "on_body"
+force_unit = "N"
+moment_unit = "N*m"
+angular_velocity_unit = "rad/s"
+"""
+FROM_A_FIFO = [
+    "montecarlo fifo", "record fifo -o r.mcap", "import fifo --map map.toml -o r.mcap", "import t.csv --map fifo -o r.mcap",
+    "identify r.mcap --experiment barreto2016 --expected fifo", "identify r.mcap --experiment barreto2016 --centre fifo",
+    "inspect r.mcap --experiment fifo",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("command", FROM_A_FIFO)
+def test_a_fifo_as_any_file_is_refused_and_not_waited_for(command, tmp_path, capsys, monkeypatch):
+    def too_long(*_):
+        raise AssertionError("it waits for the FIFO")
+
+    importlib.import_module("uq.cli." + command.split()[0].replace("import", "import_"))  # outside the time limit
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("fifo")
+    Path("map.toml").write_text(MAP)
+    if "r.mcap --" in command:
+        ramp_run(tmp_path / "r.mcap", 0.2)
+    before = signal.signal(signal.SIGALRM, too_long)
+    signal.alarm(5)
+    try:
+        assert "not a file fifo but a FIFO: give a file" in complaint(capsys, *command.split())
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_an_unknown_command(capsys):
