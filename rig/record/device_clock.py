@@ -20,6 +20,8 @@ class ClockFit(NamedTuple):
         return device + round(self.offset + self.skew * (device - self.origin))
 
 
+JUMP = 100_000_000  # ns that a device time may step back, or lie ahead of its arrival, and still be of its clock
+LARGEST = 2**61  # ns, 73 years; beyond it the fit, in floating point, would err by a microsecond
 MINIMUM_SPAN = 2_000_000_000  # ns; over less the skew of a crystal is lost in the delays
 
 
@@ -33,6 +35,7 @@ class ClockTracker:
     def __init__(self) -> None:
         self._hull: list[tuple[int, int]] = []
         self._fit: ClockFit | None = None
+        self._last: tuple[int, int] | None = None  # device time and stamp of the sample before
 
     def add(self, device: int, arrival: int) -> None:
         """Take a sample's device time and arrival time [ns]; a device time that goes back is ignored."""
@@ -51,10 +54,23 @@ class ClockTracker:
             self._fit = _edge(self._hull)
         return self._fit
 
+    def jumps(self, device: int, arrival: int) -> bool:
+        """Whether a device time [ns] cannot belong to the clock so far: far back, or measured long after it arrived."""
+        if self._last is None or abs(device) > LARGEST:
+            return abs(device) > LARGEST
+        return device < self._last[0] - JUMP or self.fit.host(device) > arrival + JUMP
+
     def stamp(self, device: int, arrival: int) -> int:
-        """Take a sample and return its time of measurement in host time [ns]."""
+        """Take a sample and return its time of measurement in host time [ns].
+
+        The fit falls as faster samples arrive. Stamps follow it at half the device's pace, so that none steps back.
+        """
         self.add(device, arrival)
-        return self.fit.host(device)
+        stamp = self.fit.host(device)
+        if self._last is not None and device > self._last[0]:
+            stamp = max(stamp, self._last[1] + (device - self._last[0] + 1) // 2)
+        self._last = device, stamp
+        return stamp
 
 
 def _not_below(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:

@@ -12,6 +12,7 @@ from rig.record.rig_file import IDENTITY, Entry
 
 SILENCE = 1.0  # seconds without a sample that are worth a message
 LAST_SILENCE = 0.3  # the same at the end of a recording
+JUMPED = 20  # samples in a row off the device's clock, after which it counts as set anew
 BABBLE = 2000  # bytes without a sample that are worth a message
 
 
@@ -33,6 +34,7 @@ class DeviceSource:
         self.troubles: list[str] = []
         self.reconnects = 0
         self.downtime = 0  # ns without samples, in states other than ok
+        self.clock_jumps = 0  # samples whose device time is no clock's; they are stamped by their arrival
         self.identity = reader.identity or Identity()
         self._past = Counts()
         serial = not entry.port.startswith("udp:")
@@ -50,6 +52,7 @@ class DeviceSource:
     def _fresh(self) -> None:
         self.parser = self.entry.device.parser()
         self.clock = ClockTracker()
+        self._jumped = 0
 
     @property
     def counts(self) -> Counts:
@@ -84,9 +87,22 @@ class DeviceSource:
 
     def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
         arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
-        stamp = arrived if sample.time is None else self.clock.stamp(sample.time, arrived)
+        stamp = arrived if sample.time is None else self._stamp(sample.time, arrived)
         number = sample.number if sample.counter is not None else sample.number + self._before
         return Measurement(arrival, stamp, number, sample.values if self._plain else self._turn(sample.values))
+
+    def _stamp(self, device: int, arrived: int) -> int:
+        """The time of measurement, by the device's clock as long as it is one."""
+        if not self.clock.jumps(device, arrived):
+            self._jumped = 0
+            return self.clock.stamp(device, arrived)
+        if not self.clock_jumps:
+            self.troubles.append(f"{self.entry.name}: its clock jumps, such samples are stamped by their arrival")
+        self.clock_jumps += 1
+        self._jumped += 1
+        if self._jumped == JUMPED:
+            self.clock, self._jumped = ClockTracker(), 0
+        return arrived
 
     def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         a, b, c, d, e, f = values

@@ -258,6 +258,7 @@ class Recorder:
             **asdict(source.counts),
             "overflow_bytes": source.reader.overflow,
             "reconnects": source.reconnects,
+            "clock_jumps": source.clock_jumps,
             "down_s": round(source.downtime * 1e-9, 3),
         }
 

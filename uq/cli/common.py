@@ -6,6 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -34,12 +35,16 @@ def start_jax() -> None:
 def output_folder(text: str | None) -> Iterator[Path | None]:
     """Make the output folder and see that it can be written, before any work is done; gone again if the work fails.
 
+    What draws and writes is loaded before the work, too: where memory is short, that fails at once and not after hours.
+
     Raises:
         OSError: it cannot be made or written.
     """
     if text is None:
         yield None
         return
+    for module in ("scipy.special", "uq.report.report_files"):
+        import_module(module)
     folder = Path(text)
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)

@@ -75,7 +75,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         status = _run(list(sys.argv[1:] if argv is None else argv), by_itself)
         sys.stdout.flush()
-        return status
     except BrokenPipeError:  # whoever reads has enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
@@ -83,13 +82,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = f" {error.filename}" if error.filename is not None else ""
         cure = CURES.get(error.errno or 0, "check the path and its permissions")
         _complain(f"{error.strerror or error}{where}: {cure}")
+        return 2
     except (MemoryError, RuntimeError, ImportError, SystemError) as error:
         if not isinstance(error, MemoryError) and not any(words in str(error) for words in OUT_OF_MEMORY):
             raise
-        _complain("out of memory: give this process more (ulimit -v, the job's limit), or ask for less at once")
     except KeyboardInterrupt:
         _complain("interrupted")
         return 130
+    else:
+        return status
+    # Here, where the error and all that its frames held is gone, is memory to say so.
+    _complain("out of memory: give this process more (ulimit -v, the job's limit), or ask for less at once")
     return 2
 
 

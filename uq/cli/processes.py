@@ -22,6 +22,10 @@ def add_cluster_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--coordinator", metavar="HOST:PORT", help="where the first process listens")
     parser.add_argument("--processes", type=whole_number, metavar="N", help="how many processes there are")
     parser.add_argument("--process", type=whole_number, metavar="I", help="which of them this is, from 0")
+    parser.add_argument(
+        "--patience", type=whole_number, metavar="S",
+        help=f"seconds to wait for the others at the start ({cluster.PATIENCE})",
+    )  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -32,9 +36,9 @@ def together(arguments: argparse.Namespace) -> Iterator[bool]:
     """
     stated = [arguments.coordinator, arguments.processes, arguments.process]
     if not arguments.distributed:
-        if any(value is not None for value in stated):
+        if any(value is not None for value in (*stated, arguments.patience)):
             raise ExperimentError(
-                "--coordinator, --processes and --process are for several processes: add --distributed"
+                "--coordinator, --processes, --process and --patience are for several processes: add --distributed"
             )
         yield True
         return
@@ -42,7 +46,10 @@ def together(arguments: argparse.Namespace) -> Iterator[bool]:
         raise ExperimentError("--coordinator, --processes and --process belong together: give all three, or none")
     if arguments.coordinator is not None:
         _check(*stated)
-    cluster.join(*stated)
+    patience = cluster.PATIENCE if arguments.patience is None else arguments.patience
+    if patience < 1:
+        raise ExperimentError(f"--patience is {patience}: give a second or more")
+    cluster.join(arguments.coordinator, arguments.processes, arguments.process, patience)
     try:
         yield cluster.is_first()
     except BaseException as error:

@@ -17,11 +17,11 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from uq.files.document import ExperimentError
-from uq.trials.watchdog import LOST_LINE
+from uq.trials.watchdog import LOST_LINE, say_met
 
 T = TypeVar("T")
 
-PATIENCE = 120
+PATIENCE = 60
 """Seconds to wait for all processes at the start."""
 HEARTBEAT = 30
 """Seconds without a heartbeat after which a process counts as lost."""
@@ -36,7 +36,9 @@ class FailedElsewhere(ExperimentError):  # noqa: N818
     """The first process failed; the message is its reason."""
 
 
-def join(coordinator: str | None = None, processes: int | None = None, process: int | None = None) -> None:
+def join(
+    coordinator: str | None = None, processes: int | None = None, process: int | None = None, patience: int = PATIENCE
+) -> None:
     """Join the other processes; before the first array is made.
 
     Args:
@@ -44,6 +46,7 @@ def join(coordinator: str | None = None, processes: int | None = None, process: 
         processes: how many there are.
         process: which of them this is, from 0. Without all three, the cluster's environment gives them (Slurm,
             Open MPI, …: :func:`jax.distributed.initialize`).
+        patience: seconds to wait for the others.
 
     Raises:
         ExperimentError: no cluster is detected, or the others do not come.
@@ -52,9 +55,10 @@ def join(coordinator: str | None = None, processes: int | None = None, process: 
     try:
         with _silent():
             jax.distributed.initialize(
-                coordinator, processes, process, initialization_timeout=PATIENCE, heartbeat_timeout_seconds=HEARTBEAT
+                coordinator, processes, process, initialization_timeout=patience, heartbeat_timeout_seconds=HEARTBEAT
             )
             multihost_utils.sync_global_devices("joined")
+            say_met()
     except (ValueError, TypeError, RuntimeError) as error:
         if jax.distributed.is_initialized():
             raise LostProcess(f"the {processes or 'other'} processes did not come together: start them again") from None

@@ -13,7 +13,12 @@ import sys
 LOST = 3
 """Exit status when another process of a campaign is gone."""
 LOST_LINE = "another process of the campaign is gone: the same command goes on from what is kept in --out"
+ALONE = 2
+"""Exit status when the other processes do not come at the start."""
+ALONE_LINE = "the other processes did not come in time: start all of them, or give them longer by --patience"
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+_have_met = -1
+"""Where the process that computes writes a byte once it has met the others."""
 
 
 def divide() -> int | None:
@@ -23,10 +28,14 @@ def divide() -> int | None:
     """
     sys.stdout.flush()
     sys.stderr.flush()
+    global _have_met
     parent = os.getpid()
+    met, _have_met = os.pipe()
     child = os.fork()
     if child:
-        return _wait(child)
+        os.close(_have_met)
+        return _wait(child, met)
+    os.close(met)
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
@@ -38,14 +47,21 @@ def divide() -> int | None:
     return None
 
 
-def _wait(child: int) -> int:
+def say_met() -> None:
+    """Tell the process that waits, if there is one, that this one has met the others of its campaign."""
+    if _have_met >= 0:
+        os.write(_have_met, b"1")
+
+
+def _wait(child: int, met: int) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal interrupts both; the other one answers
     signal.signal(signal.SIGTERM, lambda number, frame: os.kill(child, number))
     _, status = os.waitpid(child, 0)
     code = os.waitstatus_to_exitcode(status)
     if code == -signal.SIGABRT:
-        sys.stderr.write(f"error: {LOST_LINE}\n")
-        return LOST
+        line, status = (LOST_LINE, LOST) if os.read(met, 1) else (ALONE_LINE, ALONE)
+        sys.stderr.write(f"error: {line}\n")
+        return status
     if code < 0:
         sys.stderr.write(f"error: ended by {signal.Signals(-code).name}\n")
         return 128 - code

@@ -118,6 +118,8 @@ def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, ki
             ["--distributed", "--coordinator", "a:1", "--processes", "2", "--process", "2"],
             "number the processes from 0",
         ),
+        (["--patience", "5"], "add --distributed"),
+        (["--distributed", "--patience", "0"], "give a second or more"),
         (["--distributed", "--budget"], "--budget is for one process"),
     ],
 )
@@ -126,6 +128,34 @@ def test_options_that_do_not_fit_are_one_line(options, words, capsys):
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(("met", "status", "words"), [("None", 2, "did not come in time"), ("say_met()", 3, "is gone")])
+def test_an_abort_of_the_runtime_is_one_line_that_tells_when(met, status, words):
+    code = f"""
+import os
+from uq.trials.watchdog import divide, say_met
+status = divide()
+if status is None:
+    {met}
+    os.abort()
+os._exit(status)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (status, 1)
+    assert words in done.stderr
+
+
+@pytest.mark.study
+def test_a_process_whose_partner_never_comes_ends_in_one_line(tmp_path):
+    alone = ["--distributed", "--coordinator", f"127.0.0.1:{free_port()}", "--processes", "2", "--process", "0"]
+    ((status, printed, said),) = finished(start(["paper", *alone, "--patience", "1", "--out", str(tmp_path / "out")]))
+    assert (status, printed) == (2, "")
+    assert (
+        said
+        == "error: the other processes did not come in time: start all of them, or give them longer by --patience\n"
+    )
+    assert not (tmp_path / "out").exists()
 
 
 def estimates(first, count):

@@ -1,0 +1,104 @@
+"""Device times that no clock shows, a host's clock that is set back, eight thousand samples a second."""
+
+import itertools
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from rig import runs
+from rig.record.device_clock import ClockTracker
+from rig.record.device_source import DeviceSource
+from rig.record.reader import Event, Reader
+from rig.record.recorder import Recorder
+from rig.record.rig_file import load_rig
+from tests.rig_lab import Bench
+
+SECOND = 10**9
+RIG = """
+[[device]]
+name = "line"
+kind = "line"
+port = "/dev/none"
+baudrate = 100000000
+options = { columns = ["time ns", "level m"] }
+"""
+
+
+@pytest.fixture
+def source(tmp_path):
+    (tmp_path / "rig.toml").write_text(RIG)
+    (entry,) = load_rig(tmp_path / "rig.toml").entries
+    return DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
+
+
+def stamps(source, times, arrivals):
+    """Stamps of lines with these device times [ns], less when they left the device."""
+    list(source.take(Event(0, b"\n")))
+    taken = [source.take(Event(arrival, b"%d 1\n" % time_)) for time_, arrival in zip(times, arrivals, strict=True)]
+    return np.array([m.stamp - arrival for m, arrival in zip(itertools.chain(*taken), arrivals, strict=True)])
+
+
+@pytest.mark.parametrize("absurd", [2**63, 10**300, 12 * SECOND, -(2**63), 0])
+@pytest.mark.parametrize("place", [0, 3000])
+def test_one_absurd_device_time_moves_no_other_stamp(source, absurd, place):
+    arrivals = SECOND + np.arange(5000) * 1_000_000
+    times = [int(arrival) + 7 * SECOND for arrival in arrivals]
+    times[place] = absurd
+    off = stamps(source, times, arrivals.tolist())
+    assert np.abs(off).max() < 1_000_000  # the time on the wire, and the half pace of a new clock
+    assert source.clock_jumps in (1, 20)
+    assert sum("clock jumps" in text for text in source.troubles) == 1
+
+
+@pytest.mark.parametrize("step", [-4 * SECOND, 3600 * SECOND])
+def test_a_device_clock_that_is_set_anew_is_followed_after_twenty_samples(source, step):
+    arrivals = 5 * SECOND + np.arange(6000) * 1_000_000
+    times = arrivals + step * (np.arange(6000) >= 3000)
+    late = np.random.default_rng(1).integers(0, 400_000, 6000)
+    off = stamps(source, times.tolist(), (arrivals + late).tolist()) + late
+    assert source.clock_jumps == 20
+    assert np.abs(off[3200:]).max() < 150_000
+    assert np.abs(off).max() < 500_000
+
+
+def test_late_arrivals_are_no_jumps(source):
+    """Sixty seconds of samples that come all at once."""
+    times = SECOND + np.arange(60_000) * 1_000_000
+    arrivals = np.maximum(times, 61 * SECOND * (times > 2 * SECOND))
+    stamps(source, times.tolist(), arrivals.tolist())
+    assert (source.clock_jumps, source.troubles) == (0, [])
+
+
+def test_stamps_of_eight_thousand_samples_a_second_never_step_back():
+    """Where the fit falls by more than the distance of samples, as when a faster one arrives."""
+    tracker = ClockTracker()
+    device = np.arange(16_000) * 125_000
+    late = np.where(np.arange(16_000) < 8000, 2_000_000, 0)
+    stamp = np.array([tracker.stamp(int(d), int(d + a)) for d, a in zip(device, late, strict=True)])
+    assert (np.diff(stamp) >= 62_500).all()
+    np.testing.assert_array_equal(stamp[8040:], device[8040:])  # 2 ms are made up for in 4 ms
+
+
+def test_a_recording_outlives_absurd_device_times_and_a_host_clock_that_is_set_back(tmp_path, monkeypatch):
+    """Every hundredth sample has a time of some centuries; the host's calendar goes back by an hour."""
+    changed = itertools.count()
+
+    def absurd(unwrap, raw):
+        return raw + (10**14 if next(changed) % 100 == 50 else 0)
+
+    with Bench(tmp_path) as bench:
+        recorder = Recorder(load_rig(bench.rig), tmp_path / "run.mcap")
+        monkeypatch.setattr("rig.devices.xsens.Unwrapper.__call__", absurd)
+        now = time.time_ns()
+        earlier = lambda clock=time.time_ns: clock() - 3600 * SECOND  # noqa: E731
+        threading.Timer(0.6, lambda: monkeypatch.setattr(time, "time_ns", earlier)).start()
+        summary = recorder.run(1.2)
+        monkeypatch.undo()
+    run = runs.read(tmp_path / "run.mcap")
+    assert min(device["clock_jumps"] for device in summary.devices.values()) >= 3
+    for channel in (run.wrench, run.imu):
+        assert (np.diff(channel.log_time) >= 0).all()
+        assert np.abs(channel.stamp - channel.log_time).max() < SECOND / 4
+        assert abs(channel.log_time - now).max() < 60 * SECOND
