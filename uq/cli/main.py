@@ -33,7 +33,7 @@ COMMANDS = {
 
 
 WITHOUT_JAX = ("record", "recover", "inspect")
-LEAST_MEMORY = 3 * 2**29
+LEAST_MEMORY = 7 * 2**28
 """Bytes of address space below which JAX does not start but aborts the process, with a page of its own."""
 CURES = {
     errno.ENOSPC: "free some space",

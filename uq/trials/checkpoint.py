@@ -86,7 +86,12 @@ class Checkpoint:
         elif any(self.folder.glob("*.part")):
             raise ExperimentError(f"no campaign.json in {self.folder}: {_delete(self.folder)}")
         else:
-            _write(head, json.dumps({"format": FORMAT, "digest": digest, "campaign": identity}, indent=1).encode())
+            try:
+                _write(head, json.dumps({"format": FORMAT, "digest": digest, "campaign": identity}, indent=1).encode())
+            except OSError:  # a full disk: nothing to go on from
+                self.made = made
+                self.remove()
+                raise
         self.digest, self.made, self.written = digest, made, time.monotonic()
 
     def load(self, trajectory: str, trials: int) -> list[TrialEstimates]:
@@ -230,8 +235,12 @@ def _checksum(header: dict[str, Any], payload: bytes) -> str:
 def _write(path: Path, data: bytes) -> None:
     """Write a file beside its place, down to the disk, and move it there."""
     partial = path.with_name(path.name + ".partial")
-    with naming(path), partial.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(partial, path)
+    try:
+        with naming(path), partial.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise

@@ -19,6 +19,7 @@ from uq.cli.common import start_jax
 from uq.cli.main import LEAST_MEMORY, main
 from uq.files.compilation_cache import cache_folder
 from uq.files.output_folder import place
+from uq.trials.checkpoint import Checkpoint
 
 COMMAND = [sys.executable, "-m", "uq.cli.main"]
 
@@ -51,6 +52,11 @@ def test_a_disk_that_is_full_leaves_nothing_half_written_and_is_named(tmp_path, 
     with pytest.raises(OSError, match="No space left") as run, replacing(tmp_path / "run.mcap") as file:
         file.write(b"x")
     assert (report.value.filename, run.value.filename) == (str(tmp_path / "out"), str(tmp_path / "run.mcap"))
+    checkpoint = Checkpoint(tmp_path / "campaign" / "checkpoint")
+    with pytest.raises(OSError, match="No space left") as campaign:
+        checkpoint.open({"seed": 0})
+    assert campaign.value.filename.endswith("campaign.json")
+    checkpoint.close()
     assert [path.name for path in tmp_path.rglob("*")] == ["out"]
 
 
@@ -87,7 +93,7 @@ def test_a_limit_under_which_jax_aborts_is_refused_before_it_is_loaded():
 
     status, said = in_shell(["montecarlo", "barreto2016"], "", preexec_fn=limited)
     assert status == 2
-    assert said == "error: this process may have 1.5 GiB of memory: raise the limit (ulimit -v) to 2 GiB or more\n"
+    assert said == "error: this process may have 1.7 GiB of memory: raise the limit (ulimit -v) to 2 GiB or more\n"
 
 
 def test_matplotlib_does_not_complain_of_a_home_that_cannot_be_written():
