@@ -6,7 +6,7 @@ UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
 
-.PHONY: env paper test check unit bench study fuzz lock clean
+.PHONY: env paper test check unit bench study fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -70,5 +70,12 @@ lock:
 	printf 'uv\n' | $(UV) pip compile --quiet --universal --generate-hashes --no-header \
 	    --python-version 3.11 --upgrade - --output-file requirements-uv.lock
 
+# Wheel and source distribution in dist/, looked at by two tools from throw-away environments.
+dist: $(UV)
+	rm -rf dist
+	$(UV) build --quiet --out-dir dist
+	$(UV) tool run --quiet twine check --strict dist/*
+	$(UV) tool run --quiet check-wheel-contents dist/*.whl
+
 clean:
-	rm -rf .venv .uv out build *.egg-info
+	rm -rf .venv .uv out build dist *.egg-info

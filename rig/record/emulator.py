@@ -16,9 +16,7 @@ import os
 import select
 import sys
 import tempfile
-import termios
 import time
-import tty
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +80,8 @@ class Pty:
 
     def plug(self) -> None:
         """Make the terminal and its path."""
+        import tty
+
         self.master, slave = os.openpty()
         tty.setraw(slave)
         os.set_blocking(self.master, False)
@@ -98,6 +98,8 @@ class Pty:
 
     def forget(self) -> None:
         """Discard what the last reader left unread, as a serial line does when it is closed."""
+        import termios
+
         slave = os.open(self.link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         termios.tcflush(slave, termios.TCIFLUSH)
         os.close(slave)

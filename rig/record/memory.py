@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 
 M_ARENA_MAX = -8  # glibc's malloc.h
+NOT_GLIBC = (OSError, AttributeError, TypeError)  # the last on Windows, where a library must be named
 
 
 def share_one_arena() -> None:
@@ -12,7 +13,7 @@ def share_one_arena() -> None:
     glibc gives each thread a heap of its own. What a reader thread queues and the writer frees then piles up in the
     reader's, fragment by fragment (mallopt(3), ``M_ARENA_MAX``).
     """
-    with contextlib.suppress(OSError, AttributeError):
+    with contextlib.suppress(*NOT_GLIBC):
         ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)
 
 
@@ -22,5 +23,5 @@ def give_back() -> None:
     Chunks of every size come and go between small objects that stay, so the free part of the heap grows for hours
     while what is used does not.
     """
-    with contextlib.suppress(OSError, AttributeError):
+    with contextlib.suppress(*NOT_GLIBC):
         ctypes.CDLL(None).malloc_trim(0)

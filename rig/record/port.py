@@ -15,6 +15,7 @@ from rig.exceptions import RigError
 
 TIMEOUT = 0.1  # seconds that a read may wait
 LARGEST_READ = 65536
+SAID = {"PermissionError": errno.EBUSY, "FileNotFoundError": errno.ENOENT}
 
 
 class PortLostError(Exception):
@@ -50,13 +51,14 @@ class SerialPort:
             self._port = _Line(path, baudrate, timeout=TIMEOUT, write_timeout=1.0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             raise _reason(path, baudrate, error) from error
-        self._arrival = select.poll()
-        self._arrival.register(self._port.fd, select.POLLIN)
+        self._has_descriptor = hasattr(self._port, "fd")  # not on Windows
 
     def read(self) -> bytes:
         """What has arrived; waits up to TIMEOUT for the first byte. Straight from the descriptor: one call a frame."""
         try:
-            if not self._arrival.poll(1000 * TIMEOUT):
+            if not self._has_descriptor:
+                return self._port.read(max(1, self._port.in_waiting))
+            if not select.select([self._port.fd], [], [], TIMEOUT)[0]:  # macOS cannot poll() a device
                 return b""
             data = os.read(self._port.fd, LARGEST_READ)
         except (OSError, TypeError, ValueError) as error:  # closed under the read
@@ -108,7 +110,7 @@ class UdpPort:
 
 
 def open_port(name: str, baudrate: int) -> Port:
-    """Open ``/dev/...`` or ``udp:NUMBER``.
+    """Open a serial port (``/dev/...``, ``COM3``) or ``udp:NUMBER``.
 
     Raises:
         RigError: it cannot be opened; the line says what to do.
@@ -120,6 +122,8 @@ def open_port(name: str, baudrate: int) -> Port:
 
 def _reason(path: str, baudrate: int, error: Exception) -> RigError:
     code = getattr(error, "errno", None)
+    if code is None:  # on Windows pyserial only says what Python raised
+        code = next((number for name, number in SAID.items() if name in str(error)), None)
     if code == errno.EACCES:
         return RigError(f"no permission for port {path}: add yourself to its group (often 'dialout') and log in again")
     if code in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK) or "lock" in str(error):

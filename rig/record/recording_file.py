@@ -21,7 +21,9 @@ class Sink:
         if not path.parent.is_dir():
             raise RigError(f"no folder {path.parent}: create it first")
         self.path = path
-        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        as_bytes = getattr(os, "O_BINARY", 0)  # Windows writes text unless told otherwise
+        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | as_bytes, 0o666)
+        self._unwanted = False
         self._position = 0
         self._whole = 0
 
@@ -67,9 +69,12 @@ class Sink:
             return "moved"
 
     def remove(self) -> None:
-        """Delete the file, if it is still there."""
+        """Delete the file, if it is still there; by ``close``, where an open file cannot be deleted (Windows)."""
         if self.place == "there":
-            os.unlink(self.path)
+            try:
+                os.unlink(self.path)
+            except PermissionError:
+                self._unwanted = True
 
     def close(self) -> None:
         """Bring the file to disk and close it."""
@@ -77,6 +82,8 @@ class Sink:
             os.fsync(self._handle)
         finally:
             os.close(self._handle)
+            if self._unwanted:
+                os.unlink(self.path)
 
 
 def run_path(output: str | os.PathLike[str]) -> Path:

@@ -21,6 +21,7 @@ from rig.record.rig_file import Entry, Rig
 CONNECT_LIMIT = 12.0  # seconds for all devices to introduce themselves
 FIRST_SAMPLE = 2.0  # seconds until every device must have sent a sample, once it is started
 LAST_BYTES = 0.05  # seconds
+COARSE = 1e-3  # seconds; what Windows had before Python 3.13
 EMULATOR_OPTIONS = {
     "skew_ppm": (-100_000.0, 100_000.0),
     "delay": (-3600.0, 3600.0),
@@ -34,6 +35,8 @@ class Emulators:
     """The process that plays a run through emulated sensors, for the rig's ports ``emulator:RUN.mcap``."""
 
     def __init__(self, entries: list[Entry], folder: Path) -> None:
+        if not hasattr(os, "openpty"):
+            raise RigError("no emulated sensors on this system, which has no pseudo-terminals: use Linux, macOS or WSL")
         specs = [_spec(entry, folder) for entry in entries]
         self.process = subprocess.Popen(
             [sys.executable, "-m", "rig.record.emulator"],
@@ -185,6 +188,8 @@ class Session:
     def warnings(self) -> list[str]:
         """What the devices and ports warn of."""
         texts = [f"{s.entry.name}: {text}" for s in self.sources for text in s.identity.warnings]
+        if (step := time.get_clock_info("monotonic").resolution) > COARSE:
+            texts.append(f"the clock steps by {1000 * step:.0f} ms: Python 3.13 or newer has a better one")
         return texts + [text for e in self._rig.entries if (text := latency_warning(e.port))]
 
     @property

@@ -1,17 +1,19 @@
 """The terminal of a recording: progress on one line, messages above it, keys or lines of input as marks."""
 
 import contextlib
+import importlib
 import os
 import select
 import shutil
-import termios
 import threading
-import tty
 from collections.abc import Callable
 from io import TextIOBase
-from typing import TextIO
+from typing import Any, TextIO
 
 from rig.record.recorder import Progress
+
+POSIX = hasattr(os, "tcgetpgrp")
+"""Whether keys and pipes can be waited for as POSIX does; else as Windows does."""
 
 
 class Terminal:
@@ -71,12 +73,17 @@ class Keys:
     def __enter__(self) -> "Keys":
         if self._handle < 0:
             return self
-        if os.isatty(self._handle):
+        keyboard = os.isatty(self._handle)
+        if keyboard and POSIX:
+            import termios
+            import tty
+
             if os.tcgetpgrp(self._handle) != os.getpgrp():
                 return self  # in the background the terminal is not ours to read
             self._old = termios.tcgetattr(self._handle)
             tty.setcbreak(self._handle)
-        self._thread = threading.Thread(target=self._listen, name="marks", daemon=True)
+        listen = self._listen_to_console if keyboard and not POSIX else self._listen
+        self._thread = threading.Thread(target=listen, name="marks", daemon=True)
         self._thread.start()
         return self
 
@@ -85,12 +92,14 @@ class Keys:
         if self._thread is not None:
             self._thread.join(1.0)
         if self._old is not None:
+            import termios
+
             termios.tcsetattr(self._handle, termios.TCSADRAIN, self._old)
 
     def _listen(self) -> None:
         heard = b""
         while not self._ended.is_set():
-            if not select.select([self._handle], [], [], 0.2)[0]:
+            if POSIX and not select.select([self._handle], [], [], 0.2)[0]:
                 continue
             data = os.read(self._handle, 4096)
             if not data:
@@ -101,3 +110,13 @@ class Keys:
             *lines, heard = (heard + data).split(b"\n")
             for line in lines:
                 self._mark(line.decode("utf-8", "replace").strip())
+
+    def _listen_to_console(self) -> None:
+        """Mark every key of a Windows console; a key without a character sends two."""
+        msvcrt: Any = importlib.import_module("msvcrt")
+        while not self._ended.wait(0.05):
+            while msvcrt.kbhit():
+                if (key := msvcrt.getwch()) in "\x00\xe0":
+                    msvcrt.getwch()
+                else:
+                    self._mark(key)

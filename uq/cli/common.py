@@ -27,8 +27,15 @@ def start_jax() -> None:
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written is no user's concern
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook
-        jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+        jax.config.update("jax_num_cpu_devices", processors())
     keep_compiled()
+
+
+def processors() -> int:
+    """Return how many processors this process may use; all there are where the system does not tell."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @contextlib.contextmanager

@@ -5,13 +5,15 @@ import codecs
 import contextlib
 import errno
 import importlib
+import importlib.metadata
+import importlib.util
 import keyword
 import os
-import resource
 import signal
 import sys
 import unicodedata
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from rig.exceptions import on_one_line, quoted
@@ -32,6 +34,8 @@ COMMANDS = {
 }
 
 
+BROKEN_PIPE = 141
+"""Exit status where nobody reads on: 128 and the number of SIGPIPE, which not every system has."""
 WITHOUT_JAX = ("record", "recover", "inspect")
 LEAST_MEMORY = 7 * 2**28
 """Bytes of address space below which JAX does not start but aborts the process, with a page of its own."""
@@ -77,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads has enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + signal.SIGPIPE
+        return BROKEN_PIPE
     except OSError as error:
         where = f" {error.filename}" if error.filename is not None else ""
         cure = CURES.get(error.errno or 0, "check the path and its permissions")
@@ -98,6 +102,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: list[str], by_itself: bool) -> int:
     """Run one command; a user's mistake is one line and status 2."""
+    if elsewhere := _other_identify():
+        _complain(
+            f"another package named `identify` is in {elsewhere} (pre-commit brings it): "
+            "install inertia-uq into an environment of its own (uv tool install, pipx install, python -m venv)"
+        )
+        return 2
+    if argv[:1] == ["--version"]:
+        print(f"inertia-uq {_version()}")
+        return 0
     if not argv or argv[0] in ("-h", "--help"):
         print(_overview())
         return 0 if argv else 2
@@ -108,8 +121,8 @@ def _run(argv: list[str], by_itself: bool) -> int:
     if strange := [text for text in rest if not _is_unicode(text)]:
         _complain(f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1")
         return 2
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if name not in WITHOUT_JAX and resource.RLIM_INFINITY != limit < LEAST_MEMORY:
+    limit = _memory_limit()
+    if name not in WITHOUT_JAX and limit is not None and limit < LEAST_MEMORY:
         allowed = f"{limit / 2**30:.2g} GiB"
         _complain(f"this process may have {allowed} of memory: raise the limit (ulimit -v) to 2 GiB or more")
         return 2
@@ -132,6 +145,36 @@ def _run(argv: list[str], by_itself: bool) -> int:
     except module.ERRORS as error:
         _complain(str(error))
     return 2
+
+
+def _other_identify() -> Path | None:
+    """Where a package `identify` lies that is not ours: before ours on the path, or in the same folder as ours.
+
+    Installed after ours it replaces our ``__init__.py``, before ours it leaves ``identify.py``, which ours has not.
+    """
+    folder = Path(__file__).parents[2] / "identify"
+    spec = importlib.util.find_spec("identify")
+    origin = Path(spec.origin) if spec and spec.origin else folder
+    if origin != folder / "__init__.py":
+        return origin if origin.name != "__init__.py" else origin.parent
+    return folder if (folder / "identify.py").exists() else None
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("inertia-uq")
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+def _memory_limit() -> int | None:
+    """Bytes of address space that the process may have; None: no limit, or a system that sets none."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 @contextlib.contextmanager
@@ -198,7 +241,7 @@ def _overview() -> str:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:<{width}}  {summary}" for name, summary in COMMANDS.items()]
     return (
-        "usage: inertia COMMAND [ARGUMENTS]\n\n"
+        "usage: inertia COMMAND [ARGUMENTS]\n       inertia --version\n\n"
         + "\n".join(lines)
         + "\n\n'inertia COMMAND --help' explains one command. Compiled code is kept in the user's cache folder; with"
         "\n--no-cache it is not."

@@ -40,7 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
 @contextlib.contextmanager
 def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C, SIGTERM and the end of the terminal stop the work cleanly."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # the last but one is not on Windows, the last only there
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     old = {number: signal.signal(number, lambda *_: stop()) for number in numbers}
     try:
         yield

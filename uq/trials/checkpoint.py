@@ -7,8 +7,8 @@ which anything does not fit is not used at all.
 """
 
 import contextlib
-import fcntl
 import hashlib
+import importlib
 import io
 import json
 import os
@@ -76,7 +76,7 @@ class Checkpoint:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.lock = os.open(self.folder / "lock", os.O_CREAT | os.O_RDWR, 0o644)
         try:
-            fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(self.lock)
         except OSError:
             os.close(self.lock)
             self.lock = -1
@@ -185,6 +185,17 @@ class Checkpoint:
             raise ExperimentError(f"{path} is of another campaign: {_delete(self.folder)}")
         with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
             return header, TrialEstimates(arrays["inertia"], arrays["ok"])
+
+
+def _lock(handle: int) -> None:
+    """Lock an open file until it is closed, or this process ends. Raises OSError where another has locked it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        msvcrt: Any = importlib.import_module("msvcrt")
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+    else:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def code_digest() -> str:

@@ -24,8 +24,11 @@ _have_met = -1
 def divide() -> int | None:
     """Divide into a process that goes on (None) and one that waits for it; return the latter's exit status.
 
-    The process that goes on ends when the other is killed, and keeps the runtime's messages from standard error.
+    The process that goes on ends when the other is killed (on Linux), and keeps the runtime's messages from standard
+    error. Where the system cannot divide a process (Windows) it goes on undivided, and such a message is seen.
     """
+    if not hasattr(os, "fork"):
+        return None
     sys.stdout.flush()
     sys.stderr.flush()
     global _have_met

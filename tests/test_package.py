@@ -1,0 +1,85 @@
+"""The wheel: what is in it, that it runs from an empty folder, and that it knows another package named `identify`."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("identify", "rig", "uq")
+BUILD = "from setuptools.build_meta import build_wheel; print(build_wheel('dist'))"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder as an installer unpacks it, from a wheel that is built of a copy: building leaves traces."""
+    source = tmp_path_factory.mktemp("source")
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    ran = subprocess.run([sys.executable, "-c", BUILD], cwd=source, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    (wheel,) = source.glob("dist/*.whl")
+    folder = tmp_path_factory.mktemp("site")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def run(*arguments, path, cwd):
+    environment = {"PYTHONPATH": ":".join(map(str, path)), "PATH": ""}
+    ran = subprocess.run(
+        [sys.executable, *map(str, arguments)], cwd=cwd, env=environment, capture_output=True, text=True
+    )
+    return ran.returncode, ran.stdout, ran.stderr
+
+
+def test_the_wheel_has_every_file_of_the_packages_and_no_other(site):
+    expected = {
+        path.relative_to(ROOT)
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.is_file() and path.suffix in {".py", ".typed", ".toml", ".json", ".html", ".css", ".js"}
+    }
+    packed = {path.relative_to(site) for path in site.rglob("*") if path.is_file()}
+    (described,) = {path.parts[0] for path in packed} - set(PACKAGES)
+    assert {path for path in packed if path.parts[0] != described} == expected
+    assert {Path(package, "py.typed") for package in PACKAGES} <= packed
+    metadata = (site / described / "METADATA").read_text("utf-8")
+    assert "Classifier: Programming Language :: Python :: 3.11" in metadata
+    assert "inertia = uq.cli.main:main" in (site / described / "entry_points.txt").read_text("utf-8")
+
+
+def test_it_runs_from_an_empty_folder(site, tmp_path):
+    code = "import uq, identify, rig; print(uq.__file__, identify.__file__, rig.__file__, uq.ExperimentError.__name__)"
+    status, printed, complaint = run("-c", code, path=[site], cwd=tmp_path)
+    assert (status, complaint) == (0, "")
+    assert printed.split() == [*(str(site / p / "__init__.py") for p in ("uq", "identify", "rig")), "ExperimentError"]
+    (described,) = site.glob("*.dist-info")
+    version = described.name.removeprefix("inertia_uq-").removesuffix(".dist-info")
+    assert run("-m", "uq", "--version", path=[site], cwd=tmp_path) == (0, f"inertia-uq {version}\n", "")
+    status, printed, _ = run("-m", "uq", "schema", "body", path=[site], cwd=tmp_path)
+    assert status == 0
+    assert printed.startswith("{")
+
+
+@pytest.mark.parametrize("installed", ["after", "before", "elsewhere"])
+def test_another_identify_is_named_with_the_cure(site, tmp_path, installed):
+    """As pre-commit's dependency is laid out: an empty ``__init__.py`` and a module ``identify.py``."""
+    shutil.copytree(site, tmp_path / "site")
+    other = tmp_path / ("other" if installed == "elsewhere" else "site") / "identify"
+    other.mkdir(parents=True, exist_ok=True)
+    (other / "identify.py").write_text("def tags_from_path(path): ...\n")
+    if installed != "before":
+        (other / "__init__.py").write_text("")
+    path = [other.parent, tmp_path / "site"]
+    for arguments in (["--version"], ["montecarlo", "barreto2016"]):
+        status, printed, complaint = run("-m", "uq", *arguments, path=path, cwd=tmp_path)
+        assert (status, printed) == (2, "")
+        assert complaint.startswith(f"error: another package named `identify` is in {other} ")
+        assert complaint.endswith("an environment of its own (uv tool install, pipx install, python -m venv)\n")
+        assert complaint.count("\n") == 1
