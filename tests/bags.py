@@ -75,10 +75,10 @@ def write_ros1(path, items, *, compression=None):
             writer.write(connections[topic], int(time), ROS1.serialize_ros1(message, kind))
 
 
-def write_mcap(path, items, *, encoding, schema_encoding, encode, name=lambda kind: kind, schema=b""):
-    """An MCAP file whose messages are ``encode(message, kind)``."""
+def write_mcap(path, items, *, encoding, schema_encoding, encode, name=lambda kind: kind, schema=b"", **options):
+    """An MCAP file whose messages are ``encode(message, kind)``; ``options`` are the writer's."""
     with open(path, "wb") as stream:
-        writer = McapWriter(stream)
+        writer = McapWriter(stream, **options)
         writer.start()
         channels = {}
         for time, topic, kind, message in items:

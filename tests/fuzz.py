@@ -9,35 +9,30 @@ import argparse
 import contextlib
 import io
 import json
+import multiprocessing
 import os
 import random
 import re
 import resource
+import shutil
 import signal
 import sys
-import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import jax
-import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 jax.config.update("jax_enable_x64", True)
 
-from identify.static.centre import centre  # noqa: E402
-from tests import bags  # noqa: E402
-from tests.pose_lab import GRAVITY, directions, wrench_of  # noqa: E402
-from uq.campaign.simulation import simulate  # noqa: E402
+from tests.fuzzed_files import Kind, kinds  # noqa: E402
 from uq.cli.main import main  # noqa: E402
-from uq.experiment.experiment import Experiment  # noqa: E402
 
-ROOT = Path(__file__).parents[1]
 SECONDS, BYTES, CHARACTERS = 10, 2 * 2**30, 200
 HUGE = "9" * 401
 TEXTS = (
@@ -49,17 +44,6 @@ VALUES = (
     "[[[]]]", "[nan, nan, nan]", '["1 m", "1 m"]', "[0, 0, 0]", "1979-05-27", "{ I11 = 1 }", '{ x = "y" }', "[1, [2], {}]",
 )  # fmt: skip
 ASSIGNMENT = re.compile(rb'^(\s*"?[\w.-]+"?\s*[=:]\s*)(.+?)(,?)$', re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of file: shipped or made ones, and the command that reads it."""
-
-    suffix: str
-    originals: tuple[bytes, ...]
-    command: Callable[[str], list[str]]
-    """From the file's name to the command's arguments."""
-    text: bool = True
 
 
 @st.composite
@@ -163,116 +147,10 @@ def _alarm() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def kinds(folder: Path) -> dict[str, Kind]:
-    """Make the files that are not shipped, in a folder; return every kind by name."""
-    brief = (ROOT / "docs" / "experiments" / "t1-10s.toml").read_bytes().replace(b'"10 s"', b'"4 s"')
-    brief = brief.replace(b'"1.5 s"', b'"0.6 s"').replace(b'"400 Hz"', b'"200 Hz"')
-    (folder / "e.toml").write_bytes(brief)
-    run = simulate(Experiment.load(folder / "e.toml"), "T1")
-    run.write(folder / "run.mcap")
-    return {
-        "experiment": Kind(
-            ".toml",
-            tuple(path.read_bytes() for path in sorted((ROOT / "docs" / "experiments").glob("*.toml")))
-            + ((ROOT / "uq" / "presets" / "barreto2016.toml").read_bytes(), brief),
-            lambda name: ["inspect", "run.mcap", "--experiment", name],
-        ),
-        "body": Kind(
-            ".toml",
-            tuple((ROOT / "docs" / "experiments" / f"{name}.toml").read_bytes() for name in ("cylinder", "cad-report")),
-            lambda name: ["identify", "nothing.mcap", "--experiment", "e.toml", "--expected", name],
-        ),
-        "rig": Kind(
-            ".toml",
-            tuple(path.read_bytes() for path in sorted((ROOT / "docs" / "rigs").glob("*.toml"))),
-            lambda name: ["record", name, "--seconds", "0.1", "-o", "nowhere/run.mcap"],
-        ),
-        "map": Kind(".toml", (MAP,), lambda name: ["import", "table.csv", "--map", name, "-o", _fresh("made.mcap")]),
-        "table": Kind(
-            ".csv", (_table(folder),), lambda name: ["import", name, "--map", "m.toml", "-o", _fresh("m.mcap")]
-        ),
-        "poses": Kind(".csv", (_poses(folder),), lambda name: ["centre", name, "--experiment", "poses.toml"]),
-        "centre": Kind(
-            ".json",
-            (_centre(),),
-            lambda name: ["identify", "nothing.mcap", "--experiment", "e.toml", "--centre", name],
-        ),
-        "mcap": Kind(".mcap", ((folder / "run.mcap").read_bytes(),), lambda name: ["inspect", name], text=False),
-        "cut": Kind(
-            ".mcap",
-            ((folder / "run.mcap").read_bytes(),),
-            lambda name: ["recover", name, "-o", _fresh("whole.mcap")],
-            text=False,
-        ),
-        "bag": Kind(".bag", (_bag(folder, ".bag"),), lambda name: ["inspect", name], text=False),
-        "sqlite": Kind(".db3", (_bag(folder, ".db3"),), lambda name: ["inspect", name], text=False),
-    }
-
-
-MAP = b"""[columns]
-time = "t"
-force = ["Fx", "Fy", "Fz"]
-moment = ["Mx", "My", "Mz"]
-angular_velocity = ["wx", "wy", "wz"]
-[recording]
-wrench = "on_body"
-force_unit = "N"
-moment_unit = "N*m"
-angular_velocity_unit = "rad/s"
-wrench_rotation_to_body = "x, y, z"
-imu_rotation_to_body = "x, y, z"
-"""
-
-
-def _fresh(name: str) -> str:
-    Path(name).unlink(missing_ok=True)
-    return name
-
-
-def _table(folder: Path) -> bytes:
-    rows = np.column_stack([0.01 * np.arange(60), np.random.default_rng(0).normal(size=(60, 9))])
-    head = "t,Fx,Fy,Fz,Mx,My,Mz,wx,wy,wz\n"
-    content = (head + "\n".join(",".join(map("{:.6g}".format, row)) for row in rows) + "\n").encode()
-    (folder / "table.csv").write_bytes(content)
-    (folder / "m.toml").write_bytes(MAP)
-    return content
-
-
-def _poses(folder: Path) -> bytes:
-    up = directions(np.random.default_rng(1), 12, None)
-    force, moment = wrench_of(up)
-    (folder / "poses.toml").write_text(
-        f'[platform]\ngravity = "{GRAVITY} m/s^2"\n[recording]\nwrench = "on_body"\nforce_unit = "N"\nmoment_unit = "N*m"\n'
-        'wrench_rotation_to_body = "x, y, z"\nimu_rotation_to_body = "x, y, z"\nacceleration_unit = "m/s^2"\n[poses]\n'
-        'force = ["fx", "fy", "fz"]\nmoment = ["mx", "my", "mz"]\nacceleration = ["ax", "ay", "az"]\n'
-    )
-    rows = np.hstack([force, moment, up])
-    return ("fx,fy,fz,mx,my,mz,ax,ay,az\n" + "\n".join(",".join(map("{:.6g}".format, row)) for row in rows)).encode()
-
-
-def _centre() -> bytes:
-    up = directions(np.random.default_rng(1), 12, None)
-    noise = np.random.default_rng(2).normal(size=(12, 6)) * 0.01
-    force, moment = wrench_of(up)
-    return json.dumps(centre(force + noise[:, :3], moment + noise[:, 3:], up).to_dict(), indent=1).encode()
-
-
-def _bag(folder: Path, suffix: str) -> bytes:
-    from rig import runs
-
-    recording = runs.read(folder / "run.mcap")
-    store = bags.ROS1 if suffix == ".bag" else bags.STORE
-    items = bags.merged(recording.wrench, recording.imu, store=store)[:400]
-    if suffix == ".bag":
-        bags.write_ros1(folder / "made.bag", items)
-        return (folder / "made.bag").read_bytes()
-    bags.write_rosbag2(folder / "made", items, plugin=bags.StoragePlugin.SQLITE3)
-    return next((folder / "made").glob("*.db3")).read_bytes()
-
-
 def fuzz(kind: Kind, cases: int, number: int | None = None) -> tuple[int, dict[str, bytes]]:
     """Try so many mutated files; return how many were tried, and the smallest file of each complaint's place."""
     tried, failures = 0, {}
+    complaint(kind, kind.originals[0])  # what only a first run imports and compiles is not counted
 
     @settings(
         max_examples=cases,
@@ -295,39 +173,65 @@ def fuzz(kind: Kind, cases: int, number: int | None = None) -> tuple[int, dict[s
     return tried, failures
 
 
+def attack(chosen: Sequence[str] | None, seconds: float, number: int, keep: Path, report: Any) -> None:
+    """Fuzz kinds in turn, in a folder of this process, until the time is over; put what was tried into a queue."""
+    tried: Counter[str] = Counter()
+    failed: set[tuple[str, str]] = set()
+    folder = keep / f"process-{os.getpid()}"
+    folder.mkdir(parents=True)
+    os.chdir(folder)
+    every = kinds(folder)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for which in chosen or every:
+            count, failures = fuzz(every[which], 50, number)
+            tried[which] += count
+            for place, data in failures.items():
+                if (which, place) not in failed:
+                    file = keep / f"{which}-{os.getpid()}-{len(failed)}{every[which].suffix}"
+                    file.write_bytes(data)
+                    print(f"{which}: {place}\n  inertia {' '.join(every[which].command(str(file)))}", flush=True)
+                failed.add((which, place))
+            if time.monotonic() > end:
+                break
+        number += 1
+    report.put((tried, failed, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
+    os.chdir(keep)
+    shutil.rmtree(folder)
+
+
 def run() -> int:
-    """Fuzz every kind in turn until the time is over; print what was tried."""
+    """Fuzz every kind in turn, in every processor, until the time is over; print what was tried."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--kind", action="append", help="repeatable (all)")
     parser.add_argument("--keep", default="out/fuzz", help="folder of the files that fail")
+    parser.add_argument("--processes", type=int, default=os.cpu_count())
     arguments = parser.parse_args()
-    keep, end = Path(arguments.keep).resolve(), time.monotonic() + 60 * arguments.minutes
-    tried: Counter[str] = Counter()
-    failed: dict[tuple[str, str], bytes] = {}
-    with tempfile.TemporaryDirectory() as name:
-        os.chdir(name)
-        every = kinds(Path(name))
-        chosen = arguments.kind or list(every)
-        number = random.SystemRandom().randrange(2**32)
-        while time.monotonic() < end:
-            for which in chosen:
-                count, failures = fuzz(every[which], 100, number)
-                tried[which] += count
-                for place, data in failures.items():
-                    if (which, place) not in failed:
-                        keep.mkdir(parents=True, exist_ok=True)
-                        file = keep / f"{which}-{len(failed)}{every[which].suffix}"
-                        file.write_bytes(data)
-                        print(f"{which}: {place}\n  inertia {' '.join(every[which].command(str(file)))}", flush=True)
-                    failed[which, place] = data
-            number += 1
+    keep = Path(arguments.keep).resolve()
+    started = random.SystemRandom().randrange(2**31)
+    spawn = multiprocessing.get_context("spawn")
+    report = spawn.Queue()
+    given = [
+        (arguments.kind, 60 * arguments.minutes, started + 10**6 * k, keep, report) for k in range(arguments.processes)
+    ]
+    workers = [spawn.Process(target=attack, args=each) for each in given]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    died = [worker for worker in workers if worker.exitcode]
+    for worker in died:
+        print(f"a process ended with {worker.exitcode}: its input is in {keep / f'process-{worker.pid}'}")
+    reports = [report.get() for _ in range(len(workers) - len(died))]
+    tried = sum((each for each, _, _ in reports), Counter())
+    failed = set().union(*(each for _, each, _ in reports))
     print(*(f"{which}: {count:,} files" for which, count in tried.items()), sep="\n")
     print(
-        f"{tried.total():,} files, {len(failed)} kinds of failure; most memory "
-        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB"
+        f"{tried.total():,} files in {len(workers)} processes, {len(failed) + len(died)} kinds of failure; most memory "
+        f"{max((peak for _, _, peak in reports), default=0) / 2**20:.2f} GiB"
     )
-    return int(bool(failed))
+    return int(bool(failed or died))
 
 
 if __name__ == "__main__":

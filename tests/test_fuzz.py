@@ -4,7 +4,10 @@ import pytest
 
 from tests import fuzz
 
-KINDS = ("experiment", "body", "rig", "map", "table", "poses", "centre", "mcap", "cut", "bag", "sqlite")
+KINDS = (
+    "experiment", "body", "rig", "map", "table", "poses", "centre", "mcap", "zst", "cut", "run", "bag", "urdf",
+    "checkpoint", "campaign", "sqlite",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -93,7 +93,8 @@ def write(path, swing, *, velocities=True, noise=0.0, names=NAMES):
 
 
 def experiment(folder, text=None, **declared):
-    (folder / "arm.urdf").write_text(text or urdf())
+    text = urdf() if text is None else text
+    (folder / "arm.urdf").write_bytes(text if isinstance(text, bytes) else text.encode())
     keys = {"urdf": "arm.urdf", "urdf_frame": "tool", "wrench": "on_body"} | declared
     lines = "".join(f'{key} = "{value}"\n' for key, value in keys.items() if value is not None)
     (folder / "e.toml").write_text(
@@ -131,9 +132,13 @@ def test_encoders_with_noise_are_within_a_percent_and_their_bias_is_stated(tmp_p
         ({"urdf": None, "urdf_frame": None}, None, "declare the robot by recording.urdf and recording.urdf_frame"),
         ({"urdf_frame": None}, None, "declare the robot by recording.urdf"),
         ({"urdf": "gone.urdf"}, None, "no file .*gone.urdf at recording.urdf"),
-        ({"urdf_frame": "hand"}, None, "unknown frame 'hand' at recording.urdf_frame: .*link_7"),
+        ({"urdf_frame": "hand"}, None, "unknown frame 'hand' at recording.urdf_frame: .*link_1"),
         ({}, "<robot", "no URDF .*arm.urdf"),
         ({}, "hello", "no URDF .*arm.urdf"),
+        ({}, urdf().replace(FLANGE, "0 nan 0"), "no URDF .*arm.urdf"),
+        ({}, urdf().replace('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "no direction in the axis of joint 'arm_2'"),
+        ({}, urdf().replace('axis xyz="0 -1 0"', 'axis xyz="0 1e308 0"'), "no direction in the axis of joint 'arm_4'"),
+        ({}, urdf().replace("arm_1", "arm\N{DEGREE SIGN}").encode("latin-1"), "no URDF .*arm.urdf"),
         ({"angular_velocity_unit": "deg/s"}, None, "remove recording.angular_velocity_unit"),
     ],
 )
@@ -143,6 +148,7 @@ def test_a_robot_that_cannot_be_used(tmp_path, swing, declared, text, words, cap
     with pytest.raises((ExperimentError, RunError, RigError), match=words) as error:
         load_run(path, spec.recording)
     assert "\n" not in str(error.value)
+    assert not capfd.readouterr().err
 
 
 def test_an_unknown_joint_is_named(tmp_path, swing):
