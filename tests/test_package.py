@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("identify", "rig", "uq")
+CURE = ": install inertia-uq into an environment of its own (uv tool, pipx, python -m venv)\n"
 BUILD = "from setuptools.build_meta import build_wheel; print(build_wheel('dist'))"
 
 
@@ -81,5 +82,15 @@ def test_another_identify_is_named_with_the_cure(site, tmp_path, installed):
         status, printed, complaint = run("-m", "uq", *arguments, path=path, cwd=tmp_path)
         assert (status, printed) == (2, "")
         assert complaint.startswith(f"error: another package named `identify` is in {other} ")
-        assert complaint.endswith("an environment of its own (uv tool install, pipx install, python -m venv)\n")
+        assert complaint.endswith(CURE)
         assert complaint.count("\n") == 1
+
+
+def test_what_another_identify_has_taken_along_is_missed(site, tmp_path):
+    """Whoever removes it removes `identify/__init__.py`, which both have."""
+    shutil.copytree(site, tmp_path / "site")
+    (tmp_path / "site" / "identify" / "__init__.py").unlink()
+    status, printed, complaint = run("-m", "uq", "--version", path=[tmp_path / "site"], cwd=tmp_path)
+    assert (status, printed) == (2, "")
+    assert complaint.startswith(f"error: files are missing in {tmp_path / 'site' / 'identify'}, ")
+    assert complaint.endswith(CURE)

@@ -102,11 +102,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: list[str], by_itself: bool) -> int:
     """Run one command; a user's mistake is one line and status 2."""
-    if elsewhere := _other_identify():
-        _complain(
-            f"another package named `identify` is in {elsewhere} (pre-commit brings it): "
-            "install inertia-uq into an environment of its own (uv tool install, pipx install, python -m venv)"
-        )
+    if clash := _other_identify():
+        _complain(f"{clash}: install inertia-uq into an environment of its own (uv tool, pipx, python -m venv)")
         return 2
     if argv[:1] == ["--version"]:
         print(f"inertia-uq {_version()}")
@@ -147,17 +144,20 @@ def _run(argv: list[str], by_itself: bool) -> int:
     return 2
 
 
-def _other_identify() -> Path | None:
-    """Where a package `identify` lies that is not ours: before ours on the path, or in the same folder as ours.
+def _other_identify() -> str | None:
+    """Say where a package `identify` lies that is not ours: before ours on the path, or in the same folder as ours.
 
-    Installed after ours it replaces our ``__init__.py``, before ours it leaves ``identify.py``, which ours has not.
+    Installed after ours it replaces our ``__init__.py``, before ours it leaves ``identify.py``, which ours has not;
+    and when it is removed it takes our ``__init__.py`` along.
     """
     folder = Path(__file__).parents[2] / "identify"
     spec = importlib.util.find_spec("identify")
-    origin = Path(spec.origin) if spec and spec.origin else folder
-    if origin != folder / "__init__.py":
-        return origin if origin.name != "__init__.py" else origin.parent
-    return folder if (folder / "identify.py").exists() else None
+    if spec is None or spec.origin is None:
+        return f"files are missing in {folder}, perhaps removed with another package named `identify`"
+    at = Path(spec.origin)
+    if at == folder / "__init__.py" and not (folder / "identify.py").exists():
+        return None
+    return f"another package named `identify` is in {at.parent if at.name == '__init__.py' else at} (pre-commit has it)"
 
 
 def _version() -> str:
