@@ -6,7 +6,7 @@ UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
 
-.PHONY: env paper test check unit bench study fuzz lock dist clean
+.PHONY: env paper test check unit bench study docs fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -55,6 +55,10 @@ unit: env
 bench: env
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.answers
+
+# The site of the documentation, in out/docs; a warning, such as a link that leads nowhere, is an error.
+docs: env
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
 
 # Mutated files of every kind for an hour; `tests/test_fuzz.py` is the short form.
 fuzz: env

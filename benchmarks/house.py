@@ -1,7 +1,7 @@
-"""The house in figures: ``python -m benchmarks.house`` prints the drawing of docs/architecture.md and the rooms' sizes.
+"""The house in figures: ``python -m benchmarks.house`` prints the drawing of architecture.md and the rooms' sizes.
 
 The drawing comes from the import linter's floors in pyproject.toml and the rooms' docstrings. ``--write`` puts it into
-docs/architecture.md; ``--closure`` counts the modules of ours that two entrances import.
+docs/explanation/architecture.md; ``--closure`` counts the modules of ours that two entrances import.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from pathlib import Path
 from identify.text_tables import text_table
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "architecture.md"
+PAGE = ROOT / "docs" / "explanation" / "architecture.md"
 BEGIN, END = "<!-- drawn by python -m benchmarks.house --write -->\n", "<!-- end of the drawing -->\n"
 PACKAGES = ("uq", "identify", "rig")
 ENTRANCES = {
@@ -110,7 +110,7 @@ def sentences() -> str:
 
 
 def page_with_drawing() -> str:
-    """Return docs/architecture.md with drawing and sentences at their place."""
+    """Return docs/explanation/architecture.md with drawing and sentences at their place."""
     before, rest = PAGE.read_text("utf-8").split(BEGIN)
     return f"{before}{BEGIN}{drawing()}\n{sentences()}{END}{rest.split(END)[1]}"
 
@@ -127,7 +127,7 @@ def closure() -> str:
 def main() -> int:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.house", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="draw docs/architecture.md anew")
+    parser.add_argument("--write", action="store_true", help="draw docs/explanation/architecture.md anew")
     parser.add_argument("--closure", action="store_true", help="count the modules that two entrances import")
     options = parser.parse_args()
     if options.write:

@@ -1,8 +1,8 @@
 """The experiment's mathematics: from motion to wrench, and from measured wrench and motion back to the inertia tensor.
 
 Arrays in SI units; no files, no randomness, no global settings. Switch on float64 yourself:
-``jax.config.update("jax_enable_x64", True)``. The public names are imported on first use; docs/api.md shows each of
-them, everything else is imported from its room, such as ``identify.rigid_body.rotation``.
+``jax.config.update("jax_enable_x64", True)``. The public names are imported on first use; docs/reference/api.md shows
+each of them, everything else is imported from its room, such as ``identify.rigid_body.rotation``.
 
 Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transformations.py does so):
 

@@ -1,4 +1,4 @@
-"""The examples of docs/extending.md: each new file is put into its folder, found, and used as the page shows."""
+"""The examples of docs/how-to/extending.md: each new file is put into its folder, found, and used as the page shows."""
 
 import importlib
 import re
@@ -11,7 +11,7 @@ import pytest
 
 from uq.sources.source import KINDS
 
-PAGE = Path(__file__).parents[1] / "docs" / "extending.md"
+PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "extending.md"
 FILE = re.compile(r"File `(\w+\.py)` in `([\w/]+)/`:\n\n```python\n(.*?)```", re.S)
 USE = re.compile(r"```(python|toml)\n(.*?)```", re.S)
 

@@ -1,7 +1,7 @@
 """Measurement uncertainty of an identified inertia tensor: error sources, Monte Carlo, breakdown, reports, commands.
 
-The public names are imported on first use, so that ``inertia record`` starts without waiting for JAX. docs/api.md shows
-each of them; everything else is imported from its room, such as ``uq.sources.distributions``.
+The public names are imported on first use, so that ``inertia record`` starts without waiting for JAX. Each is in
+docs/reference/api.md; everything else is imported from its room, such as ``uq.sources.distributions``.
 """
 
 from importlib import import_module

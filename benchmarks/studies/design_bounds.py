@@ -1,8 +1,8 @@
 """Sharper bounds of a design than reports state: ``python -m benchmarks.studies.design_bounds [EXPERIMENT]``.
 
 Printed are the largest mean squares of a leg's acceleration, over the square of the largest acceleration, and the least
-average 3σ of moments and products that follow (docs/design.md): by single excursions, which is the bound in a design's
-report; by sums of squares (:mod:`benchmarks.studies.sums_of_squares`); and for motions that repeat
+average 3σ of moments and products that follow (docs/explanation/design.md): by single excursions, which is the bound in
+a design's report; by sums of squares (:mod:`benchmarks.studies.sums_of_squares`); and for motions that repeat
 (:mod:`benchmarks.studies.repeating_signals`).
 """
 

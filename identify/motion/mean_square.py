@@ -3,7 +3,7 @@
 A signal of band B and modulus at most a obeys ``x'² + (2πB x)² ≤ (2πB a)²`` (Bernstein, Szegő), so ``x = a sin θ`` with
 ``|θ'| ≤ 2πB``: it takes at least 1/(2B) from one bound to the other. If its integral keeps within ±v, no excursion
 between two zeros has an area above 2v. Among excursions of peak ``a s`` the mean square is largest for the fastest
-rise, a hold at the peak that fills the area, and the fastest fall (docs/design.md has the proof).
+rise, a hold at the peak that fills the area, and the fastest fall (docs/explanation/design.md has the proof).
 """
 
 import numpy as np

@@ -46,7 +46,7 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
     delay_to: str = ""
     """Name of the IMU that follows this device's columns omega_x, omega_y, omega_z."""
     options: Mapping[str, Any] = {}
-    """Of the kind; see docs/rig.md."""
+    """Of the kind; see docs/how-to/rig.md."""
 
     def __post_init__(self) -> None:
         """Refuse a name, a port or a rotation that is none."""
@@ -125,7 +125,7 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of too many digits, lists in lists
-        raise RigError(f"not a TOML file {path} ({error}): see docs/rig.md for the format") from error
+        raise RigError(f"not a TOML file {path} ({error}): see docs/how-to/rig.md for the format") from error
     try:
         tables = read_table("", document, RigFile).device
         written = [{key: str(value) for key, value in table.items()} for table in document["device"]]

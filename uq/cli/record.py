@@ -14,7 +14,7 @@ ERRORS = (RigError,)
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("rig", nargs="?", help="the rig file (TOML, see docs/rig.md)")
+    parser.add_argument("rig", nargs="?", help="the rig file (TOML, see docs/how-to/rig.md)")
     parser.add_argument("-o", "--output", help="RUN.mcap, or a folder in which runs are numbered")
     parser.add_argument("--seconds", type=float, help="stop after so long (default: until Ctrl-C)")
     parser.add_argument("--note", default="", help="a note for the file's metadata")
@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.list is not None:
         return _list(arguments.list)
     if arguments.rig is None:
-        raise RigError("no rig file given: write one as docs/rig.md shows, or use --list")
+        raise RigError("no rig file given: write one as docs/how-to/rig.md shows, or use --list")
     if arguments.seconds is not None and not arguments.seconds > 0:
         raise RigError(f"--seconds is {arguments.seconds:g}: give a positive number")
     if arguments.watch:

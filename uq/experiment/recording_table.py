@@ -1,4 +1,6 @@
-"""What a recorded run's channels mean: the table ``[recording]`` of an experiment file. docs/recordings.md explains it.
+"""What a recorded run's channels mean: the table ``[recording]`` of an experiment file.
+
+docs/how-to/recordings.md explains it.
 
 Nothing here touches a recording; :mod:`uq.recorded.load_run` applies it.
 """

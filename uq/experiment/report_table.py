@@ -1,7 +1,7 @@
 """The table ``[report]``: what a certificate says beside the figures (ISO/IEC 17025:2017, 7.8.2 and 7.8.4).
 
-docs/certificate.md explains the keys. Nothing is required; what is missing is printed as "not stated". Accreditation is
-never claimed.
+docs/how-to/certificate.md explains the keys. Nothing is required; what is missing is printed as "not stated".
+Accreditation is never claimed.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,6 +1,6 @@
 """Named columns of a table in a text file (CSV): how they are declared, and the numbers in them.
 
-``inertia import`` and ``inertia centre`` declare columns in the same way; docs/tables.md explains it.
+``inertia import`` and ``inertia centre`` declare columns in the same way; docs/how-to/tables.md explains it.
 """
 
 import csv

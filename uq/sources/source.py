@@ -36,7 +36,7 @@ class Source(eqx.Module):
     target: str = eqx.field(static=True)
     """The quantity that errs."""
     kind: str = eqx.field(static=True)
-    """How: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see docs/sources.md."""
+    """How: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see docs/reference/sources.md."""
     group: str = eqx.field(static=True)
     """The group it counts in, such as ``load_cell``."""
     sigma: Float[Array | np.ndarray, "..."]
@@ -169,7 +169,7 @@ class ErrorKind:
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
     def keys(self, target: str) -> dict[str, Any]:
-        """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI (see docs/schema.md).
+        """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.
 
         They are its :attr:`sizes`, in the unit of the target, unless the kind says otherwise.
         """

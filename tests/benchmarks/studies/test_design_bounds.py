@@ -1,4 +1,4 @@
-"""The sharper bounds of a design: those that docs/design.md states, and how that of repeating motions depends on ramps."""
+"""The sharper bounds of a design: those that docs/explanation/design.md states, and how that of repeating motions depends on ramps."""
 
 import dataclasses
 

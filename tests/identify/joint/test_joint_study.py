@@ -1,4 +1,4 @@
-"""Statistical studies of the joint estimate (``make study``); their tables stand in docs/identify.md."""
+"""Statistical studies of the joint estimate (``make study``); their tables stand in docs/explanation/identify.md."""
 
 import numpy as np
 import pytest

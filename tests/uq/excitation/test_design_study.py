@@ -1,4 +1,4 @@
-"""Designs against T1 under the same limits (``make study``); the figures stand in docs/design.md."""
+"""Designs against T1 under the same limits (``make study``); the figures stand in docs/explanation/design.md."""
 
 import numpy as np
 import pytest

@@ -44,8 +44,12 @@ def test_a_mistake_is_one_line(keys, line):
 
 
 def test_the_documentation_has_the_figures():
-    """The rows ``| `key` | "figure" |`` of docs/identify.md, read as an experiment file has them."""
-    rows = dict(re.findall(r'^\| `(\w+)` \| `"([^"]+)"` \|', (DOCS / "identify.md").read_text("utf-8"), flags=re.M))
+    """The rows ``| `key` | "figure" |`` of docs/explanation/identify.md, read as an experiment file has them."""
+    rows = dict(
+        re.findall(
+            r'^\| `(\w+)` \| `"([^"]+)"` \|', (DOCS / "explanation" / "identify.md").read_text("utf-8"), flags=re.M
+        )
+    )
     stated = NotIncludedTable().to_dict()
     assert set(stated) <= set(rows)
     assert loaded(**{key: rows[key] for key in stated}).to_dict() == pytest.approx(stated)

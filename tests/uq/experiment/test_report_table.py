@@ -164,7 +164,7 @@ def test_a_recording_fills_what_the_table_leaves_open():
 
 
 def test_the_example_of_the_docs_is_a_report():
-    page = (ROOT / "docs" / "certificate.md").read_text("utf-8")
+    page = (ROOT / "docs" / "how-to" / "certificate.md").read_text("utf-8")
     (text,) = re.findall(r"```toml\n(.*?)```", page, flags=re.S)
     example = report(text)
     assert example.conformity.rule == "guarded"

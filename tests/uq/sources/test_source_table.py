@@ -216,7 +216,7 @@ def test_a_file_of_samples_is_found_beside_the_experiment(tmp_path, many):
 
 
 def test_every_example_of_the_documentation_is_read():
-    text = (EXAMPLES.parent / "sources.md").read_text("utf-8")
+    text = (EXAMPLES.parent / "reference" / "sources.md").read_text("utf-8")
     examples = [tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, re.S)]
     assert len(examples) >= 6
     for example in examples:
@@ -224,7 +224,7 @@ def test_every_example_of_the_documentation_is_read():
 
 
 def test_every_kind_is_documented():
-    text = (EXAMPLES.parent / "sources.md").read_text("utf-8")
+    text = (EXAMPLES.parent / "reference" / "sources.md").read_text("utf-8")
     rows = [
         re.findall(r"`(\w+)`", cell)
         for line in text.splitlines()

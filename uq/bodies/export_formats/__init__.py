@@ -1,6 +1,6 @@
 """Export formats, one file each: the name of the file is that of the format, its ``FORMAT`` what is written.
 
-A new format is one new file; see docs/extending.md.
+A new format is one new file; see docs/how-to/extending.md.
 """
 
 from collections.abc import Callable, Sequence

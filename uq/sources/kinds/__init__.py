@@ -1,6 +1,6 @@
 """The kinds of error, one file each; every file in this folder is imported, and what it defines is registered.
 
-A new kind is one new file: a subclass of :class:`uq.sources.source.ErrorKind`; see docs/extending.md.
+A new kind is one new file: a subclass of :class:`uq.sources.source.ErrorKind`; see docs/how-to/extending.md.
 """
 
 from importlib import import_module

@@ -1,0 +1,30 @@
+"""How Sphinx makes the site of these pages (``make docs``).
+
+Sphinx with MyST and Furo: JAX, NumPy and SciPy document themselves so, Python names are checked as links, notebooks are
+shown with the outputs that they have, and a page needs nothing from elsewhere. What :mod:`generated_pages` writes is
+not in the repository.
+"""
+
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+project = "inertia-uq"
+author = "the inertia-uq developers"
+version = release = installed("inertia-uq")
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "generated_pages"]
+exclude_patterns = ["_build", "jupyter_execute"]
+nb_execution_mode = "off"
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_heading_anchors = 3
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "inherited-members": False}
+html_theme = "furo"
+html_title = f"inertia-uq {release}"
+html_show_sphinx = False
+html_copy_source = False
+pygments_style, pygments_dark_style = "a11y-high-contrast-light", "a11y-high-contrast-dark"

@@ -1,0 +1,146 @@
+"""The pages that the code itself tells: commands, keys of files, public names, notebooks."""
+
+import argparse
+import importlib
+import inspect
+import keyword
+import re
+import textwrap
+from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
+from sphinx.ext.napoleon import Config
+from sphinx.ext.napoleon.docstring import GoogleDocstring
+
+from uq.cli import main
+from uq.cli.schema import file_schema
+
+FILES = {
+    "experiment": "Which keys may an experiment file have?",
+    "rig": "Which keys may a rig file have?",
+    "map": "Which keys may a map of a table's columns have?",
+    "body": "Which keys may a reference body have?",
+}
+
+
+def commands() -> str:
+    """Every command with its options, from its parser."""
+    lines = ["# Which commands are there?", ""]
+    for name, summary in main.COMMANDS.items():
+        module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
+        parser = main.Parser(prog=f"inertia {name}", description=summary)
+        module.configure(parser)
+        usage = " ".join(parser.format_usage().removeprefix("usage: ").split())
+        lines += [f"## inertia {name}", "", f"{summary[0].upper()}{summary[1:]}.", ""]
+        lines += ["```text", *textwrap.wrap(usage, 80, subsequent_indent="    ", break_on_hyphens=False), "```", ""]
+        for action in parser._actions:
+            if not isinstance(action, argparse._HelpAction):
+                lines += [f"`{_invocation(action)}`", f": {_escaped(_help(parser, action))}", ""]
+    return "\n".join(lines)
+
+
+def _invocation(action: argparse.Action) -> str:
+    name = action.metavar or ("" if action.nargs == 0 else (action.dest or "").upper())
+    name = name if isinstance(name, str) else " ".join(name)
+    return ", ".join(f"{option} {name}".strip() for option in action.option_strings) or name.lower()
+
+
+def _help(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
+    choices = f"one of {', '.join(map(str, action.choices))}" if action.choices else ""
+    text = parser._get_formatter()._expand_help(action) if action.help else ""
+    return "; ".join(filter(None, (text, choices))).replace("--", "\\-\\-") or "–"
+
+
+def keys(which: str) -> str:
+    """Every key of a TOML file with its type, its unit and what it is for, from the schema."""
+    content = file_schema(which)
+    definitions = content.get("$defs", {})
+    lines = [f"# {FILES[which]}", "", f"The JSON Schema: `inertia schema {which}`.", ""]
+    tables = {"": content, **definitions}
+    for name, table in tables.items():
+        properties = table.get("properties", {})
+        if not properties:
+            continue
+        if name:
+            lines += [f"## {name.removesuffix('Table')}", "", _escaped(table.get("description", "")), ""]
+        lines += ["| key | value | what it is |", "|---|---|---|"]
+        for key, value in properties.items():
+            needed = " **Required.**" if key in table.get("required", []) else ""
+            cells = (f"`{key}`", _type(value), _escaped(value.get("description", "")) + needed)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _type(value: dict[str, Any]) -> str:
+    if "$ref" in value:
+        return f"table {value['$ref'].rsplit('/', 1)[1].removesuffix('Table')}"
+    if len(value.get("anyOf", ())) > 5:
+        return "table, one of those below named after what errs and how"
+    if "anyOf" in value:
+        return " or ".join(dict.fromkeys(_type(one) for one in value["anyOf"] if one.get("type") != "null"))
+    if "enum" in value:
+        return ", ".join(f"`{one}`" for one in value["enum"])
+    if "const" in value:
+        return f"`{value['const']}`"
+    kind = value.get("type", "anything")
+    if kind == "array":
+        return f"list of {_type(value.get('items', {}))}"
+    return kind if isinstance(kind, str) else " or ".join(kind)
+
+
+def names(package: str) -> str:
+    """Every public name of a package, from its docstring."""
+    door = importlib.import_module(package)
+    lines = [f"# What does `{package}` offer?", "", *_directive(f"automodule:: {package}\n   :no-members:")]
+    for name in sorted(door.__all__):
+        what = getattr(door, name)
+        directive = "autoclass" if inspect.isclass(what) else "autofunction" if callable(what) else "autodata"
+        lines += [f"## {name}", "", *_directive(f"{directive}:: {package}.{name}")]
+    return "\n".join(lines)
+
+
+def _directive(text: str) -> list[str]:
+    return ["```{eval-rst}", f".. {text}", "```", ""]
+
+
+def _escaped(text: str) -> str:
+    return " ".join(text.split()).replace("<", "\\<").replace("[", "\\[").replace("*", "\\*").replace("``", "`")
+
+
+def write(app: Sphinx) -> None:
+    """Write the pages into the folder of the sources."""
+    here = Path(app.srcdir)
+    made = here / "generated"
+    made.mkdir(exist_ok=True)
+    pages = {"commands": commands(), **{f"{which}-file": keys(which) for which in FILES}}
+    pages |= {f"names-{package}": names(package) for package in ("identify", "uq", "rig")}
+    for name in ("CHANGELOG", "SECURITY"):
+        pages[name] = (here.parent / f"{name}.md").read_text("utf-8").replace("](docs/", "](../")
+    for name, text in pages.items():
+        path = made / f"{name}.md"
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
+    for notebook in sorted((here.parent / "notebooks").glob("*.ipynb")):
+        (made / notebook.name).write_text(notebook.read_text("utf-8").replace("](../docs/", "](../"), "utf-8")
+
+
+def links(app: Sphinx, page: str, content: list[str]) -> None:
+    """Lead links to notebooks and to the repository's first pages to their copies."""
+    content[0] = re.sub(r"\]\((?:\.\./)+(?:notebooks/)?(\w+\.ipynb|[A-Z]+\.md)\)", r"](/generated/\1)", content[0])
+
+
+def sections(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Turn Google's sections of a docstring into fields. An attribute's is a sentence, in which a colon is a colon."""
+    if what not in ("attribute", "data", "property"):
+        style = Config(napoleon_numpy_docstring=False)
+        lines[:] = GoogleDocstring(lines, style, app, what, name, thing, options).lines()
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Sphinx calls this."""
+    app.connect("builder-inited", write)
+    app.connect("source-read", links)
+    app.connect("autodoc-process-docstring", sections)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
