@@ -1,0 +1,123 @@
+"""Every block of code on the documentation's pages runs as it stands, and prints what the page says that it prints.
+
+A page's blocks run in order, in one folder that has the experiments and rigs of the documentation: ``python`` in one
+namespace, ``console`` by the command itself, with ``…`` for anything in what it prints; ``toml`` is read. The line
+``<!-- study -->`` above a block keeps it and those below it for ``make study``; ``<!-- not run -->`` leaves one out.
+"""
+
+import contextlib
+import io
+import re
+import shlex
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from uq.cli.main import main
+
+DOCS = Path(__file__).parents[1] / "docs"
+BLOCK = re.compile(r"(?:<!-- (study|not run) -->\n+)?^```(python|console|toml)\n(.*?)^```$", re.S | re.M)
+PAGES = sorted(
+    page.relative_to(DOCS).as_posix()
+    for folder in ("tutorials", "how-to", "reference", "explanation")
+    for page in (DOCS / folder).glob("*.md")
+)
+ELSEWHERE = {"how-to/extending.md": "tests/test_extending.py"}
+"""Pages whose blocks another test runs."""
+WAITING = {
+    "explanation/architecture.md", "explanation/design.md", "explanation/identify.md", "explanation/identify_weak.md",
+    "explanation/inferred-values.md", "explanation/law.md", "explanation/platform.md", "explanation/sums.md",
+    "explanation/troubles.md", "how-to/budget.md", "how-to/centre.md", "how-to/certificate.md", "how-to/cluster.md",
+    "how-to/design_command.md", "how-to/expected.md", "how-to/faults.md", "how-to/install.md", "how-to/montecarlo.md",
+    "how-to/recordings.md", "how-to/rig.md", "how-to/tables.md", "reference/api.md", "reference/benchmarks.md",
+    "reference/formats.md", "reference/schema.md", "reference/sources.md", "reference/studies.md",
+}  # fmt: skip
+"""Pages that are still to be rewritten."""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    for name in ("experiments", "rigs"):
+        shutil.copytree(DOCS / name, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    return tmp_path
+
+
+def blocks(page, *, study):
+    """The kind, first line and code of each block that is to run."""
+    text, slow = (DOCS / page).read_text("utf-8"), False
+    for match in BLOCK.finditer(text):
+        mark, kind, code = match.groups()
+        slow |= mark == "study"
+        if mark != "not run" and (study or not slow):
+            yield kind, text[: match.start(3)].count("\n") + 1, code
+
+
+def session(code):
+    """The commands of a console and what the page says that each prints."""
+    for part in re.split(r"^\$ ", code, flags=re.M)[1:]:
+        command, _, printed = part.replace("\\\n", " ").partition("\n")
+        yield command, printed.strip("\n")
+
+
+def command(line):
+    """Run a command line; return its exit status and what it prints."""
+    words, out = shlex.split(line), io.StringIO()
+    assert words[0] == "inertia", f"only inertia is run: {line}"
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+        try:
+            status = main(words[1:])
+        except SystemExit as end:
+            status = int(end.code or 0)
+    return status, out.getvalue()
+
+
+def assert_printed(expected, printed, where):
+    """Each line of the page is in what was printed, in order; ``…`` stands for anything."""
+    lines = iter(" ".join(line.split()) for line in printed.splitlines())
+    for line in filter(None, (" ".join(line.split()) for line in expected.splitlines())):
+        pattern = ".*".join(re.escape(piece) for piece in line.split("…"))
+        assert any(re.fullmatch(pattern, other) for other in lines), f"{where}: not printed: {line}\n\n{printed}"
+
+
+def run(page, *, study):
+    names = {"__name__": "page"}
+    for kind, line, code in blocks(page, study=study):
+        where = f"docs/{page}:{line}"
+        if kind == "toml":
+            tomllib.loads(code)
+        elif kind == "python":
+            exec(compile("\n" * line + code, str(DOCS / page), "exec"), names)
+        else:
+            for words, expected in session(code):
+                status, printed = command(words)
+                assert status == 0 or "error:" in expected, f"{where}: {words} ended with {status}\n{printed}"
+                assert_printed(expected, printed, where)
+
+
+@pytest.mark.parametrize("study", [False, pytest.param(True, marks=pytest.mark.study)], ids=["quick", "all"])
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in {*WAITING, *ELSEWHERE}])
+def test_the_blocks_of_a_page_run(page, study, folder):
+    run(page, study=study)
+
+
+def test_a_block_that_is_wrong_is_noticed(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.test_pages.DOCS", tmp_path)
+    page = tmp_path / "page.md"
+    for wrong in (
+        "```python\nassert False\n```",
+        "```console\n$ inertia inspect gone.mcap\n```",
+        "```toml\na = \n```",
+        "```console\n$ inertia --help\nno such line\n```",
+        "```console\n$ python\n```",
+    ):
+        page.write_text(f"{wrong}\n")
+        with pytest.raises((AssertionError, tomllib.TOMLDecodeError)):
+            run("page.md", study=False)
+    page.write_text("<!-- not run -->\n```python\nassert False\n```\n<!-- study -->\n```python\nassert False\n```\n")
+    run("page.md", study=False)
+    with pytest.raises(AssertionError):
+        run("page.md", study=True)
