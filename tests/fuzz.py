@@ -98,7 +98,7 @@ def complaint(kind: Kind, data: bytes) -> str:
     """What is wrong with how the command takes a file of this kind; empty if nothing is."""
     Path(f"input{kind.suffix}").write_bytes(data)
     out, err = io.StringIO(), io.StringIO()
-    before, start = _memory("VmRSS", forget=True), time.monotonic()
+    before, start, used = _memory("VmRSS", forget=True), time.monotonic(), time.process_time()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), _alarm():
             try:
@@ -111,7 +111,7 @@ def complaint(kind: Kind, data: bytes) -> str:
         at = traceback.extract_tb(error.__traceback__)[-1]
         return f"{type(error).__name__}: {str(error)[:100]!r} at {at.filename}:{at.lineno}"
     lines = err.getvalue().splitlines()
-    if time.monotonic() - start > SECONDS:
+    if min(time.monotonic() - start, time.process_time() - used) > SECONDS:  # others may keep the machine busy
         return "takes longer than ten seconds"
     if _memory("VmHWM") - before > BYTES:
         return "takes more than 2 GiB"
@@ -136,10 +136,10 @@ def _alarm() -> Iterator[None]:
     """Interrupt what takes far too long."""
 
     def late(*_: object) -> None:
-        raise TimeoutError("more than twice ten seconds")
+        raise TimeoutError("far more than ten seconds")
 
     before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(2 * SECONDS)
+    signal.alarm(12 * SECONDS)
     try:
         yield
     finally:

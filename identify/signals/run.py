@@ -18,6 +18,8 @@ __all__ = ["Rest", "Run", "RunError"]
 
 NOTHING = (np.array([]), np.array([]))
 """No bad instants of either sensor."""
+LARGEST = 1e12
+"""The most that a signal may be, in SI units: far beyond any sensor, and its fourth power still a number."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,8 @@ class Run:
             name: what to call the run.
 
         Raises:
-            RunError: a wrong shape, fewer than two samples, a value that is not finite, time that does not increase.
+            RunError: a wrong shape, fewer than two samples, a value that is not finite or beyond any sensor, time
+                that does not increase.
         """
         return cls.from_channels(t, force, moment, t, omega, name=name)
 
@@ -248,6 +251,12 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
             raise RunError(
                 f"{signal} in {name} is not finite at sample {int(np.argmax(bad))} ({int(bad.sum())} such samples): "
                 "remove them first"
+            )
+        if np.abs(values).max() > LARGEST:
+            worst = int(np.argmax(np.abs(values).reshape(len(t), -1).max(axis=1)))
+            raise RunError(
+                f"{signal} in {name} is {np.abs(values).max():.1e} in SI units at sample {worst}: no sensor reads so "
+                "much, remove such samples first"
             )
         arrays.append(values)
     steps = np.diff(t)

@@ -45,7 +45,7 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
     removed = recording.compensated in ("gravity", "gravity_from_force") and not undone
     return Declared(
         mass=experiment.mass,
-        r_cg=np.asarray(experiment.r_cg_from_q),
+        r_cg=experiment.r_cg_from_q,
         sigma_r_cg=np.asarray(experiment.sigma_r_cg),
         imu_position=run.imu_position,
         wrench_point=recording.wrench_point,

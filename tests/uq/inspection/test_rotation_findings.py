@@ -84,3 +84,15 @@ def test_the_cure_heals_the_tensor(tmp_path, angle):
 def test_of_the_laboratorys_clean_runs_nothing_is_said(tmp_path, seed):
     measured = measure(seed, seconds=20)
     assert judged(write(tmp_path / "run.mcap", measured), document(measured)) == []
+
+
+@pytest.mark.parametrize("stated", ["r_cg_from_q", None])
+def test_what_is_not_stated_yet_is_not_judged_by(tmp_path, stated):
+    """A beginner's experiment has static poses, but no centre of gravity or mass yet; a turned sensor is named all the same."""
+    content = declared(T1, {}) | {"poses": {}}
+    content["body"] = {key: value for key, value in content["body"].items() if key == stated}
+    assert judged(run(1).write(tmp_path / "clean.mcap"), content) == []
+    (finding,) = judged(
+        run(1).of_imu(Rotation.from_rotvec([0.0, 0.0, 0.5]).as_matrix()).write(tmp_path / "turned.mcap"), content
+    )
+    assert finding.kind == "turned"
