@@ -70,7 +70,7 @@ class Reference:
 
 
 def load_reference(path: str | Path) -> Reference:
-    """Read a reference body from a file in TOML; docs/how-to/expected.md says what it holds.
+    """Read a reference body from a file in TOML; docs/how-to/compare-with-a-drawing.md says what it holds.
 
     Raises:
         ExperimentError: it is not TOML, or not a reference body.
@@ -157,7 +157,7 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
     """Build a reference body from the content of a file.
 
     Args:
-        document: what a file holds; see docs/how-to/expected.md.
+        document: what a file holds; see docs/how-to/compare-with-a-drawing.md.
         name: what to call the body unless the file says.
 
     Raises:
