@@ -28,7 +28,7 @@ ELSEWHERE = {"how-to/extending.md": "tests/test_extending.py"}
 """Pages whose blocks another test runs."""
 WAITING = {
     "explanation/architecture.md", "explanation/design.md", "explanation/identify.md", "explanation/identify_weak.md",
-    "explanation/inferred-values.md", "explanation/law.md", "explanation/platform.md", "explanation/sums.md",
+    "explanation/law.md",
     "explanation/troubles.md", "how-to/budget.md", "how-to/centre.md", "how-to/certificate.md", "how-to/cluster.md",
     "how-to/design_command.md", "how-to/faults.md", "how-to/install.md", "how-to/montecarlo.md",
     "how-to/recordings.md", "how-to/rig.md", "how-to/tables.md", "reference/api.md", "reference/benchmarks.md",
