@@ -30,8 +30,8 @@ WAITING = {
     "explanation/architecture.md", "explanation/design.md", "explanation/identify.md", "explanation/identify_weak.md",
     "explanation/law.md",
     "explanation/troubles.md", "how-to/budget.md", "how-to/centre.md", "how-to/certificate.md", "how-to/cluster.md",
-    "how-to/design_command.md", "how-to/faults.md", "how-to/install.md", "how-to/montecarlo.md",
-    "how-to/recordings.md", "how-to/rig.md", "how-to/tables.md", "reference/api.md", "reference/benchmarks.md",
+    "how-to/design_command.md", "how-to/faults.md", "how-to/montecarlo.md",
+    "reference/api.md", "reference/benchmarks.md",
     "reference/formats.md", "reference/schema.md", "reference/sources.md", "reference/studies.md",
 }  # fmt: skip
 """Pages that are still to be rewritten."""
@@ -64,7 +64,7 @@ def session(code):
 
 
 def command(line):
-    """Run a command line; return its exit status and what it prints."""
+    """Run a command line; return its exit status (1: done, and something is suspicious or missing) and what it prints."""
     words, out = shlex.split(line), io.StringIO()
     assert words[0] == "inertia", f"only inertia is run: {line}"
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
@@ -94,7 +94,9 @@ def run(page, *, study):
         else:
             for words, expected in session(code):
                 status, printed = command(words)
-                assert status == 0 or "error:" in expected, f"{where}: {words} ended with {status}\n{printed}"
+                assert status == 0 or (status == 1 and expected) or "error:" in expected, (
+                    f"{where}: {words} ended with {status}\n{printed}"
+                )
                 assert_printed(expected, printed, where)
 
 
