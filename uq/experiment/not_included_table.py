@@ -25,7 +25,7 @@ def typical(unit: str) -> msgspec.Meta:
 class NotIncludedTable(TomlTable, frozen=True, kw_only=True):
     """``[not_included]``: typical standard uncertainties of errors that are not declared; false: there is none.
 
-    What each would do to the tensor is said beside the result. docs/explanation/identify.md gives the figures and their
+    What each would do to the tensor is said beside the result. docs/how-to/identify.md gives the figures and their
     reasons.
     """
 

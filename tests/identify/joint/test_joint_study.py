@@ -1,4 +1,4 @@
-"""Statistical studies of the joint estimate (``make study``); their tables stand in docs/explanation/identify.md."""
+"""Statistical studies of the joint estimate (``make study``); docs/explanation/estimators.md and intervals.md have their tables."""
 
 import numpy as np
 import pytest

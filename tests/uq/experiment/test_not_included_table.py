@@ -44,11 +44,9 @@ def test_a_mistake_is_one_line(keys, line):
 
 
 def test_the_documentation_has_the_figures():
-    """The rows ``| `key` | "figure" |`` of docs/explanation/identify.md, read as an experiment file has them."""
+    """The rows ``| `key` | "figure" |`` of docs/how-to/identify.md, read as an experiment file has them."""
     rows = dict(
-        re.findall(
-            r'^\| `(\w+)` \| `"([^"]+)"` \|', (DOCS / "explanation" / "identify.md").read_text("utf-8"), flags=re.M
-        )
+        re.findall(r'^\| `(\w+)` \| `"([^"]+)"` \|', (DOCS / "how-to" / "identify.md").read_text("utf-8"), flags=re.M)
     )
     stated = NotIncludedTable().to_dict()
     assert set(stated) <= set(rows)
