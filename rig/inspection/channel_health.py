@@ -78,7 +78,9 @@ def _gaps(channel: SensorChannel) -> Iterator[Finding]:
 def _order(channel: SensorChannel) -> Iterator[Finding]:
     back = int((np.diff(channel.stamp) <= 0).sum())
     if back:
-        yield Finding("order", channel.topic, f"{back} stamps do not increase: check the device's clock")
+        stamped = bool((channel.stamp != channel.log_time).any())
+        which, cure = ("header stamps", "check the device's clock") if stamped else ("log times", "stamp the messages")
+        yield Finding("order", channel.topic, f"{back} {which} do not increase: {cure}")
 
 
 SKEW_LIMIT = 500e-6  # crystals keep within 100 ppm; five times that is a clock of another kind

@@ -6,11 +6,11 @@ import os
 import select
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import TextIOBase
 from typing import Any, TextIO
 
-from rig.record.recorder import Progress
+from rig.record.recorder import Progress, Summary
 
 POSIX = hasattr(os, "tcgetpgrp")
 """Whether keys and pipes can be waited for as POSIX does; else as Windows does."""
@@ -52,10 +52,30 @@ class Terminal:
             texts.append(f"{name} {rate:.0f} Hz, {counts.missing} missing, {counts.failures} bad{trouble}")
         return "  |  ".join(texts)
 
+    def begin(self) -> None:
+        """Say, to somebody at a terminal, what the keys do."""
+        if self._live:
+            self.say("Ctrl-C ends the recording, any other key marks an instant")
+
     def done(self) -> None:
         """Leave the progress line standing."""
         if self._live:
             self._stream.write("\n")
+
+
+def summary_lines(summary: Summary) -> Iterator[str]:
+    """What a recording came to, for a reader; a program reads the summary's JSON."""
+    for name, device in summary.devices.items():
+        trouble = "" if device["state"] == "ok" else f", {str(device['state']).upper()}"
+        yield (
+            f"{name}: {device['samples']:,} samples on {device['topic']} at {device['rate_hz']:.6g} Hz, "
+            f"{device['missing']:,} missing{trouble}"
+        )
+    for name, delay in summary.delays.items():
+        yield f"{name}: the IMU follows it by {1e3 * delay['delay_s']:.1f} ms"
+    marks = f", {summary.marks} marks" if summary.marks else ""
+    whole = "complete" if summary.complete else "NOT COMPLETE"
+    yield f"{summary.file}: {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB{marks}, {whole}"
 
 
 class Keys:

@@ -54,16 +54,19 @@ def _record(arguments: argparse.Namespace) -> int:
     from rig.record import memory, rig_file
     from rig.record.recorder import Recorder
     from rig.record.recording_file import run_path
-    from rig.record.terminal import Keys, Terminal
+    from rig.record.terminal import Keys, Terminal, summary_lines
 
     memory.share_one_arena()
     rig = rig_file.load_rig(arguments.rig)
     terminal = Terminal(sys.stderr)
     recorder = Recorder(rig, run_path(arguments.output), note=arguments.note, say=terminal.say)
     with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
+        terminal.begin()
         summary = recorder.run(arguments.seconds, progress=terminal.progress)
         terminal.done()
-        print(json.dumps(summary.to_dict()), flush=True)
+        at_terminal = sys.stdout is not None and sys.stdout.isatty()
+        lines = summary_lines(summary) if at_terminal else [json.dumps(summary.to_dict())]
+        print(*lines, sep="\n", flush=True)
     return 0 if summary.complete else 1
 
 
