@@ -252,12 +252,7 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
                 f"{signal} in {name} is not finite at sample {int(np.argmax(bad))} ({int(bad.sum())} such samples): "
                 "remove them first"
             )
-        if np.abs(values).max() > LARGEST:
-            worst = int(np.argmax(np.abs(values).reshape(len(t), -1).max(axis=1)))
-            raise RunError(
-                f"{signal} in {name} is {np.abs(values).max():.1e} in SI units at sample {worst}: no sensor reads so "
-                "much, remove such samples first"
-            )
+        refuse_excess(signal, values, name)
         arrays.append(values)
     steps = np.diff(t)
     if (steps <= 0).any():
@@ -268,3 +263,15 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
             "use the other clock or repair the recording"
         )
     return t, arrays[1:]
+
+
+def refuse_excess(signal: str, values: np.ndarray, name: str) -> None:
+    """Refuse readings beyond any sensor, whose squares would be no numbers.
+
+    Raises:
+        RunError: a reading is larger than ``LARGEST``.
+    """
+    size = np.abs(values).reshape(len(values), -1).max(axis=1)
+    if len(size) and size.max() > LARGEST:
+        at = f"{size.max():.1e} in SI units at sample {int(np.argmax(size))}"
+        raise RunError(f"{signal} in {name} is {at}: no sensor reads so much, remove such samples first")

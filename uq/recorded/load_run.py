@@ -8,7 +8,7 @@ import numpy as np
 from identify.signals.filters import occupied_band
 from identify.signals.held_samples import repeats, saturated
 from identify.signals.resample import UNEQUAL, interval
-from identify.signals.run import Run, RunError
+from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
 from rig.runs import read_any
@@ -98,6 +98,8 @@ class _Channels:
         wrench, imu = bag.wrench, bag.imu
         self.wrench = np.hstack(rig.wrench(wrench))
         self.motion = np.hstack(rig.motion(imu))
+        for signal, values in (("wrench", self.wrench), ("motion", self.motion)):
+            refuse_excess(signal, values, bag.path.name)
         raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
