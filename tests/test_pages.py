@@ -28,7 +28,6 @@ ELSEWHERE = {"how-to/extending.md": "tests/test_extending.py"}
 """Pages whose blocks another test runs."""
 WAITING = {
     "explanation/architecture.md", "explanation/design.md",
-    "explanation/law.md",
     "explanation/troubles.md", "how-to/budget.md", "how-to/centre.md", "how-to/certificate.md", "how-to/cluster.md",
     "how-to/design_command.md", "how-to/faults.md", "how-to/montecarlo.md",
     "reference/api.md", "reference/benchmarks.md",
