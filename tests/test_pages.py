@@ -28,8 +28,7 @@ ELSEWHERE = {"how-to/extending.md": "tests/test_extending.py"}
 """Pages whose blocks another test runs."""
 WAITING = {
     "explanation/architecture.md", "explanation/design.md",
-    "explanation/troubles.md", "how-to/budget.md", "how-to/certificate.md", "how-to/cluster.md",
-    "how-to/design_command.md", "how-to/montecarlo.md",
+    "explanation/troubles.md",
     "reference/api.md", "reference/benchmarks.md",
     "reference/sources.md", "reference/studies.md",
 }  # fmt: skip
