@@ -28,7 +28,6 @@ ELSEWHERE = {"how-to/extending.md": "tests/test_extending.py"}
 """Pages whose blocks another test runs."""
 WAITING = {
     "explanation/architecture.md", "explanation/design.md",
-    "explanation/troubles.md",
     "reference/api.md", "reference/benchmarks.md",
     "reference/sources.md", "reference/studies.md",
 }  # fmt: skip

@@ -276,19 +276,17 @@ def table(rows) -> str:
 
 
 def summary(rows) -> str:
-    """A line for each trouble and size, and one for all: covered, warned, named right, silently wrong, by method."""
-    head = [f"{method}: covered | warned | named | silent" for method in METHODS]
-    lines = ["| trouble | size | " + " | ".join(head) + " |", "|---" * (2 + 4 * len(METHODS)) + "|"]
+    """A line for each trouble, and one for all: what it leads to at both sizes, in %, source/gls/joint."""
     troubled = [row for row in rows if row["trouble"] != CLEAN]
     names = [name for name in TROUBLES if any(row["trouble"] == name for row in troubled)]
-    for level in LEVELS:
-        for name in [*names, None]:
-            some = [row for row in troubled if row["level"] == level and name in (None, row["trouble"])]
-            if not some:
-                continue
-            sizes = "" if name is None else f" {np.median([row['size'] for row in some]):.2g} {TROUBLES[name].unit}"
-            cells = [_cells([row for row in some if row["method"] == method]) for method in METHODS]
-            lines.append(f"| {name or '**all**'} | {level}{sizes} | " + " | ".join(cells) + " |")
+    head = [f"{level}: covered | warned | named | silent" for level in LEVELS]
+    lines = [f"| trouble | size | {' | '.join(head)} |", "|---" * (2 + 4 * len(LEVELS)) + "|"]
+    for name in [*names, None]:
+        some = [row for row in troubled if name in (None, row["trouble"])]
+        by = {level: [row for row in some if row["level"] == level] for level in LEVELS}
+        cells = [cell for each in by.values() for cell in _cells(each)]
+        size = _sizes(TROUBLES[name].unit, filter(None, by.values())) if name else ""
+        lines.append(f"| {' | '.join([name or '**all**', size, *cells])} |")
     return "\n".join(lines)
 
 
@@ -308,15 +306,30 @@ def silence(rows) -> str:
 
 
 def _cells(rows):
-    """Covered, warned, named right and silently wrong, as four cells."""
-    inside = [value for row in rows for value in row.get("covered", [])]
-    right = [verdict for row in rows if (verdict := named_right(row)) is not None]
-    return " | ".join([
-        f"{100 * np.mean(inside):.0f} %" if inside else "–",
-        f"{sum(map(warned, rows))}/{len(rows)}",
-        f"{sum(right)}/{len(right)}" if right else "–",
-        f"{sum(map(silently_wrong, rows))} ({sum(map(beyond_its_price, rows))})",
-    ])  # fmt: skip
+    """Covered, warned, named right and silently wrong, each by method; silence without any is left empty."""
+    by = [[row for row in rows if row["method"] == method] for method in METHODS]
+    covered = [[value for row in some for value in row.get("covered", [])] for some in by]
+    named = [[verdict for row in some if (verdict := named_right(row)) is not None] for some in by]
+    silent = [[silently_wrong(row) for row in some] for some in by]
+    return (
+        _percents(covered),
+        _percents([[warned(row) for row in some] for some in by]),
+        _percents(named) if any(named) else "",
+        _percents(silent) if np.any([any(some) for some in silent]) else "",
+    )
+
+
+def _percents(groups):
+    """The part of each group that is true, such as 98/100/–; a single figure where all are equal."""
+    figures = [f"{100 * np.mean(some):.0f}" if some else "–" for some in groups]
+    return figures[0] if len(set(figures)) == 1 else "/".join(figures)
+
+
+def _sizes(unit, levels):
+    """The median size at each level, with its unit."""
+    unit = unit.removeprefix("1").strip()
+    figures = ", ".join(f"{np.median([row['size'] for row in rows]):.2g}" for rows in levels)
+    return f"{figures} ({unit})" if "," in unit else f"{figures} {unit}".strip()
 
 
 def _counted(rows):
@@ -333,7 +346,7 @@ def main(arguments=None):
     parser.add_argument("--levels", nargs="+", default=list(LEVELS), choices=LEVELS)
     parser.add_argument("--still", action="store_true", help="the motion that keeps the centre of gravity still")
     parser.add_argument("--declared", action="store_true", help="troubles declared as sources of their size")
-    parser.add_argument("--summary", action="store_true", help="a line for each trouble and size")
+    parser.add_argument("--summary", action="store_true", help="a line for each trouble")
     parser.add_argument("--out", default="out/troubles.jsonl")
     parser.add_argument("--processes", type=int, default=2)
     asked = parser.parse_args(arguments)
