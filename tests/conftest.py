@@ -15,6 +15,7 @@ from hypothesis import settings
 
 from uq.files.compilation_cache import keep_compiled
 
+gc.set_threshold(50_000, 20, 20)  # JAX makes the collector slow, and what is imported is no garbage
 if jax.__version_info__ >= (0, 11, 1):  # which ends where it is given an option that it no longer has
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "").replace("--xla_cpu_use_fusion_emitters=false", "")
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
@@ -27,9 +28,8 @@ jax.config.update("jax_num_cpu_devices", 2)
 
 
 def pytest_collection_finish():
-    """What was imported lives until the end: the collector of garbage, which JAX makes slow, need not look at it again."""
+    """What was imported lives until the end: the collector of garbage need not look at it again."""
     gc.freeze()
-    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_unconfigure():
@@ -48,6 +48,29 @@ def room():
     status = Path("/proc/self/statm")
     if status.exists() and int(status.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") > 2**32:
         jax.clear_caches()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def rendered_once():
+    """Of a file's figures of one size and the same labels the first is rendered, and its picture stands for the others.
+
+    Each is drawn, with its own data; what takes long is to lay it out and to write it.
+    """
+    from uq.report import page, report_files
+
+    pictures, real = {}, page.rendered
+
+    def rendered(figure, kind):
+        labels = [(axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes]
+        kind_of_figure = (kind, *figure.get_size_inches(), *labels)
+        if kind_of_figure not in pictures:
+            pictures[kind_of_figure] = real(figure, kind)
+        return pictures[kind_of_figure]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "rendered", rendered)
+        patch.setattr(report_files, "rendered", rendered)
+        yield
 
 
 @pytest.fixture
