@@ -119,3 +119,9 @@ def few_draws():
             "uq.identification.identify_files.with_declared_sources", partial(with_declared_sources, trials=500)
         )
         yield
+
+
+@pytest.fixture
+def unjudged(monkeypatch):
+    """Estimates without the check of the model, most of their time: for repeats of clean runs, where intervals are tested."""
+    monkeypatch.setattr("identify.identification.judged", lambda result, problem: result)

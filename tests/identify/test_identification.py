@@ -58,7 +58,7 @@ def test_offsets_are_removed_where_asked_and_only_there(short, estimator):
 
 
 @pytest.mark.parametrize("estimator", [SMOOTHED, FILTERED])
-def test_intervals_cover_the_truth(short, estimator):
+def test_intervals_cover_the_truth(short, estimator, unjudged):
     """Without biases, over 24 runs x 6 components: binomial standard error at most 4.4 %, were they fully correlated."""
     noisy = dataclasses.replace(short, sources=tuple(s for s in short.sources if s.kind == "precision"))
     covered, uncertainties, estimates = [], [], []

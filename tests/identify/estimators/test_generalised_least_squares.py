@@ -118,7 +118,7 @@ def test_a_gap_is_not_reached_across():
 
 
 @pytest.mark.parametrize("estimator", [lab.SMOOTH, lab.LOWPASSED])
-def test_its_intervals_hold_and_are_shorter(estimator):
+def test_its_intervals_hold_and_are_shorter(estimator, unjudged):
     """Strongly coloured noise across axes, 60 runs x 6: binomial standard error at most 2.8 %, fully correlated."""
     rng, motion = np.random.default_rng(11), lab.swing(20.0)
     held, ours, plain = [], [], []

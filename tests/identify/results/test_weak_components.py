@@ -121,7 +121,7 @@ def coverage(seconds, trials, axes=(1, 1, 1)):
     return np.mean(held, axis=0), np.mean(bodies), np.mean(bounded)
 
 
-def test_a_brief_runs_intervals_hold():
+def test_a_brief_runs_intervals_hold(unjudged):
     """The rod in 2 s, 15 runs x 6: binomial standard error at most 5.6 %."""
     held, bodies, _ = coverage(2.0, 15)
     assert held.mean() > 0.95 - 3 * 0.056
