@@ -16,6 +16,8 @@ from uq.files.toml_text import toml_text
 from uq.identification.certificate import Certificate
 from uq.identification.certificate_tables import discordance
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 RANGE = (0.03, 0.03, 0.03)
 """Scale of a gyro that was set to another range [part]: it moves the large moments by 11 g·m²."""
 

@@ -16,6 +16,8 @@ from uq.identification.identify_files import identify_files
 from uq.inspection.experiment_findings import experiment_findings
 from uq.recorded.load_run import load_run
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 
 def turns():
     """45° about an axis, then angles from 12° to 180° about axes in any direction; every fifth with the wrench reversed."""
