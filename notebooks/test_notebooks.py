@@ -25,7 +25,8 @@ def client(notebook, folder):
 SHORTER = {
     r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
     r"starts=\d+, period=2.0, rounds=\d+, steps=\d+": "starts=1, period=2.0, rounds=2, steps=10",
-    r"found = design\(": "import uq.excitation.rig_limits as limits\nlimits.HALVINGS, limits.PIECE = 3, 4096\nfound = design(",
+    r"found = design\(": "from uq.excitation import rig_limits\n"
+    "rig_limits.HALVINGS, rig_limits.PIECE = 3, 4096\nfound = design(",
     r"SAMPLES = 72_000": "SAMPLES = 12_000",
 }
 """What a brief run replaces: few trials, a short and coarse search, a part of the samples."""
