@@ -62,13 +62,6 @@ def test_every_public_name_has_a_test():
     assert not {(package, name) for package, name in set(NAMES) - imports if name not in attributes}
 
 
-def test_the_examples_of_identify_run(capsys):
-    text = (ROOT / "docs/reference/api.md").read_text("utf-8")
-    section = text.split("## identify: ")[1].split("\n## ")[0]
-    exec("\n".join(blocks(section)), {})
-    assert "Cramér–Rao bound" in capsys.readouterr().out
-
-
 def test_type_checkers_see_the_names(tmp_path):
     """No name is Any, the examples of docs/reference/api.md are well typed, and a name that is not offered is an error."""
     code = "\n".join(blocks((ROOT / "docs/reference/api.md").read_text("utf-8")))

@@ -27,7 +27,6 @@ PAGES = sorted(
 ELSEWHERE = {"how-to/extending.md": "tests/test_extending.py"}
 """Pages whose blocks another test runs."""
 WAITING = {
-    "reference/api.md",
 }  # fmt: skip
 """Pages that are still to be rewritten."""
 
