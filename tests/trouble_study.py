@@ -34,6 +34,8 @@ FIRST = 500
 """Seed of the first run with a trouble, apart from those of clean runs."""
 WRONG = 2.0
 """Half-widths of the interval beyond which an answer that says nothing is silently wrong."""
+SUMMARY = {"small": ("covered", "warned", "silent"), "large": ("covered", "warned", "named")}
+"""Columns of the summary at each level."""
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 
 
@@ -279,12 +281,12 @@ def summary(rows) -> str:
     """A line for each trouble, and one for all: what it leads to at both sizes, in %, source/gls/joint."""
     troubled = [row for row in rows if row["trouble"] != CLEAN]
     names = [name for name in TROUBLES if any(row["trouble"] == name for row in troubled)]
-    head = [f"{level}: covered | warned | named | silent" for level in LEVELS]
-    lines = [f"| trouble | size | {' | '.join(head)} |", "|---" * (2 + 4 * len(LEVELS)) + "|"]
+    head = " | ".join(f"{level}: {' | '.join(columns)}" for level, columns in SUMMARY.items())
+    lines = [f"| trouble | size | {head} |", "|---" * 8 + "|"]
     for name in [*names, None]:
         some = [row for row in troubled if name in (None, row["trouble"])]
         by = {level: [row for row in some if row["level"] == level] for level in LEVELS}
-        cells = [cell for each in by.values() for cell in _cells(each)]
+        cells = [_cells(by[level])[column] for level, columns in SUMMARY.items() for column in columns]
         size = _sizes(TROUBLES[name].unit, filter(None, by.values())) if name else ""
         lines.append(f"| {' | '.join([name or '**all**', size, *cells])} |")
     return "\n".join(lines)
@@ -306,17 +308,17 @@ def silence(rows) -> str:
 
 
 def _cells(rows):
-    """Covered, warned, named right and silently wrong, each by method; silence without any is left empty."""
+    """Covered, warned, named right and silently wrong, each by method; what there is none of is left empty."""
     by = [[row for row in rows if row["method"] == method] for method in METHODS]
     covered = [[value for row in some for value in row.get("covered", [])] for some in by]
     named = [[verdict for row in some if (verdict := named_right(row)) is not None] for some in by]
     silent = [[silently_wrong(row) for row in some] for some in by]
-    return (
-        _percents(covered),
-        _percents([[warned(row) for row in some] for some in by]),
-        _percents(named) if any(named) else "",
-        _percents(silent) if np.any([any(some) for some in silent]) else "",
-    )
+    return {
+        "covered": _percents(covered),
+        "warned": _percents([[warned(row) for row in some] for some in by]),
+        "named": _percents(named) if any(named) else "",
+        "silent": _percents(silent) if np.any([any(some) for some in silent]) else "",
+    }
 
 
 def _percents(groups):

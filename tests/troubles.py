@@ -127,7 +127,7 @@ TROUBLES = {
         ("gain",), sources=axes("M_gain", "M", "scale"),
     ),
     "cross-talk": Trouble(
-        "parts of full scale", 5e-3, 0.2, _talk, ("cross-talk",),
+        "of full scale", 5e-3, 0.2, _talk, ("cross-talk",),
         sources=lambda size: [("cross_talk", "wrench", "cross_talk", size)],
     ),
     "load cell axes": Trouble(
@@ -142,8 +142,8 @@ TROUBLES = {
         ],
     ),
     "gain drift": Trouble("1 over 30 s", 5e-3, 0.2, same("gain_drift", 6), ("gain drift", "tensor")),
-    "nonlinearity": Trouble("parts of full scale", 2e-3, 0.1, same("nonlinearity", 6)),
-    "hysteresis": Trouble("parts of full scale", 2e-3, 0.1, same("hysteresis", 6)),
+    "nonlinearity": Trouble("of full scale", 2e-3, 0.1, same("nonlinearity", 6)),
+    "hysteresis": Trouble("of full scale", 2e-3, 0.1, same("hysteresis", 6)),
     "jump": Trouble("N, 0.03 N·m", 5.0, 300.0, vector("jump", 6, CELL), ("jump", "drift")),
     "hum": Trouble("N, 0.03 N·m", 5.0, 30.0, same("hum", 6, CELL), ("resonance",)),
     "delay": Trouble("s", 1e-3, 0.05, scalar("imu_delay"), ("delay",),
@@ -153,8 +153,8 @@ TROUBLES = {
     "filter of the load cell": Trouble("s", 1e-3, 0.05, scalar("cell_filter"), ("delay",)),
     "filter of the IMU": Trouble("s", 1e-3, 0.05, scalar("imu_filter"), ("delay",)),
     "resolution": Trouble("N, 0.03 N·m", 5.0, 300.0, same("cell_step", 6, CELL)),
-    "clipping": Trouble("part of the range", 0.1, 0.8, same("clipped", 6), ("saturation",)),
-    "drops": Trouble("part of the samples", 0.05, 0.3, scalar("drops")),
+    "clipping": Trouble("of the range", 0.1, 0.8, same("clipped", 6), ("saturation",)),
+    "drops": Trouble("of the samples", 0.05, 0.3, scalar("drops")),
     "spikes": Trouble("N, 0.03 N·m", 100.0, 3000.0, same("spikes", 6, CELL)),
 }  # fmt: skip
 """By name; ``delay``, ``mass`` and the like are beyond what is declared."""

@@ -42,7 +42,9 @@ def test_tables_count_runs_components_and_causes():
     assert "| source | 4 | 21 of 24 | I33 1 of 4 | 1 | – 4 |" in study.clean_table(clean)
     rows = [made("delay", off=3.0, causes=["delay"], warnings=["late"]), made("delay", off=5.0, seed=1)]
     line = study.summary([*clean, *rows]).splitlines()[-2]
-    assert line == "| delay | 1 s | – | – |  |  | 83/–/– | 50/–/– | 50/–/– | 50/–/– |"
+    assert line == "| delay | 1 s | – | – |  | 83/–/– | 50/–/– | 50/–/– |"
+    small = [made("delay", off=5.0, level="small"), made("delay", off=0.5, level="small", seed=1)]
+    assert study.summary(small).splitlines()[-2] == "| delay | 1 s | 92/–/– | 0/–/– | 50/–/– | – | – |  |"
     line = study.table([*clean, *rows]).splitlines()[-1]
     assert line == "| delay | large: 1 s | source | 4, 5 | 10 of 12 | 1 of 2 | delay 1, – 1 | 1 of 2 | 1 | 1 |"
 
