@@ -81,9 +81,7 @@ def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     angle = xp.sqrt(xp.where(small, 1.0, square))
     sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
     cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
-    cross = CROSS.astype(
-        turn.dtype
-    )  # a constant of float64 stays so where float64 is off; traced faster than cross_matrix
+    cross = CROSS.astype(turn.dtype)  # traced faster than cross_matrix; float64 would stay so where it is off
     hat = (cross * xp.reshape(turn, (3, 1, 1))).sum(axis=0)
     return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
 
