@@ -130,7 +130,7 @@ FAULTS = (
     fault("guard_band", "skipped: the guard band of an acceptance", "certificate certificate_page",
           ("if low + guard <= value <= high - guard:", "if low <= value <= high:")),
     fault("exit_status", "a mistake on the command line ends with status 1", "commands campaign_command",
-          ('self.exit(2, f"error:', 'self.exit(1, f"error:')),
+          ("self.exit(2)", "self.exit(1)")),
     # rig
     fault("device_time", "a load cell's microseconds taken for tenths",
           "rig_devices devices rig_oracles vendor_decoders",
@@ -138,7 +138,7 @@ FAULTS = (
     fault("missing_samples", "off by one in the samples that a counter misses", "rig_devices devices",
           ("self.counts.missing += max(0, step - 1)", "self.counts.missing += max(0, step)")),
     fault("summary_checksum", "off by one in the bytes that a summary's checksum covers", "rig_recover recover",
-          ("data[start : last.position + 25]", "data[start : last.position + 24]")),
+          ("data[start : last + 25]", "data[start : last + 24]")),
     fault("clock_offset", "the latest arrival of a short run taken for the earliest", "rig_clock device_clock",
           ("min(offset for _, offset in hull)", "max(offset for _, offset in hull)")),
     fault("delay_peak", "sign of the parabola that refines a delay's peak", "rig_clock device_clock",

@@ -28,3 +28,4 @@ html_title = f"inertia-uq {release}"
 html_show_sphinx = False
 html_copy_source = False
 pygments_style, pygments_dark_style = "a11y-high-contrast-light", "a11y-high-contrast-dark"
+html_show_copyright = False
