@@ -67,26 +67,37 @@ def keys(which: str) -> str:
         lines += ["| key | value | what it is |", "|---|---|---|"]
         for key, value in properties.items():
             needed = " **Required.**" if key in table.get("required", []) else ""
-            cells = (f"`{key}`", _type(value), _escaped(value.get("description", "")) + needed)
+            cells = (f"`{key}`", _type(value, definitions), _escaped(value.get("description", "")) + needed)
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         lines.append("")
     return "\n".join(lines)
 
 
-def _type(value: dict[str, Any]) -> str:
+def _type(value: dict[str, Any], definitions: dict[str, Any]) -> str:
+    """What a key's value may be, in words."""
     if "$ref" in value:
-        return f"table {value['$ref'].rsplit('/', 1)[1].removesuffix('Table')}"
+        target: Any = definitions
+        *_, name = path = value["$ref"].removeprefix("#/$defs/").split("/")
+        for step in path:
+            target = target[step]
+        if "properties" in target:
+            return f"table {name.removesuffix('Table')}"
+        return name if name == "rotation" else _type(target, definitions)
     if len(value.get("anyOf", ())) > 5:
         return "table, one of those below named after what errs and how"
     if "anyOf" in value:
-        return " or ".join(dict.fromkeys(_type(one) for one in value["anyOf"] if one.get("type") != "null"))
+        choices = (_type(choice, definitions) for choice in value["anyOf"] if choice.get("type") != "null")
+        return " or ".join(dict.fromkeys(choices))
     if "enum" in value:
-        return ", ".join(f"`{one}`" for one in value["enum"])
+        return ", ".join(f"`{choice}`" for choice in value["enum"])
     if "const" in value:
         return f"`{value['const']}`"
+    if "examples" in value:
+        return f'text such as `"{value["examples"][0]}"`'
     kind = value.get("type", "anything")
     if kind == "array":
-        return f"list of {_type(value.get('items', {}))}"
+        count = value.get("minItems", "") if value.get("minItems") == value.get("maxItems") else ""
+        return f"list of {count}: {_type(value.get('items', {}), definitions)}".replace(" :", "")
     return kind if isinstance(kind, str) else " or ".join(kind)
 
 
