@@ -5,7 +5,6 @@ import io
 import logging
 import os
 import pwd
-import resource
 import subprocess
 import sys
 
@@ -24,9 +23,9 @@ from uq.trials.checkpoint import Checkpoint
 COMMAND = [sys.executable, "-m", "uq.cli.main"]
 
 
-def in_shell(command, redirected, **options):
-    """Exit status and standard error of a command whose streams a shell redirects."""
-    script = f'exec "$@" {redirected}'
+def in_shell(command, redirected="", *, first="", **options):
+    """Exit status and standard error of a command whose streams a shell redirects, or whose limits it sets."""
+    script = f'{first} exec "$@" {redirected}'
     done = subprocess.run(["sh", "-c", script, "sh", *COMMAND, *map(str, command)], capture_output=True, **options)
     return done.returncode, done.stderr.decode()
 
@@ -88,10 +87,7 @@ def test_another_error_is_not_taken_for_a_lack_of_memory(monkeypatch):
 
 
 def test_a_limit_under_which_jax_aborts_is_refused_before_it_is_loaded():
-    def limited():
-        resource.setrlimit(resource.RLIMIT_AS, (LEAST_MEMORY - 1, LEAST_MEMORY - 1))
-
-    status, said = in_shell(["montecarlo", "barreto2016"], "", preexec_fn=limited)
+    status, said = in_shell(["montecarlo", "barreto2016"], first=f"ulimit -v {LEAST_MEMORY // 1024 - 1};")
     assert status == 2
     assert said == "error: this process may have 1.7 GiB of memory: raise the limit (ulimit -v) to 2 GiB or more\n"
 

@@ -49,8 +49,9 @@ def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
     assert not (out / "checkpoint").exists()
 
 
-def test_the_law_joins_the_report(experiment, tmp_path, capsys):
+def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     """Said once, in its report beside the campaign's results; a report without it has no script."""
+    monkeypatch.setenv("COLUMNS", "300")  # in a narrow terminal a wide table is several
     out = tmp_path / "out"
     assert main(arguments(experiment, "--trials", 20, "--law", "--out", out)) == 0
     assert capsys.readouterr().out.count("3σ, law") == 1
