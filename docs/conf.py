@@ -1,8 +1,8 @@
 """How Sphinx makes the site of these pages (``make docs``).
 
-Sphinx with MyST and Furo: JAX, NumPy and SciPy document themselves so, Python names are checked as links, notebooks are
-shown with the outputs that they have, and a page needs nothing from elsewhere. What :mod:`generated_pages` writes is
-not in the repository.
+Sphinx with MyST and Furo: JAX, NumPy and SciPy document themselves so, a name's page is made of its docstring,
+notebooks are shown with their outputs, and a page needs nothing from elsewhere. What :mod:`generated_pages` writes
+is not in the repository.
 """
 
 import sys
@@ -17,7 +17,7 @@ version = release = installed("inertia-uq")
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "generated_pages"]
 exclude_patterns = ["_build", "jupyter_execute"]
 nb_execution_mode = "off"
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_enable_extensions = ["deflist"]  # no formulas: what draws them would be fetched
 myst_heading_anchors = 3
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"

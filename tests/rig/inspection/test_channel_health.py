@@ -1,9 +1,12 @@
 """``rig.inspect`` looks at the health of channels and leaves what their values mean to who knows."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 import rig
-from rig.inspection.channel_health import Finding
+from rig.inspection.channel_health import Finding, channel_findings
 from tests.rig_samples import imu_channel, wrench_channel
 
 
@@ -24,3 +27,13 @@ def test_a_judge_adds_what_it_knows(tmp_path):
         return [*findings, verdict]
 
     assert verdict in rig.inspect(tmp_path / "run.mcap", judge=judge).findings
+
+
+@pytest.mark.parametrize(("stamped", "words"), [(True, "2 header stamps do not"), (False, "2 log times do not")])
+def test_times_that_do_not_increase_are_called_by_their_name(stamped, words):
+    channel = wrench_channel(400)
+    stamp = channel.stamp.copy()
+    stamp[[7, 20]] = stamp[[6, 19]]
+    channel = replace(channel, stamp=stamp, log_time=channel.log_time if stamped else stamp)
+    said = [finding.text for finding in channel_findings(channel, 0.0) if finding.kind == "order"]
+    assert [text[: len(words)] for text in said] == [words]
