@@ -1,6 +1,7 @@
 """Recording from emulated sensors, whole: what was played is in the file, and what cannot start says why."""
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -257,7 +258,9 @@ def test_watch_shows_rates_force_and_gravity_and_writes_nothing(emulated, tmp_pa
     )
     assert done.returncode == 0
     assert sorted(tmp_path.iterdir()) == before
-    assert "cell: 8" in done.stdout
+    rates = [float(rate) for rate in re.findall(r"^cell: (\d+) Hz", done.stdout, re.MULTILINE)]
+    assert rates, done.stdout
+    assert all(700 < rate < 900 for rate in rates), rates  # 800 Hz, on a machine that may be busy
     assert "gravity" in done.stdout
 
 
