@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import inspect
+import json
 import keyword
 import re
 import textwrap
@@ -67,7 +68,9 @@ def keys(which: str) -> str:
         lines += ["| key | value | what it is |", "|---|---|---|"]
         for key, value in properties.items():
             needed = " **Required.**" if key in table.get("required", []) else ""
-            cells = (f"`{key}`", _type(value, definitions), _escaped(value.get("description", "")) + needed)
+            default = f" Default: `{json.dumps(value['default'])}`." if "default" in value else ""
+            meaning = _escaped(value.get("description", ""))
+            cells = (f"`{key}`", _type(value, definitions), meaning + needed + default)
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         lines.append("")
     return "\n".join(lines)
@@ -127,7 +130,7 @@ def write(app: Sphinx) -> None:
     made.mkdir(exist_ok=True)
     pages = {"commands": commands(), **{f"{which}-file": keys(which) for which in FILES}}
     pages |= {f"names-{package}": names(package) for package in ("identify", "uq", "rig")}
-    for name in ("CHANGELOG", "SECURITY"):
+    for name in ("CHANGELOG", "CONTRIBUTING", "SECURITY"):
         pages[name] = (here.parent / f"{name}.md").read_text("utf-8").replace("](docs/", "](../")
     for name, text in pages.items():
         path = made / f"{name}.md"

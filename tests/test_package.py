@@ -3,10 +3,12 @@
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("identify", "rig", "uq")
@@ -94,3 +96,12 @@ def test_what_another_identify_has_taken_along_is_missed(site, tmp_path):
     assert (status, printed) == (2, "")
     assert complaint.startswith(f"error: files are missing in {tmp_path / 'site' / 'identify'}, ")
     assert complaint.endswith(CURE)
+
+
+def test_citation_and_conda_recipe_have_the_version_and_dependencies_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert project["version"] == recipe["context"]["version"] == citation["version"]
+    conda = {line.replace(" ", "").replace("matplotlib-base", "matplotlib") for line in recipe["requirements"]["run"]}
+    assert conda == {*project["dependencies"], "python" + project["requires-python"]}
