@@ -19,7 +19,8 @@ jax.config.update("jax_enable_x64", True)
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 
-from identify.text_tables import text_table, with_error  # noqa: E402
+from identify.rounding import with_uncertainty  # noqa: E402
+from identify.text_tables import text_table  # noqa: E402
 from uq.campaign.campaign import montecarlo  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
 from uq.propagation.propagation_of_distributions import propagate_distributions  # noqa: E402
@@ -87,7 +88,7 @@ def rows(exact: Mapping[str, float], run: Callable[[int, Points], Figures], repe
     square = (off**2).mean(1)
     held = (np.abs(off) <= 2 * error).mean(1)
     return [
-        [name, f"{truth[k]:.4f}", *(with_error(value[p, 0, k], error[p, 0, k]) for p in (0, 1)),
+        [name, f"{truth[k]:.4f}", *(with_uncertainty(value[p, 0, k], error[p, 0, k]) for p in (0, 1)),
          *(f"{np.sqrt(square[p, k]):.2g}" for p in (0, 1)), f"{square[0, k] / square[1, k]:.1f}",
          *(f"{100 * held[p, k]:.0f}" for p in (0, 1))]
         for k, name in enumerate(exact)
@@ -174,7 +175,9 @@ def salib(repeats: int, trials: int) -> str:
     estimates = [estimate(seed) for seed in range(repeats)]
     value, error = estimates[0]
     rms = np.sqrt(np.mean([(value - of_ishigami()["Ishigami, first a"]) ** 2 for value, _ in estimates]))
-    return f"SALib, Ishigami, first a, {5 * trials:,} evaluations: {with_error(value, error)}, rms error {rms:.2g}"
+    return (
+        f"SALib, Ishigami, first a, {5 * trials:,} evaluations: {with_uncertainty(value, error)}, rms error {rms:.2g}"
+    )
 
 
 def propagated(repeats: int) -> list[list[str]]:

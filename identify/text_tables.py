@@ -1,6 +1,5 @@
 """Small tables, for a terminal and for Jupyter."""
 
-import math
 import os
 import re
 import sys
@@ -11,7 +10,7 @@ from dataclasses import dataclass
 from html import escape
 from itertools import takewhile
 
-FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+)?")
+FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+|\([\d.]+\))?|−?∞")
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,38 +128,3 @@ def _width(cell: str) -> int:
 def sentence(text: str) -> str:
     """Return a text with a capital and a full stop."""
     return f"{text[0].upper()}{text[1:]}."
-
-
-def with_error(value: float, standard_error: float, decimals: int = 4) -> str:
-    """Return a figure with its standard error, ``−30.644 ± 0.054``: two digits of the error, ``decimals`` at most."""
-    if not math.isfinite(value):
-        return "–"
-    if not math.isfinite(standard_error):
-        return f"{value:.3g}".replace("-", "−")
-    digits = 1 - math.floor(math.log10(standard_error)) if standard_error > 0 else decimals
-    digits = min(max(digits, 0), decimals)
-    return f"{round(value, digits) + 0.0:.{digits}f} ± {standard_error:.{digits}f}".replace("-", "−")
-
-
-def decimals(uncertainty: float, digits: int = 2) -> int:
-    """Return the decimals that show so many digits of an uncertainty (GUM 7.2.6); below zero: tens, hundreds."""
-    if not math.isfinite(uncertainty) or uncertainty <= 0:
-        return 6
-    shown = digits - 1 - math.floor(math.log10(uncertainty))
-    return shown - int(round(uncertainty, shown) >= 10.0 ** (digits - shown))
-
-
-def rounded(value: float, uncertainty: float, digits: int = 2) -> str:
-    """Return a figure to so many digits of its uncertainty; to four of its own where that is nought or not known."""
-    if math.isfinite(value) and not (math.isfinite(uncertainty) and uncertainty > 0):
-        return f"{float(f'{value:.4g}') + 0.0:.6g}".replace("-", "−")
-    return fixed(value, decimals(uncertainty, digits))
-
-
-def fixed(value: float, places: int) -> str:
-    """Return a figure with these decimals and a minus sign, but never a minus before nought; – for none."""
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if math.isnan(value):
-        return "–"
-    return f"{round(value, places) + 0.0:.{max(places, 0)}f}".replace("-", "−")

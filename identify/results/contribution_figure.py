@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from identify.figure_style import HATCHES, PAGE, PALETTE, STYLE, display_name, label
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.text_tables import decimals, fixed
+from identify.rounding import decimals, fixed
 
 
 def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Figure:

@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
-from identify.text_tables import Table, decimals, fixed
+from identify.rounding import decimals, fixed
+from identify.text_tables import Table
 
 RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
 ESTIMATE = "estimate"

@@ -10,7 +10,7 @@ from identify.estimators.discordant import LEAST, discordant
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
-from identify.text_tables import rounded
+from identify.rounding import rounded
 
 
 class Discordant(NamedTuple):

@@ -8,7 +8,7 @@ from identify.reporting import Drawing
 from identify.results import measured_directions
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import GRAM_METRE
-from identify.text_tables import fixed
+from identify.rounding import fixed
 
 
 def budget_drawings(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Iterator[Drawing]:

@@ -22,8 +22,9 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
+from identify.rounding import decimals, fixed
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.text_tables import Table, decimals, fixed, sentence
+from identify.text_tables import Table, sentence
 
 
 @dataclass(frozen=True, repr=False)

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.text_tables import Table, decimals, fixed
+from identify.rounding import decimals, fixed
+from identify.text_tables import Table
 
 NAMES = ("mass, kg", *(f"centre of gravity from Q, b{axis}, mm" for axis in (1, 2, 3)))
 UNITS = (1.0, 1e3, 1e3, 1e3)

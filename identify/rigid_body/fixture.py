@@ -19,7 +19,7 @@ from identify.exceptions import RunError
 from identify.rigid_body.inertia import parallel_axis
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import propagated
-from identify.text_tables import with_error
+from identify.rounding import with_uncertainty
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Tare:
     def without(self, body: InertialParameters) -> str:
         """Return mass and centre of gravity of the body that is left, in words."""
         u = body.standard_uncertainty
-        r = ", ".join(with_error(1e3 * x, 1e3 * s) for x, s in zip(body.r_cg, u[1:4], strict=True))
-        mass = with_error(body.mass, float(u[0]))
+        r = ", ".join(with_uncertainty(1e3 * x, 1e3 * s) for x, s in zip(body.r_cg, u[1:4], strict=True))
+        mass = with_uncertainty(body.mass, float(u[0]))
         return f"without the fixture of {self.fixture.mass:.4g} kg: mass {mass} kg, centre of gravity ({r}) mm"
 
     def to_dict(self) -> dict[str, Any]:

@@ -9,8 +9,9 @@ import scipy
 
 from identify.exceptions import RunError
 from identify.reporting import Drawing, Result, Section
+from identify.rounding import fixed, with_uncertainty
 from identify.static.gain_check import GainCheck
-from identify.text_tables import Table, fixed, sentence, with_error
+from identify.text_tables import Table, sentence
 
 PARAMETERS = (
     "mass", "cg_x", "cg_y", "cg_z",
@@ -203,7 +204,7 @@ class Centre(Result):
     def title(self) -> str:
         """Return mass, poses and residuals in one line."""
         force, moment = self.residual
-        mass = with_error(self.mass, float(self.standard_uncertainty[0]))
+        mass = with_uncertainty(self.mass, float(self.standard_uncertainty[0]))
         low, high = self.interval95[0]
         return (
             f"mass {mass} kg (95 %: {low:.6g} … {high:.6g}) from {self.poses} poses; "
@@ -260,7 +261,7 @@ class Centre(Result):
 
 
 def _cells(values: np.ndarray, errors: np.ndarray) -> list[str]:
-    return [with_error(value, error) for value, error in zip(values, errors, strict=True)]
+    return [with_uncertainty(value, error) for value, error in zip(values, errors, strict=True)]
 
 
 def _expanded(values: np.ndarray) -> list[str]:

@@ -9,7 +9,8 @@ import numpy as np
 from identify.figure_style import display_name
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.text_tables import Table, with_error
+from identify.rounding import with_uncertainty
+from identify.text_tables import Table
 from uq.campaign.result_coverage import coverage_record, stability_record
 from uq.campaign.statistics import Breakdown, Statistics, large_mean_error
 from uq.coverage.adaptive_procedure import Stability
@@ -150,8 +151,8 @@ class MonteCarloResult(Result):
         for pair in self.pairs():
             for kind in ("symmetric", "shortest"):
                 interval = self.interval(*pair, kind=kind)
-                low = map(with_error, GRAM_METRE * interval.low, GRAM_METRE * interval.low_standard_error)
-                high = map(with_error, GRAM_METRE * interval.high, GRAM_METRE * interval.high_standard_error)
+                low = map(with_uncertainty, GRAM_METRE * interval.low, GRAM_METRE * interval.low_standard_error)
+                high = map(with_uncertainty, GRAM_METRE * interval.high, GRAM_METRE * interval.high_standard_error)
                 rows += [[*(pair if kind == "symmetric" else ("", "")), f"{kind}, from", *low], ["", "", "to", *high]]
         note = "symmetric: as much on either side; shortest: JCGM 101, 7.7."
         return Table("95 % coverage intervals of the error, g·m²", [*HEAD[:2], "", *COMPONENTS], rows, note)
@@ -225,8 +226,8 @@ def _drawings(breakdown: Breakdown, trajectory: str, estimator: str) -> list[Dra
 
 def _two_rows(names: tuple[str, ...], s: Statistics) -> list[list[str]]:
     """Mean error and 3σ with standard errors, in g·m²."""
-    mean = map(with_error, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
-    sigma = map(with_error, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
+    mean = map(with_uncertainty, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
+    sigma = map(with_uncertainty, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
     return [[*names, "mean error", *mean], [*("" for _ in names), "3σ", *sigma]]
 
 

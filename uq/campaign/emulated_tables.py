@@ -16,7 +16,8 @@ import numpy as np
 from identify.floating_point import check_precision
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
-from identify.text_tables import Table, with_error
+from identify.rounding import fixed, with_uncertainty
+from identify.text_tables import Table
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
@@ -99,8 +100,8 @@ class EmulatedTables(Result):
         }
         rows = []
         for name, values in ours.items():
-            rows.append([f"{name}, emulated", *(_figure(GRAM_METRE * x) for x in values)])
-            rows.append([f"{name}, source", *(_figure(TABLE3[name][c]) for c in COMPONENTS)])
+            rows.append([f"{name}, emulated", *(fixed(GRAM_METRE * x, 2) for x in values)])
+            rows.append([f"{name}, source", *(fixed(TABLE3[name][c], 2) for c in COMPONENTS)])
         return [f"{trajectory}, {self.runs} runs", *COMPONENTS], rows
 
     def rows4(self) -> tuple[list[str], list[list[str]]]:
@@ -109,8 +110,8 @@ class EmulatedTables(Result):
         for name in self.errors:
             off = GRAM_METRE * self.average_deviation(name)
             error = off.std(axis=0, ddof=1) / np.sqrt(len(off)) if len(off) > 1 else np.full(2, np.nan)
-            ours = [with_error(x, u, 3) for x, u in zip(off.mean(axis=0), error, strict=True)]
-            printed = [_figure(x) for x in TABLE4.get(name, (np.nan, np.nan))]
+            ours = [with_uncertainty(x, u) for x, u in zip(off.mean(axis=0), error, strict=True)]
+            printed = [fixed(x, 2) for x in TABLE4.get(name, (np.nan, np.nan))]
             rows.append([name, ours[0], printed[0], ours[1], printed[1]])
         return ["average deviation", "moments", "source", "products", "source"], rows
 
@@ -120,10 +121,8 @@ class EmulatedTables(Result):
         for better, worse in PAIRS:
             if {better, worse} <= set(self.errors):
                 for what, gain, error in zip(("moments", "products"), *self.gain(better, worse), strict=True):
-                    figure = with_error(GRAM_METRE * gain, GRAM_METRE * error, 4)
-                    rows.append(
-                        [f"{worse} less {better}, {what}", figure, _figure(gain / error if error else np.nan, 1)]
-                    )
+                    figure = with_uncertainty(GRAM_METRE * gain, GRAM_METRE * error)
+                    rows.append([f"{worse} less {better}, {what}", figure, fixed(gain / error if error else np.nan, 1)])
         return ["average deviation", "difference", "in standard errors"], rows
 
     def to_dict(self) -> dict[str, Any]:
@@ -256,7 +255,3 @@ def _emulated_runs(rig: _Rig, key: jax.Array, indices: jax.Array, *, at_once: bo
         return sampled_trial(setup, key, index).inertia[0, 0]
 
     return jax.lax.map(of_run, indices)
-
-
-def _figure(value: float, digits: int = 2) -> str:
-    return "–" if np.isnan(value) else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")

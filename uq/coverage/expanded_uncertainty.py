@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import decimals, fixed, rounded
+from identify.rounding import decimals, fixed, rounded
 
 USUAL = 0.95
 """Coverage probability of the intervals that results hold."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from identify.reporting import Drawing, Result, Section, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.text_tables import Table, fixed
+from identify.rounding import fixed
+from identify.text_tables import Table
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME

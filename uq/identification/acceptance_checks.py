@@ -5,7 +5,7 @@ import numpy as np
 
 from identify.results.identification_result import Identification
 from identify.rigid_body.principal_axes import principal
-from identify.text_tables import fixed
+from identify.rounding import fixed
 
 HEAD = ("check", "found", "limit", "verdict")
 

@@ -11,7 +11,8 @@ from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import NAMES, UNITS, interval95
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
-from identify.text_tables import Table, decimals, fixed, rounded, sentence
+from identify.rounding import decimals, fixed, rounded
+from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
 from uq.experiment.conformity import decide
 from uq.experiment.report_table import Report

@@ -16,8 +16,9 @@ from jaxtyping import Float
 
 from identify.reporting import Drawing, Result, Section
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import fixed, with_uncertainty
 from identify.signals.run import Run
-from identify.text_tables import Table, fixed, with_error
+from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
 from uq.planning.measured_trajectory import measured_trajectory
@@ -68,8 +69,8 @@ class Achieved(Result):
     def axis_table(self) -> Table:
         """Return how each axis followed."""
         f = self.followed
-        gains = map(with_error, f.gain, f.gain_standard_error, [6] * 3)
-        lags = map(with_error, 1e3 * f.lag, 1e3 * f.lag_standard_error, [6] * 3)
+        gains = map(with_uncertainty, f.gain, f.gain_standard_error)
+        lags = map(with_uncertainty, 1e3 * f.lag, 1e3 * f.lag_standard_error)
         others = [[f"{1e3 * x:.3g}".replace("-", "−") for x in pair] for pair in zip(f.offset, f.residual, strict=True)]
         rows = [[f"ω{k + 1}", gain, lag, *others[k]] for k, (gain, lag) in enumerate(zip(gains, lags, strict=True))]
         head = ["axis", "amplitude / planned", "lag, ms", "offset, mrad/s", "residual rms, mrad/s"]

@@ -15,11 +15,12 @@ from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, p
 from identify.motion.stewart_platform import Platform, Pose, Twist
 from identify.reporting import Result, Section
 from identify.rigid_body.rotation import exponential
+from identify.rounding import fixed
 from identify.static.centre import predicted_covariance
 from identify.static.centre_result import PARAMETERS, UNITS
 from identify.static.pose_design import best_poses, log_determinant
 from identify.static.pose_fit import Attitudes
-from identify.text_tables import Table, fixed
+from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
 from uq.planning.motion_export import leg_lengths

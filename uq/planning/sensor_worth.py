@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.text_tables import Table, fixed
+from identify.rounding import fixed
+from identify.text_tables import Table
 from uq.experiment.experiment import Experiment
 from uq.planning.required_duration import average
 from uq.propagation.experiment_law import PreparedLaw, prepare_law

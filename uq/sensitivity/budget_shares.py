@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.text_tables import with_error
+from identify.rounding import with_uncertainty
 from uq.campaign.statistics import Statistics
 from uq.sensitivity.variance_shares import Indices
 
@@ -171,9 +171,9 @@ def _name(name: str) -> str:
 
 
 def _percent(value: float, standard_error: float) -> str:
-    """A share in per cent, to a hundredth at most."""
-    return with_error(100 * value, 100 * standard_error, decimals=2)
+    """A share in per cent, to a thousandth at most."""
+    return with_uncertainty(100 * value, 100 * standard_error, places=3)
 
 
 def _grams(values: np.ndarray, errors: np.ndarray) -> list[str]:
-    return list(map(with_error, GRAM_METRE * values, GRAM_METRE * errors))
+    return list(map(with_uncertainty, GRAM_METRE * values, GRAM_METRE * errors))

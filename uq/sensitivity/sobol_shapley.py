@@ -13,7 +13,8 @@ from typing import Any, get_args
 import numpy as np
 
 from identify.reporting import Result
-from identify.text_tables import Table, with_error
+from identify.rounding import with_uncertainty
+from identify.text_tables import Table
 from uq.sensitivity.effects import (
     PairEffects,
     of_all_subsets,
@@ -68,8 +69,8 @@ class Sensitivity(Result):
 
     def rows(self, output: int | None = None) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of a table: indices with standard errors of one output, or of all together (None)."""
-        cells = [[*map(with_error, *_column(i, output))] for i in self.indices.values()]
-        sums = [with_error(float(_column(i, output)[0].sum()), np.nan) for i in self.indices.values()]
+        cells = [[*map(with_uncertainty, *_column(i, output))] for i in self.indices.values()]
+        sums = [with_uncertainty(float(_column(i, output)[0].sum()), np.nan) for i in self.indices.values()]
         return ["input", *self.indices], [*map(list, zip(self.players, *cells, strict=True)), ["sum", *sums]]
 
     def title(self) -> str:
@@ -93,7 +94,7 @@ class Sensitivity(Result):
 
     def notes(self) -> list[str]:
         """Return what the effects add up to."""
-        closure = ", ".join(map(with_error, self.closure, self.closure_standard_error))
+        closure = ", ".join(map(with_uncertainty, self.closure, self.closure_standard_error))
         notes = [f"closure (sum of the effects over the sample variance, by output): {closure}"]
         return [*notes, SPREAD] if self.points == "quasi-random" else notes
 

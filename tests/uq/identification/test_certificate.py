@@ -15,7 +15,7 @@ from identify.estimators.residual_trace import trace
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.text_tables import decimals, fixed
+from identify.rounding import decimals, fixed
 from tests.browser import Reader, drawn
 from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
@@ -116,7 +116,7 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
     weak = dataclasses.replace(plain, covariance=covariance, interval95=interval, bias=np.full(6, np.nan))
     rows = of_tensor(weak).rows(1e3)
     assert rows[1][1:] == [rows[1][1], "–", "–", "–", "–", "−∞ … ∞"]
-    assert rows[3][6] == "1 … ∞"
+    assert rows[3][6] == "1.000 … ∞"
     assert rows[0] == of_tensor(plain).rows(1e3)[0]
     for rule in ("simple", "guarded"):
         (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,

@@ -8,12 +8,11 @@ from importlib import resources
 from xml.etree import ElementTree
 
 import matplotlib.image
-import numpy as np
 import pytest
 
 import uq.report.report_files
 from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import with_error
+from identify.rounding import with_uncertainty
 from tests.browser import Reader, drawn
 from tests.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
@@ -61,27 +60,12 @@ def test_page_holds_every_figure_beside_its_mean_error(result, html):
         for breakdown in of_trajectory.values():
             for s in [*breakdown.groups.values(), *breakdown.sources.values()]:
                 for k in range(len(COMPONENTS)):
-                    assert with_error(1e3 * s.mean_error[k], 1e3 * s.mean_error_standard_error[k]) in text
-                    assert with_error(1e3 * s.three_sigma[k], 1e3 * s.three_sigma_standard_error[k]) in text
+                    assert with_uncertainty(1e3 * s.mean_error[k], 1e3 * s.mean_error_standard_error[k]) in text
+                    assert with_uncertainty(1e3 * s.three_sigma[k], 1e3 * s.three_sigma_standard_error[k]) in text
                 dispersions, means = dispersions + 1, means + 1
     totals = 8
     assert text.count("3σ") == dispersions + totals
     assert text.count("mean error") == means + totals
-
-
-@pytest.mark.parametrize(
-    ("value", "error", "text"),
-    [
-        (-30.6437, 0.0543, "−30.644 ± 0.054"),
-        (2.813, 0.12, "2.81 ± 0.12"),
-        (1234.6, 23.0, "1235 ± 23"),
-        (-1e-9, 1e-9, "0.0000 ± 0.0000"),
-        (1.0, np.nan, "1"),
-        (np.nan, np.nan, "–"),
-    ],
-)
-def test_figures_are_rounded_to_their_standard_error(value, error, text):
-    assert with_error(value, error) == text
 
 
 def test_page_names_sources_with_references_and_marks_inferred_values():
