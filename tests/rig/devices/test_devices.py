@@ -288,13 +288,15 @@ def talk(conversation, emulator, *, silent=False, boots=True):
 
 
 KINDS_THAT_TALK = [kind for kind in kinds() if kind != "line"]
-RATES = {"robotous": 200.0, "vectornav": 200.0, "vectornav-ascii": 100.0, "bota": 800.0}
+RATES = {"robotous": 200.0, "vectornav": 200.0, "vectornav-ascii": 100.0, "bota": 800.0, "robotiq-ft": 100.0}
+ONE_RATE = {"robotiq-ft"}
+RESOLUTION = {"robotous": 0.0101, "robotiq-ft": 0.0051, "microstrain": 2e-7}  # half a step; f32 of a g
 
 
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)
 def test_the_conversation_identifies_configures_and_starts(kind):
     rate = RATES.get(kind, 250.0)
-    device = create_device(kind, rate=rate)
+    device = create_device(kind, **({} if kind in ONE_RATE else {"rate": rate}))
     emulator = device.emulator(rate=1.0)
     identity = talk(device.start(), emulator)
     assert emulator.streaming
@@ -303,8 +305,7 @@ def test_the_conversation_identifies_configures_and_starts(kind):
     assert identity.warnings == ()
     values = (0.5, -0.25, 2.0, 0.125, 9.75, -1.0)
     (sample,) = device.parser().feed(emulator.frame(5, 0.005, values))
-    resolution = {"robotous": 0.0101, "microstrain": 2e-7}.get(kind, 1e-12)  # half a step; f32 of a g
-    assert sample.values == pytest.approx(values, abs=resolution)
+    assert sample.values == pytest.approx(values, abs=RESOLUTION.get(kind, 1e-12))
     emulator.receive(device.stop())
     assert not emulator.streaming
 

@@ -135,7 +135,7 @@ def wrong_samples(kind, count, bits):
 
 
 @pytest.mark.parametrize("bits", [1, 2])
-@pytest.mark.parametrize("kind", ["bota", "vectornav"])
+@pytest.mark.parametrize("kind", ["bota", "vectornav", "robotiq-ft"])
 @pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.study)])
 def test_a_crc_lets_no_flipped_bit_through(kind, bits, count):
     assert wrong_samples(kind, count, bits) == 0
