@@ -10,7 +10,7 @@ Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transfor
   (log_cholesky, pseudo_inertia), solids, fixture (left_over);
 - ``motion``: window, trajectory, multisine, attitude, stewart_platform, leg_limits, periodic_motion, stages;
 - ``signals``: differentiate (derivative), filters (apply), band_limited_run (evaluate);
-- ``estimators``: gram, least_squares;
+- ``estimators``: gram (ordinary_least_squares: from arrays to the tensor), least_squares;
 - ``joint``: joint_model, gauss_newton.
 
 All others take and return NumPy arrays on the host, some around a kernel of these: runs, segments, spectra, pooling,
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what editors and type checkers see
     from identify.diagnostics.residual_causes import consistency as consistency
+    from identify.estimators.gram import ordinary_least_squares as ordinary_least_squares
     from identify.exceptions import RunError as RunError
     from identify.identification import identify as identify
     from identify.joint.alignment_prior import Alignment as Alignment
@@ -58,6 +59,7 @@ _ROOMS = {
     "is_admissible": "identify.rigid_body.principal_axes",
     "log_cholesky": "identify.rigid_body.pseudo_inertia",
     "omega_r": "identify.rigid_body.regressor",
+    "ordinary_least_squares": "identify.estimators.gram",
     "pack": "identify.rigid_body.inertia",
     "parallel_axis": "identify.rigid_body.inertia",
     "pi": "identify.rigid_body.regressor",
@@ -78,4 +80,4 @@ if not TYPE_CHECKING:  # hidden from them: a name that is not public is an error
         return getattr(import_module(_ROOMS[name]), name)
 
     def __dir__() -> list[str]:
-        return sorted([*globals(), *_ROOMS])
+        return sorted(_ROOMS)

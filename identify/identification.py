@@ -16,7 +16,7 @@ from identify.results.covariances import checked
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.run import Run
+from identify.signals.run import Run, numbers
 from identify.static.centre_result import Centre
 
 
@@ -63,6 +63,7 @@ def identify(
     Raises:
         RunError: no run, a run too short for the estimator, a motion that identifies nothing, or a covariance that is
             none.
+        TypeError: r_CG is traced by JAX; :func:`identify.ordinary_least_squares` may be.
     """
     for name, given, choices in (("method", method, names()), ("offsets", offsets, get_args(OffsetChoice))):
         if given not in choices:
@@ -87,7 +88,7 @@ def _checked(
     runs = (runs,) if isinstance(runs, Run) else tuple(runs)
     if not runs:
         raise RunError("no runs: give one or more")
-    centre, sigma = np.asarray(r_cg, float), np.asarray(sigma_r_cg, float)
+    centre, sigma = numbers("r_cg", r_cg), numbers("sigma_r_cg", sigma_r_cg)
     if centre.shape != (3,) or not np.isfinite(centre).all():
         raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")
     if sigma.shape != (3,) or not (np.isfinite(sigma) & (sigma >= 0)).all():

@@ -54,4 +54,4 @@ if not TYPE_CHECKING:  # hidden from them: a name that is not public is an error
         return getattr(import_module(_ROOMS[name]), name)
 
     def __dir__() -> list[str]:
-        return sorted([*globals(), *_ROOMS])
+        return sorted(_ROOMS)

@@ -6,14 +6,18 @@ blocks, devices and recorded runs. A constant offset of omega, force, moment or 
 samples.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Bool, Float
 
+from identify.estimators.regressor_rows import filtered
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
+from identify.signals.estimator_spec import EstimatorSpec
 
 N_FEATURES = len(OMEGA_R_OF_FEATURES)
 
@@ -42,6 +46,57 @@ class Estimate(NamedTuple):
     """Condition number of ``ΩᵀΩ`` in the Frobenius norm: at most six times the square of the regressor's own."""
     ok: Bool[Array, ""]
     """Whether the estimate is finite and the condition number below ``CONDITION_LIMIT``."""
+
+
+def ordinary_least_squares(
+    force: ArrayLike,
+    moment: ArrayLike,
+    omega: ArrayLike,
+    *,
+    rate: float | int | jax.Array,
+    r_cg: ArrayLike | Sequence[float],
+    estimator: EstimatorSpec,
+    offsets: Literal["estimate", "none"] = "estimate",
+) -> Float[Array, "6"]:
+    """Return the inertia tensor about the centre of gravity from samples, by ordinary least squares (10).
+
+    A pure function of its arrays, for ``jax.jit``, ``jax.vmap`` and ``jax.jacobian``: the estimate of
+    ``identify(run, method="source")`` without its uncertainty and its checks. It solves
+    ``Omega_R(omega, alpha) @ inertia = M - r × F`` over all samples, ``alpha`` being the derivative of ``omega``.
+
+    Args:
+        force: force on the body at the load cell's centre Q, in the body frame B [N], shape (n, 3).
+        moment: moment on the body about Q, in B [N·m], shape (n, 3).
+        omega: angular velocity in B [rad/s], shape (n, 3), at the same instants.
+        rate: sample rate [Hz]; a number, which JAX does not trace, for the differentiator is made from it.
+        r_cg: centre of gravity from Q, in B [m], shape (3,).
+        estimator: differentiator and filter.
+        offsets: ``estimate`` a constant offset of force and moment along with the tensor, or ``none``.
+
+    Returns:
+        The packed tensor I11 I12 I13 I22 I23 I33 [kg·m²], shape (6,); NaN where the motion does not determine it.
+
+    Raises:
+        ValueError: a wrong shape, too few samples for the estimator, a rate too low for its band, a traced rate,
+            offsets that are neither.
+    """
+    if isinstance(rate, jax.core.Tracer):
+        raise ValueError("Argument `rate` must be a number that JAX does not trace: leave it out of jit's arguments.")
+    if offsets not in ("estimate", "none"):
+        raise ValueError(f"Argument `offsets` must be estimate or none, but is {offsets!r}.")
+    signals = {"force": jnp.asarray(force), "moment": jnp.asarray(moment), "omega": jnp.asarray(omega)}
+    centre = jnp.asarray(r_cg)
+    for name, signal in signals.items():
+        if signal.shape != (*signals["omega"].shape[:1], 3):
+            raise ValueError(f"Argument `{name}` must have shape (n, 3), n the same of all, but has {signal.shape}.")
+    if centre.shape != (3,):
+        raise ValueError(f"Argument `r_cg` must have shape (3,), but has {centre.shape}.")
+    taps, smoothing = estimator.taps(float(rate)), estimator.filter_taps(float(rate))
+    rows = filtered(signals["omega"].T, signals["force"].T, signals["moment"].T, taps, smoothing)
+    if offsets == "estimate":
+        phi, forces, moments = (signal - signal.mean(axis=1, keepdims=True) for signal in rows)
+        rows = phi, forces, moments
+    return solve(sums_of(*rows), centre).inertia
 
 
 def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]) -> Sums:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, features
 from identify.signals.differentiate import derivative
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
@@ -56,7 +56,7 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
             f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
             f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
         )
-    phi, force, moment = _filtered(run.omega.T, run.force.T, run.moment.T, taps, smoothing)
+    phi, force, moment = filtered(run.omega.T, run.force.T, run.moment.T, taps, smoothing)
     keep = usable_rows(run, phi.shape[1])
     if len(keep) < FEWEST:
         raise RunError(
@@ -83,14 +83,18 @@ def usable_rows(run: Run, rows: int) -> np.ndarray:
     return np.flatnonzero(~touched[half : half + rows])
 
 
-def _filtered(
-    omega: Float[np.ndarray, "3 n"], force: Float[np.ndarray, "3 n"], moment: Float[np.ndarray, "3 n"],
+def filtered(
+    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"],
     taps: np.ndarray, smoothing: np.ndarray,
-) -> tuple[Float[np.ndarray, "13 m"], Float[np.ndarray, "3 m"], Float[np.ndarray, "3 m"]]:  # fmt: skip
-    """Features, force and moment of the instants that have a derivative, all through the same filter."""
+) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:  # fmt: skip
+    """Return features, force and moment of the instants that have a derivative, all through the same filter.
+
+    Of arrays of JAX or of NumPy, component first.
+    """
     inner = slice(taps.shape[0], omega.shape[1] - taps.shape[0])
     phi = features(omega[:, inner], derivative(omega, taps))
     if smoothing.shape[0] == 1:
         return phi, force[:, inner], moment[:, inner]
-    filtered = apply(np.concatenate([phi, force[:, inner], moment[:, inner]]), smoothing)
-    return filtered[:13], filtered[13:16], filtered[16:]
+    together = phi.__array_namespace__().concat([phi, force[:, inner], moment[:, inner]])
+    behind = apply(together, smoothing)
+    return behind[:13], behind[13:16], behind[16:]

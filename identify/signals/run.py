@@ -100,6 +100,7 @@ class Run:
         Raises:
             RunError: a wrong shape, fewer than two samples, a value that is not finite or beyond any sensor, time
                 that does not increase.
+            TypeError: a value is traced by JAX; :func:`identify.ordinary_least_squares` takes such.
         """
         return cls.from_channels(t, force, moment, t, omega, name=name)
 
@@ -234,14 +235,14 @@ class Run:
 
 
 def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tuple[np.ndarray, list[np.ndarray]]:
-    t = np.asarray(t, float)
+    t = numbers(f"time of the {channel} in {name}", t)
     if t.ndim != 1:
         raise RunError(f"times of the {channel} in {name} have shape {t.shape}: give one number a sample")
     if len(t) < 2:
         raise RunError(f"fewer than two samples of the {channel} in {name}: record for longer")
     arrays = []
     for signal, values in (("time", t), *signals.items()):
-        values = np.asarray(values, float)
+        values = numbers(f"{signal} in {name}", values)
         if signal != "time" and values.shape != (len(t), 3):
             raise RunError(
                 f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components a sample"
@@ -263,6 +264,20 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
             "use the other clock or repair the recording"
         )
     return t, arrays[1:]
+
+
+def numbers(what: str, value: Any) -> np.ndarray:
+    """Return a value as an array of NumPy.
+
+    Raises:
+        TypeError: JAX traces it.
+    """
+    try:
+        return np.asarray(value, float)
+    except TypeError as error:
+        if not type(error).__module__.startswith("jax"):
+            raise
+    raise TypeError(f"{what} is traced by JAX, as jit, vmap and jacobian do: use identify.ordinary_least_squares")
 
 
 def refuse_excess(signal: str, values: np.ndarray, name: str) -> None:

@@ -20,6 +20,7 @@ from identify.motion.window import window
 from identify.rigid_body import dynamics, fixture, inertia, principal_axes, pseudo_inertia, regressor, rotation, solids
 from identify.rigid_body.inertia import Body
 from identify.signals import differentiate, filters
+from identify.signals.estimator_spec import EstimatorSpec
 from tests.gram_lab import accumulate
 from tests.platforms import small
 
@@ -90,6 +91,12 @@ KERNELS = {
     "gram sums": (accumulate, *MOTION, SIGNAL, SIGNAL**2),
     "least squares from sums": (
         lambda *signals: gram.solve(accumulate(*signals), jnp.array(VECTOR)).inertia, *MOTION, SIGNAL, SIGNAL**2,
+    ),
+    "ordinary_least_squares": (
+        lambda *arrays: gram.ordinary_least_squares(
+            *arrays[:3], rate=10.0, r_cg=arrays[3], estimator=EstimatorSpec("short", "savitzky-golay", window=5)
+        ),
+        *(np.random.default_rng(seed).normal(size=(12, 3)) for seed in range(3)), VECTOR,
     ),
     "ordinary least squares": (
         lambda rows, values: least_squares.ordinary(rows, values).value,

@@ -5,9 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.gram import Sums, normal_equations, shift_omega, solve
+from identify.estimators.gram import Sums, normal_equations, ordinary_least_squares, shift_omega, solve
 from identify.estimators.least_squares import ordinary
+from identify.identification import identify
 from identify.rigid_body.regressor import features, omega_r
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.run import Run, numbers
 from tests.gram_lab import accumulate, with_offsets
 
 
@@ -86,3 +89,59 @@ def test_conditioning_of_the_sums_is_enough_for_the_presets_motion(preset):
     np.testing.assert_allclose(estimate.inertia, tensor, atol=1e-11 * tensor.max())
     np.testing.assert_allclose(ordinary(rows, moment.T).value, tensor, atol=1e-11 * tensor.max())
     assert estimate.condition < 100
+
+
+CENTRAL, SMOOTHED = EstimatorSpec("central", "central"), EstimatorSpec("both", "savitzky-golay", window=5, lowpass=20.0)
+
+
+@pytest.mark.parametrize("offsets", ["estimate", "none"])
+def test_from_arrays_to_the_tensor_as_numpy_fits_the_same_rows(samples, offsets):
+    """Oracle: ``numpy.linalg.lstsq`` on rows of central differences, a constant moment on each axis as three columns."""
+    omega, _, force, moment = (np.asarray(signal).T for signal in samples)
+    alpha, inner = (omega[2:] - omega[:-2]) * 50.0, slice(1, -1)
+    rows = np.stack([np.asarray(omega_r(*both)) for both in zip(omega[inner], alpha, strict=True)])
+    constants = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
+    columns = np.concatenate([rows, constants], axis=2) if offsets == "estimate" else rows
+    values = moment[inner] - np.cross(np.asarray(R), force[inner])
+    expected = np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), values.ravel(), rcond=None)[0][:6]
+    tensor = ordinary_least_squares(
+        force, moment, omega, rate=100.0, r_cg=np.asarray(R), estimator=CENTRAL, offsets=offsets
+    )
+    np.testing.assert_allclose(tensor, expected, rtol=1e-9)
+
+
+def test_it_is_the_estimate_of_identify(samples):
+    noise = np.asarray(samples[3]).T
+    omega = np.sin(np.outer(np.arange(len(noise)), [0.09, 0.08, 0.07]))
+    moment = np.gradient(omega, 0.01, axis=0) + 0.1 * noise  # near a unit tensor, which a body may have
+    tensor = ordinary_least_squares(noise, moment, omega, rate=100.0, r_cg=R, estimator=SMOOTHED)
+    run = Run.from_arrays(np.arange(len(omega)) / 100, noise, moment, omega)
+    result = identify(run, r_cg=np.asarray(R), estimator=SMOOTHED, method="source")
+    np.testing.assert_allclose(tensor, result.inertia, rtol=1e-9)
+
+
+def test_arrays_that_cannot_be_used_are_named(samples):
+    force, moment, omega, _ = (signal.T for signal in samples)
+    how = {"rate": 100.0, "r_cg": R, "estimator": CENTRAL}
+    with pytest.raises(
+        ValueError, match=r"^Argument `moment` must have shape \(n, 3\), n the same of all, but has \(9, 3\)"
+    ):
+        ordinary_least_squares(force, moment[:9], omega, **how)
+    with pytest.raises(ValueError, match=r"^Argument `r_cg` must have shape \(3,\), but has \(2,\)"):
+        ordinary_least_squares(force, moment, omega, **{**how, "r_cg": R[:2]})
+    with pytest.raises(ValueError, match=r"^Argument `signal` must have more than 2 samples"):
+        ordinary_least_squares(force[:2], moment[:2], omega[:2], **how)
+    with pytest.raises(ValueError, match=r"^Argument `rate` must be a number that JAX does not trace"):
+        jax.jit(lambda rate: ordinary_least_squares(force, moment, omega, **{**how, "rate": rate}))(100.0)
+    still = ordinary_least_squares(force, moment, 0 * omega, **how)
+    assert jnp.isnan(still).all()
+
+
+def test_identify_names_it_where_jax_traces_its_arrays(samples):
+    force, moment, omega, _ = (np.asarray(signal).T for signal in samples)
+    t = np.arange(len(omega)) / 100
+    with pytest.raises(TypeError, match=r"^moment in run is traced by JAX, .*: use identify\.ordinary_least_squares"):
+        jax.jacobian(lambda moment: Run.from_arrays(t, force, moment, omega).moment)(moment)
+    with pytest.raises(TypeError, match=r"^r_cg is traced by JAX, .*: use identify\.ordinary_least_squares"):
+        jax.jit(lambda height: numbers("r_cg", [0.0, 0.0, height]))(0.1)
+    assert numbers("r_cg", jnp.ones(3)).tolist() == [1.0, 1.0, 1.0]
