@@ -119,19 +119,21 @@ def sample(
     *,
     r_cg_from_still: Float[Array | np.ndarray, "3"],
     gravity: Scalar,
+    start: Float[Array, "3 3"] | None = None,
 ) -> Motion:
     """Sample a trajectory at uniform instants.
 
     Args:
         trajectory: the rotation.
-        t: instants [s]; the first is level.
+        t: instants [s].
         r_cg_from_still: centre of gravity from the body-fixed point that keeps still, in B [m]: zero for T1 and T3,
             r_CG/OMB for T2 and T4, whose platform centre OMB keeps still.
         gravity: local gravity [m/s²], along -z of frame A.
+        start: attitude R_AB at the first instant; None: level.
     """
     omega = jax.vmap(trajectory.omega)(t)
     alpha = jax.vmap(trajectory.alpha)(t)
-    rotation = attitude(trajectory.omega, t)
+    rotation = attitude(trajectory.omega, t, start)
     acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(jnp.asarray(r_cg_from_still), omega, alpha)
     moving = jnp.einsum("nji,nj->ni", rotation, jax.vmap(lambda at: acceleration_of(trajectory, at))(t))
     specific_force = acceleration + moving + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB

@@ -53,10 +53,16 @@ class Columns(eqx.Module):
         names = perturbed(sources)
         return cls("cell_drift" in names, bool(names & OF_THE_RIG))
 
-    def sampled(self, body: Body, motion: Motion) -> Float[Array, "columns n"]:
-        """Return the true wrench (force, moment) at each sample, then the other functions."""
+    def sampled(self, body: Body, motion: Motion, begin: Array | float | None = None) -> Float[Array, "columns n"]:
+        """Return the true wrench (force, moment) at each sample, then the other functions.
+
+        Args:
+            body: that is moved.
+            motion: its samples.
+            begin: when the run began [s], from which time counts; None: with the first of these samples.
+        """
         true = wrench(body, motion.omega, motion.alpha, motion.specific_force_cg)
-        time = [(motion.t - motion.t[0])[None]] if self.time else []
+        time = [(motion.t - (motion.t[0] if begin is None else begin))[None]] if self.time else []
         xp = motion.omega.__array_namespace__()
         return xp.concat([*true, *time, *([functions_of(motion)] if self.motion else [])])
 

@@ -55,7 +55,7 @@ def moments_of_signals(
         taps: every estimator's differentiator.
         chunk: samples in one step of the pass.
     """
-    return _visit(signals, valid, _responses(taps), chunk)
+    return _visit(signals, valid, responses_of(taps), chunk)
 
 
 @jax.jit
@@ -64,42 +64,65 @@ def alphas_of(omega: Float[Array, "3 n"], taps: Sequence[Array]) -> Float[Array,
     return jnp.concatenate([jnp.pad(derivative(omega, h), ((0, 0), (len(h),) * 2)) for h in taps])
 
 
-def _responses(taps: Sequence[Array]) -> Float[Array, "estimators lags"]:
-    """Each differentiator's antisymmetric response over lags -2h … 2h, h the longest's reach."""
+def responses_of(taps: Sequence[Array]) -> Float[Array, "estimators lags"]:
+    """Return each differentiator's antisymmetric response [1/s] over lags -2h … 2h, h the longest's reach."""
     reach = max(map(len, taps))
     halves = jnp.stack([jnp.pad(jnp.asarray(h), (0, 2 * reach - len(h))) for h in taps])
     return jnp.concatenate([-halves[:, ::-1], jnp.zeros((len(halves), 1)), halves], axis=1)
 
 
+class PieceSums(NamedTuple):
+    """Sums over some of a run's samples; those of all pieces add up to what :func:`moments_of_sums` takes."""
+
+    products: Float[Array, " products"]
+    """Of the noise-free products, as :class:`GramMoments` has them."""
+    totals: Float[Array, " monomials"]
+    joined: tuple[Float[Array, "rows columns"], ...]
+    """Each kernel's products of monomials."""
+
+
 @partial(jax.jit, static_argnames="chunk")
 def _visit(signals: Array, valid: Array, responses: Array, chunk: int) -> GramMoments:
-    estimators = len(responses)
-    layout, halo = product_layout(estimators), responses.shape[1] // 2
-    kernels = _kernels(responses)
-    needed = _needed(estimators)
+    halo = responses.shape[1] // 2
     size = min(chunk, signals.shape[1])
     count = -(-signals.shape[1] // size)
     padding = (halo, halo + count * size - signals.shape[1])
     rows = jnp.pad(jnp.concatenate([valid[None], signals * valid[None]]), ((0, 0), padding))
 
     def visit(carry, start):
-        wide = _monomials(jax.lax.dynamic_slice_in_dim(rows, start, size + 2 * halo, axis=1), layout.monomials)
-        inner = wide[:, halo : halo + size]
-        sums = [jnp.sum(inner, axis=1)]
-        for kernel, (of_rows, of_columns) in needed.items():
-            other = inner[of_columns]
-            if kernel != WHITE:
-                other = _convolved(wide[of_columns], kernels[kernel])
-            sums.append(inner[of_rows] @ other.T)
-        return jax.tree.map(jnp.add, carry, sums), None
+        piece = sums_of_piece(jax.lax.dynamic_slice_in_dim(rows, start, size + 2 * halo, axis=1), responses)
+        return jax.tree.map(jnp.add, carry, piece), None
 
-    shapes = [(len(layout.monomials),), *((len(r), len(c)) for r, c in needed.values())]
-    (totals, *products), _ = jax.lax.scan(visit, [jnp.zeros(s) for s in shapes], size * jnp.arange(count))
-    alphas = responses @ responses.T
-    correlated = _assemble(estimators, dict(zip(needed, products, strict=True)), alphas)
-    omega, of_estimators, wrench = jnp.split(signals * valid[None], [3, 3 + 3 * estimators])
-    phi = jnp.concatenate([features(omega, omega)[:SHARED] * valid[None], of_estimators])
-    return GramMoments(pack(sums_of(phi, wrench[:3], wrench[3:])), totals, correlated, alphas)
+    empty = jax.eval_shape(sums_of_piece, rows[:, : size + 2 * halo], responses)
+    zeros = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), empty)
+    return moments_of_sums(jax.lax.scan(visit, zeros, size * jnp.arange(count))[0], responses)
+
+
+def sums_of_piece(rows: Float[Array, "rows wide"], responses: Float[Array, "estimators lags"]) -> PieceSums:
+    """Sum over the samples of a piece.
+
+    Args:
+        rows: 1 for samples that count, else 0, then the signals of :func:`moments_of_signals` times this; at either end
+            as many samples more than are summed as the longest lag.
+        responses: of the differentiators (:func:`responses_of`).
+    """
+    estimators, halo = len(responses), responses.shape[1] // 2
+    kernels, size = _kernels(responses), rows.shape[1] - 2 * halo
+    wide, count = _monomials(rows, product_layout(estimators).monomials), rows[0, halo : halo + size]
+    inner, products = wide[:, halo : halo + size], []
+    for kernel, (of_rows, of_columns) in _needed(estimators).items():
+        other = inner[of_columns] if kernel == WHITE else _convolved(wide[of_columns], kernels[kernel])
+        products.append(inner[of_rows] @ other.T)
+    omega, alphas, wrench = jnp.split(rows[1:, halo : halo + size], [3, 3 + 3 * estimators])
+    phi = jnp.concatenate([features(omega, omega)[:SHARED] * count[None], alphas])
+    return PieceSums(pack(sums_of(phi, wrench[:3], wrench[3:])), jnp.sum(inner, axis=1), tuple(products))
+
+
+def moments_of_sums(sums: PieceSums, responses: Float[Array, "estimators lags"]) -> GramMoments:
+    """Return the moments from the sums over all pieces."""
+    estimators, alphas = len(responses), responses @ responses.T
+    correlated = _assemble(estimators, dict(zip(_needed(estimators), sums.joined, strict=True)), alphas)
+    return GramMoments(sums.products, sums.totals, correlated, alphas)
 
 
 def _convolved(rows: Float[Array, "rows n"], kernel: Float[Array, " lags"]) -> Float[Array, "rows inner"]:

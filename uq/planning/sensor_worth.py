@@ -16,6 +16,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import fixed
 from identify.text_tables import Table
 from uq.experiment.experiment import Experiment
+from uq.gram_sums.setup import cases_of
 from uq.planning.required_duration import average
 from uq.propagation.experiment_law import PreparedLaw, prepare_law
 from uq.sources.source import Source
@@ -117,7 +118,8 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
 
 
 def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: str, estimator: str) -> np.ndarray:
-    return prepared.evaluate(sources)[trajectory, estimator].total.three_sigma
+    total, *_ = cases_of(sources)
+    return prepared.of_cases([total], sources)[trajectory][estimator][0].three_sigma
 
 
 def _with(sources: Sequence[Source], which: int, factor: float) -> tuple[Source, ...]:

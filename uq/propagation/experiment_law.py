@@ -16,7 +16,7 @@ from identify.floating_point import check_precision
 from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.gram_sums.setup import cases_of
+from uq.gram_sums.setup import Case, cases_of
 from uq.propagation.adjustable_law import adjustable
 from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
@@ -42,29 +42,40 @@ class PreparedLaw:
         Raises:
             ExperimentError: a source that the law cannot take, or one of a kind that was not prepared for.
         """
-        if other := perturbed(sources or ()) - perturbed(self.experiment.sources):
-            raise ExperimentError(
-                f"errors that the law was not prepared for ({', '.join(sorted(other))}): prepare anew"
-            )
         experiment = self.experiment if sources is None else replace(self.experiment, sources=tuple(sources))
         cases = cases_of(experiment.sources)
-        constants = constants_of(experiment.sources, experiment.mixing)
         breakdowns, warnings = {}, list(self.warnings)
-        for name, run in self.runs.items():
-            rate = experiment.trajectories[name].rate
-            given = (experiment.sources, experiment.mixing, rate, run.peaks)
-            statistics = _of_run(run, constants, inputs_of_cases(cases, constants, *given))
-            breakdowns[name] = {
-                estimator: Breakdown.of(
-                    cases, (LawStatistics(*(leaf[k, c] for leaf in statistics)) for c in range(len(cases)))
-                )
-                for k, estimator in enumerate(self.estimators)
-            }
+        for name, of_estimators in self.of_cases(cases, experiment.sources).items():
+            breakdowns[name] = {e: Breakdown.of(cases, each) for e, each in of_estimators.items()}
             for estimator, breakdown in breakdowns[name].items():
                 warnings += large_mean_error(f"{name}, {estimator}", breakdown.total)
         nominal = np.asarray(experiment.body.inertia)
         numbers = partial(adjustable, experiment, self.runs, self.estimators)
         return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs(), numbers)
+
+    def of_cases(
+        self, cases: Sequence[Case], sources: Sequence[Source]
+    ) -> dict[str, dict[str, tuple[LawStatistics, ...]]]:
+        """Return the law by trajectory, estimator and case alone, without what :meth:`evaluate` tells beside it.
+
+        Raises:
+            ExperimentError: as for :meth:`evaluate`.
+        """
+        if other := perturbed(sources) - perturbed(self.experiment.sources):
+            raise ExperimentError(
+                f"errors that the law was not prepared for ({', '.join(sorted(other))}): prepare anew"
+            )
+        mixing, results = self.experiment.mixing, {}
+        constants = constants_of(sources, mixing)
+        for name, run in self.runs.items():
+            rate = self.experiment.trajectories[name].rate
+            inputs = inputs_of_cases(cases, constants, sources, mixing, rate, run.peaks)
+            statistics = _of_run(run, constants, inputs)
+            results[name] = {
+                estimator: tuple(LawStatistics(*(leaf[k, c] for leaf in statistics)) for c in range(len(cases)))
+                for k, estimator in enumerate(self.estimators)
+            }
+        return results
 
 
 def law(

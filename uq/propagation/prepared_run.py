@@ -16,17 +16,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
+from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
 from uq.gram_sums import gram_moments
-from uq.gram_sums.error_maps import Columns, true_elements
+from uq.gram_sums.error_maps import Columns
 from uq.gram_sums.gram_moments import products_of_estimator
 from uq.gram_sums.setup import Estimator
-from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
-from uq.propagation.expansion import Expansion, NoiseFreeRun, Point, RunSums, TrueSums, expand_at, to_equations
+from uq.propagation.expansion import Expansion, Point, RunSums, expand_at, to_equations
 from uq.propagation.inputs import Peaks
+from uq.propagation.run_sums import run_sums
 from uq.sources.constant_errors import perturbed
-from uq.trials.trial import valid_samples
 
 MOST_RUNS = 32
 """Whose sums are kept."""
@@ -132,36 +131,9 @@ def _on_host(tree: Any) -> Any:
 def _summed(
     experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[Estimator], columns: Columns, delayed: bool
 ) -> PreparedRun:
-    motion, platform = true_motion(experiment, spec), platform_of(experiment, spec)
-    wrench = columns.sampled(experiment.body, motion)
-    taps, valid = [e.taps for e in estimators], jnp.asarray(valid_samples(len(motion.t), estimators))
-    alphas = alphas_of(motion.omega, taps)
-    moments = moments_of_signals(jnp.concatenate([motion.omega, alphas, wrench[:6]]), valid, taps)
-    t = motion.t - motion.t[0]
-
-    def sums(delay):
-        omega = jax.vmap(spec.trajectory.omega, out_axes=1)(motion.t - delay)
-        return _true_sums(omega, t, wrench, valid, taps)
-
-    if delayed:
-        slope = lambda delay: jax.jvp(sums, (delay,), (jnp.ones(()),))[1]  # noqa: E731
-        derivatives = jax.jit(lambda: jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)))()
-    else:
-        derivatives = None
-    now = _true_sums(motion.omega, t, wrench, valid, taps)
-    first, second = derivatives or (jax.tree.map(jnp.zeros_like, now),) * 2
-    signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
-    peaks = Peaks(
-        {name: np.asarray(jnp.max(jnp.abs(signal), axis=1)) for name, signal in signals.items()},
-        {name: np.asarray(jnp.sqrt(jnp.mean(jnp.diff(signal) ** 2, axis=1))) for name, signal in signals.items()},
-    )
-    return PreparedRun(RunSums(NoiseFreeRun(experiment.body, platform, (now, first, second), columns), moments), peaks)
-
-
-@jax.jit
-def _true_sums(omega: Array, t: Array, wrench: Array, valid: Array, taps: Sequence[Array]) -> TrueSums:
-    phi = jnp.concatenate([true_elements(omega, omega, t), alphas_of(omega, taps)]) * valid[None]
-    return TrueSums(phi @ phi.T, phi @ wrench.T)
+    count, taps = len(samples(spec)), [estimator.taps for estimator in estimators]
+    platform = platform_of(experiment, spec)
+    return PreparedRun(*run_sums(spec.trajectory, count, spec.rate, experiment.body, platform, taps, columns, delayed))
 
 
 _to_equations = jax.jit(to_equations)

@@ -115,7 +115,7 @@ def test_other_figures_visit_no_sample_again(short, monkeypatch):
 
         return counted_function
 
-    monkeypatch.setattr(kept, "moments_of_signals", counting("visits", kept.moments_of_signals))
+    monkeypatch.setattr(kept, "run_sums", counting("visits", kept.run_sums))
     for name in ("_expansions", "_scatters"):
         monkeypatch.setattr(kept, name, counting(name, getattr(kept, name)))
 
