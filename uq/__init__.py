@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from uq.identification.identify_files import identify_files as identify_files
     from uq.identification.static_centre import centre_file as centre_file
     from uq.identification.tare import tare_files as tare_files
-    from uq.planning.achieved_motion import achieved as achieved
     from uq.planning.explore import explore as explore
     from uq.planning.motion_export import export_motion as export_motion
     from uq.planning.pose_plan import plan_poses as plan_poses
@@ -33,11 +32,12 @@ if TYPE_CHECKING:  # what editors and type checkers see
     from uq.sensitivity.sobol_shapley import shapley as shapley
     from uq.sensitivity.sobol_shapley import sobol as sobol
     from uq.sensitivity.source_budget import budget as budget
+    from uq.tracking.achieved_motion import achieved as achieved
 
 _ROOMS = {
     "Experiment": "uq.experiment.experiment",
     "ExperimentError": "uq.files.document",
-    "achieved": "uq.planning.achieved_motion",
+    "achieved": "uq.tracking.achieved_motion",
     "budget": "uq.sensitivity.source_budget",
     "centre_file": "uq.identification.static_centre",
     "compare": "uq.bodies.comparison",

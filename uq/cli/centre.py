@@ -2,10 +2,10 @@
 
 import argparse
 
-from uq.cli.common import ERRORS, add_window_options, finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
 from uq.recorded.time_window import windows_of_options
+from uq.terminal.common import ERRORS, add_window_options, finish, output_folder, start_jax
 
 __all__ = ["ERRORS", "configure", "run"]
 

@@ -4,14 +4,14 @@ import argparse
 from typing import Any
 
 from rig.exceptions import quoted
-from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
 from uq.excitation.design import design
 from uq.excitation.design_report import design_report
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity
-from uq.planning.achieved_motion import achieved
 from uq.planning.motion_export import MotionExport, export_motion
 from uq.planning.pose_plan import POSES, plan_poses
+from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
+from uq.tracking.achieved_motion import achieved
 
 __all__ = ["ERRORS", "configure", "run"]
 

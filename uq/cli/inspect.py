@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _load(name: str) -> "Experiment":
     """Read the experiment. Loads JAX, which plain ``inspect`` does without."""
-    from uq.cli import common
+    from uq.terminal import common
 
     common.start_jax()
     from uq.experiment.experiment import Experiment

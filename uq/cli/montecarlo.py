@@ -3,14 +3,14 @@
 import argparse
 
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
-from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
-from uq.cli.processes import add_cluster_options, checkpoint_folder, together
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
 from uq.propagation.law_validation import law_report
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.source_budget import budget
+from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.trials.checkpoint import Checkpoint
 
 __all__ = ["ERRORS", "configure", "run"]

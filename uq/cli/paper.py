@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 from uq.barreto2016 import paper, row
 from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
-from uq.cli.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
-from uq.cli.processes import add_cluster_options, checkpoint_folder, together
+from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 
 __all__ = ["ERRORS", "configure", "run"]
 

@@ -3,8 +3,8 @@
 import argparse
 
 from uq.campaign.simulation import simulate
-from uq.cli.common import ERRORS, start_jax, whole_number
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.terminal.common import ERRORS, start_jax, whole_number
 
 __all__ = ["ERRORS", "configure", "run"]
 

@@ -1,1 +1,1 @@
-"""Planning a measurement: duration, sensors, static poses, motion files, what the platform really did."""
+"""Planning a measurement: duration, sensors, static poses, motion files."""

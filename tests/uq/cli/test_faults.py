@@ -14,10 +14,10 @@ from rig import runs
 from rig.atomic_files import replacing
 from tests.rig_lab import ramp_run
 from uq.cli import inspect as inspect_command
-from uq.cli.common import start_jax
 from uq.cli.main import LEAST_MEMORY, main
 from uq.files.compilation_cache import cache_folder
 from uq.files.output_folder import place
+from uq.terminal.common import start_jax
 from uq.trials.checkpoint import Checkpoint
 
 COMMAND = [sys.executable, "-m", "uq.cli.main"]

@@ -198,7 +198,7 @@ def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
 CAMPAIGN = """
 import sys
 import numpy as np
-from uq.cli.common import start_jax
+from uq.terminal.common import start_jax
 start_jax()
 from tests.small_campaign import document
 from uq.campaign.campaign import montecarlo

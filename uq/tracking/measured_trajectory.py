@@ -12,7 +12,7 @@ from identify.motion.window import Scalar
 from identify.signals.filters import lowpass
 from identify.signals.run import Run
 from uq.experiment.experiment import TrajectorySpec
-from uq.planning.tracking import Followed
+from uq.tracking.followed import Followed
 
 CLOSE = 20.0
 """Samples of the measured motion to a period of its highest frequency."""

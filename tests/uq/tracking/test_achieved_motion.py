@@ -15,12 +15,12 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.toml_text import toml_text
-from uq.planning.achieved_motion import achieved
-from uq.planning.measured_trajectory import MeasuredRotation
 from uq.planning.motion_export import scaled
-from uq.planning.stillness import SLOWEST
-from uq.planning.tracking import follow
 from uq.recorded.load_run import load_run
+from uq.tracking.achieved_motion import achieved
+from uq.tracking.followed import follow
+from uq.tracking.measured_trajectory import MeasuredRotation
+from uq.tracking.stillness import SLOWEST
 
 GAIN, LAG = 0.93, 0.0373
 RATE, SECONDS = 100, 20.0

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from uq.cli.common import ERRORS, whole_number
 from uq.experiment.experiment import ExperimentError
+from uq.terminal.common import ERRORS, whole_number
 from uq.trials import distributed as cluster
 from uq.trials.watchdog import LOST
 

@@ -1,6 +1,6 @@
 """What a platform really did: a recorded run beside its plan, and the uncertainty of what was run.
 
-How the angular velocity follows the plan is in :mod:`uq.planning.tracking`. The centre of gravity's acceleration is the
+How the angular velocity follows the plan is in :mod:`uq.tracking.followed`. The centre of gravity's acceleration is the
 specific force there less gravity, turned along by the gyro. The prediction is the law of propagation with the measured
 motion in place of the plan.
 """
@@ -21,13 +21,13 @@ from identify.signals.run import Run
 from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
-from uq.planning.measured_trajectory import measured_trajectory
 from uq.planning.required_duration import average
-from uq.planning.stillness import SLOWEST, Stillness, stillness_of
-from uq.planning.tracking import Followed, follow, plan_at, verdicts
 from uq.propagation.experiment_law import law
 from uq.recorded.load_run import load
 from uq.report.input_tables import source_tables
+from uq.tracking.followed import Followed, follow, plan_at, verdicts
+from uq.tracking.measured_trajectory import measured_trajectory
+from uq.tracking.stillness import SLOWEST, Stillness, stillness_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +109,7 @@ class Achieved(Result):
         """Return planned and measured angular velocity over some seconds."""
 
         def draw() -> "Figure":
-            from uq.planning.tracking_figure import followed
+            from uq.tracking.followed_figure import followed
 
             return followed(*self.trace)
 
