@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 from urllib.parse import quote
 
 import numpy as np
@@ -75,13 +75,11 @@ class Section:
     """Numbers of tables whose figures a reader can change (:func:`uq.propagation.adjustable_law.adjustable`)."""
 
 
-class Result:
-    """The views that all results share; a result says ``tables()`` and overrides what it has more to say of."""
+class Shown:
+    """What shows itself as tables, in a terminal and in a notebook alike."""
 
-    name: str = ""
-    """Key of its content in the ``result.json`` of another result that it accompanies."""
-    file_name: str = "result.json"
-    """The file that holds its content."""
+    hidden: ClassVar[frozenset[str]] = frozenset({"hidden", "notes", "overview", "title"})
+    """Names that tab completion leaves out: what tables and reports are made of."""
 
     def title(self) -> str:
         """Return the line above the tables in a terminal or notebook; empty for none."""
@@ -98,6 +96,33 @@ class Result:
     def notes(self) -> list[str]:
         """Return the lines below these tables."""
         return [f"attention: {text}" for text in getattr(self, "warnings", ())]
+
+    def __repr__(self) -> str:
+        tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
+        return "\n".join(text for text in (self.title(), tables, *self.notes()) if text)
+
+    def _repr_html_(self) -> str:
+        caption = self.title()
+        tables = []
+        for table in self.overview():
+            shown = dataclasses.replace(table, caption=": ".join(filter(None, (caption, table.caption))))
+            tables.append(shown._repr_html_())
+            caption = ""
+        notes = "".join(f"<li>{escape(text)}</li>" for text in self.notes())
+        return "".join(tables) + (f"<ul>{notes}</ul>" if notes else "")
+
+    def __dir__(self) -> list[str]:
+        return sorted(set(super().__dir__()) - self.hidden)
+
+
+class Result(Shown):
+    """The views that all results share; a result says ``tables()`` and overrides what it has more to say of."""
+
+    hidden = Shown.hidden | {"computed", "details", "drawings", "file_name", "files", "name", "rows", "section"}
+    name: str = ""
+    """Key of its content in the ``result.json`` of another result that it accompanies."""
+    file_name: str = "result.json"
+    """The file that holds its content."""
 
     def drawings(self) -> list[Drawing]:
         """Return the figures, not yet drawn, with their captions."""
@@ -142,20 +167,6 @@ class Result:
         if len(index) == len(first):  # texts alone: only the first names the row
             index = index[:1]
         return DataFrame.from_records(records, index=index or None)
-
-    def __repr__(self) -> str:
-        tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
-        return "\n".join(text for text in (self.title(), tables, *self.notes()) if text)
-
-    def _repr_html_(self) -> str:
-        caption = self.title()
-        tables = []
-        for table in self.overview():
-            shown = dataclasses.replace(table, caption=": ".join(filter(None, (caption, table.caption))))
-            tables.append(shown._repr_html_())
-            caption = ""
-        notes = "".join(f"<li>{escape(text)}</li>" for text in self.notes())
-        return "".join(tables) + (f"<ul>{notes}</ul>" if notes else "")
 
 
 def stem(*names: str) -> str:

@@ -1,5 +1,6 @@
 """The one exception of this package, and how messages repeat what a user has written."""
 
+import difflib
 from collections.abc import Iterable
 
 ECHO = 60
@@ -34,6 +35,18 @@ def listed(names: Iterable[str]) -> str:
         shown.pop()
     more = f" and {len(all_names) - len(shown)} more" if len(shown) < len(all_names) else ""
     return ", ".join(shown) + more
+
+
+def choose(name: str, choices: Iterable[str]) -> str:
+    """Return which of some names to write instead of an unknown one, the nearest first."""
+    names = list(choices)
+    return f"{nearest(name, names)}choose one of {listed(names)}"
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """Return ``did you mean …? `` of the name that is nearest to an unknown one; empty where none is near."""
+    close = difflib.get_close_matches(name[:ECHO], list(choices), 1)
+    return f"did you mean {close[0]}? " if close else ""
 
 
 def on_one_line(text: str) -> str:

@@ -5,7 +5,6 @@ the JSON Schema of the whole are msgspec's. The walk over the tables is ours: :f
 of a mapping ``[...]`` and those of an array by number, where our messages name them, and it converts no units.
 """
 
-import difflib
 import math
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -14,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
-from rig.exceptions import ECHO, listed, quoted
+from rig.exceptions import ECHO, listed, nearest, quoted
 
 T = TypeVar("T", bound="TomlTable")
 LARGEST = 1_000_000
@@ -118,9 +117,8 @@ def _path(where: str, key: str) -> str:
 def _refuse_unknown(where: str, raw: Mapping[str, Any], keys: tuple[str, ...]) -> None:
     if unknown := sorted(set(raw) - set(keys)):
         name = unknown[0] if len(unknown[0]) <= ECHO and unknown[0].isprintable() else quoted(unknown[0])
-        close = difflib.get_close_matches(unknown[0][:ECHO], keys, 1)
-        nearest = f"did you mean {close[0]}? " if close else ""
-        raise TomlError(f"unknown key {_path(where, name)}: {nearest}the keys here are {listed(sorted(keys))}")
+        meant = nearest(unknown[0], keys)
+        raise TomlError(f"unknown key {_path(where, name)}: {meant}the keys here are {listed(sorted(keys))}")
 
 
 def read_value(path: str, raw: object, hint: Any) -> Any:

@@ -19,11 +19,14 @@ import msgspec
 import numpy as np
 
 from identify.motion.stewart_platform import Platform
+from identify.reporting import Shown
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
-from rig.exceptions import listed, quoted
+from identify.text_tables import Table
+from rig.exceptions import choose, listed, quoted
 from rig.toml_tables import TomlTable
+from uq.experiment import experiment_tables
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
 from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
@@ -31,8 +34,10 @@ from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
+from uq.files.changed_document import with_entry, with_table, without_entries
 from uq.files.document import ExperimentError, in_file, read_document
 from uq.files.schema import declared_table
+from uq.sources.changed_source import changed_source
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.sources.source_table import sources_of
@@ -43,8 +48,8 @@ BESIDE = ("report", "document", "folder", "file")
 """Fields that say nothing of the measurement."""
 
 
-@dataclass(frozen=True)
-class Experiment:
+@dataclass(frozen=True, repr=False)
+class Experiment(Shown):
     """A body on a platform with its sensors: what is simulated, or how a recorded run is to be read."""
 
     r_cg_from_q: np.ndarray | None
@@ -69,9 +74,9 @@ class Experiment:
     """The platform's six legs; None: not stated."""
     limits: DeclaredLimits | None = None
     """What the rig can do; None: not stated."""
-    document: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    document: Mapping[str, Any] = field(default_factory=dict)
     """The file's content, for the provenance of results."""
-    folder: Path = field(default=Path("."), repr=False)
+    folder: Path = Path(".")
     """Where the file is, and beside it the files that it names."""
     scale: tuple[float, float] | None = None
     """What a scale says of the mass on the load cell, with its standard uncertainty [kg]; None: there is none."""
@@ -83,7 +88,7 @@ class Experiment:
     """Typical figures of errors that are not declared."""
     report: Mapping[str, Any] = field(default_factory=dict)
     """The table ``[report]`` as it stands, dates as strings; see :func:`uq.experiment.report_table.ReportTable`."""
-    file: Mapping[str, str] = field(default_factory=dict, repr=False)
+    file: Mapping[str, str] = field(default_factory=dict)
     """Name and SHA-256 of the file; empty where there is none."""
 
     @classmethod
@@ -189,8 +194,8 @@ class Experiment:
         for estimator in self.estimators:
             if estimator.name == wanted:
                 return estimator
-        names = listed(e.name for e in self.estimators)
-        raise ExperimentError(f"unknown estimator {quoted(wanted)}: choose one of {names}")
+        names = [e.name for e in self.estimators]
+        raise ExperimentError(f"unknown estimator {quoted(wanted)}: {choose(wanted, names)}")
 
     def select(self, name: str | None = None) -> tuple[str, TrajectorySpec]:
         """Return a trajectory's name and specification; without a name, the first.
@@ -202,16 +207,82 @@ class Experiment:
             raise ExperimentError("no [trajectory.NAME] in the experiment: add one")
         name = next(iter(self.trajectories)) if name is None else name
         if name not in self.trajectories:
-            raise ExperimentError(f"unknown trajectory {quoted(name)}: choose one of {listed(self.trajectories)}")
+            raise ExperimentError(f"unknown trajectory {quoted(name)}: {choose(name, self.trajectories)}")
         return name, self.trajectories[name]
+
+    def with_source(self, name: str, **keys: Any) -> "Experiment":
+        """Return the experiment with other keys of a ``[[source]]``: ``with_source("F_bias", sigma="0.5 N")``.
+
+        Values are written as in the file, with their units; one figure stands for all axes, and a width takes the place
+        of another. A new name with ``target``, ``kind``, ``group`` and a width adds a source.
+
+        Raises:
+            ExperimentError: an unknown name, a mistake in a key, or an experiment that is not its file's content.
+        """
+        return self._read_anew(with_entry(self.document, "source", name, keys, ("target", "kind"), changed_source))
+
+    def without_source(self, *names: str) -> "Experiment":
+        """Return the experiment without some sources.
+
+        Raises:
+            ExperimentError: as for :meth:`with_source`.
+        """
+        return self._read_anew(without_entries(self.document, "source", names))
+
+    def with_body(self, **keys: Any) -> "Experiment":
+        """Return the experiment with other keys of ``[body]``: ``with_body(mass="21 kg")``.
+
+        Raises:
+            ExperimentError: as for :meth:`with_source`.
+        """
+        return self._read_anew(with_table(self.document, "body", keys))
+
+    def with_trajectory(self, name: str, **keys: Any) -> "Experiment":
+        """Return the experiment with other keys of a ``[trajectory.NAME]``, or with a new one (``kind`` and the rest).
+
+        Raises:
+            ExperimentError: as for :meth:`with_source`.
+        """
+        return self._read_anew(with_entry(self.document, "trajectory", name, keys, ("kind",)))
+
+    def with_estimator(self, name: str, **keys: Any) -> "Experiment":
+        """Return the experiment with other keys of an ``[[estimator]]``, or with a new one (``differentiator``, …).
+
+        Raises:
+            ExperimentError: as for :meth:`with_source`.
+        """
+        return self._read_anew(with_entry(self.document, "estimator", name, keys, ("differentiator",)))
+
+    def _read_anew(self, document: Mapping[str, Any]) -> "Experiment":
+        if not self.is_of_document():
+            raise ExperimentError("values that no keys state, as after dataclasses.replace: change keys before that")
+        return Experiment.from_dict(document, self.folder)
+
+    def is_of_document(self) -> bool:
+        """Return whether its values are those of :attr:`document`."""
+        return bool(self.document) and Experiment.from_dict(self.document, self.folder)._in_si() == self._in_si()
 
     def inputs(self) -> dict[str, Any]:
         """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
-        values = self._in_si()
-        same = bool(self.document) and Experiment.from_dict(self.document, self.folder)._in_si() == values
+        values, same = self._in_si(), self.is_of_document()
         about = {"experiment_file": dict(self.file)} if self.file else {}
         about |= {"report": dict(self.report)} if self.report else {}
         return {"experiment": _plain(self.document) if same else None, "resolved": values, **about}
+
+    def title(self) -> str:
+        """Return what the tables are of."""
+        return f"Experiment {self.file.get('file', '')}".rstrip()
+
+    def tables(self) -> list[Table]:
+        """Return body, trajectories, estimators and sources, in units."""
+        of = (self.mass, self.r_cg_from_q, self.inertia, self.r_cg_from_omb, self.gravity)
+        tables = [
+            experiment_tables.body_table(*of),
+            experiment_tables.trajectory_table(self.trajectories),
+            experiment_tables.estimator_table(self.estimators),
+            experiment_tables.source_table(self.sources, self.document if self.is_of_document() else None),
+        ]
+        return [table for table in tables if table.rows]
 
     def _in_si(self) -> dict[str, Any]:
         parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in BESIDE}

@@ -8,8 +8,7 @@ from typing import Any
 
 from identify.text_tables import Table
 from uq.experiment.experiment import PRESETS
-from uq.sources.source import KINDS
-from uq.sources.source_width import WIDTHS
+from uq.experiment.experiment_tables import SOURCE_HEAD, size_of
 
 
 def input_table(provenance: Mapping[str, Any]) -> Table:
@@ -28,11 +27,6 @@ def _named_files(content: object) -> Iterator[tuple[str, str]]:
             yield from _named_files(item)
 
 
-OF_KINDS = dict.fromkeys(key for kind in KINDS.values() for key in kind.sizes)
-SIZES = (*WIDTHS, *OF_KINDS, "distribution", "degrees_of_freedom", "mean")
-"""Keys of a source that say how large it is."""
-
-
 def source_tables(provenance: Mapping[str, Any]) -> list[Table]:
     """Return the tables of error sources, with their references, and of inferred values."""
     document = provenance.get("experiment") or {}
@@ -42,27 +36,11 @@ def source_tables(provenance: Mapping[str, Any]) -> list[Table]:
     ]
     guesses = inferred(document)
     tables = [
-        Table(
-            "Error sources",
-            ["source", "perturbs", "kind", "group", "σ on axes 1, 2, 3, or as named", "reference"],
-            rows,
-        )
+        Table("Error sources", [*SOURCE_HEAD, "reference"], rows),
     ]
     note = "Not stated by the source; found as the values that reproduce its Table 2."
     inferences = [Table("Inferred values", ["key", "value", "reason"], guesses, note)]
     return [*(tables if rows else []), *(inferences if guesses else [])]
-
-
-def size_of(source: Mapping[str, Any]) -> str:
-    """Return how large a source is, in the words of its ``[[source]]``: ``sigma`` bare, other keys by their names."""
-    said = []
-    for key in SIZES:
-        if key in source and source[key] != "normal":
-            value = source[key]
-            matrix = isinstance(value, list) and isinstance(value[0], list)
-            text = "6×6 matrix" if matrix else ", ".join(value) if isinstance(value, list) else str(value)
-            said.append(text if key == "sigma" else f"{key.replace('_', ' ')} {text}")
-    return "; ".join(said)
 
 
 def inferred(document: Mapping[str, Any]) -> list[list[str]]:

@@ -1,0 +1,83 @@
+"""The content of a file with other values, which is read anew: the same keys, units and messages as in the file."""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from typing import Any
+
+from rig.exceptions import choose, quoted
+from uq.files.document import ExperimentError
+
+Change = Callable[[Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
+"""From the keys of a table, and others to put in their place, to its new keys."""
+
+
+def with_keys(table: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with other keys; None leaves a key out. Tuples count as lists, as in TOML."""
+    return {key: _as_read(value) for key, value in {**table, **keys}.items() if value is not None}
+
+
+def with_table(document: Mapping[str, Any], name: str, keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content with other keys in ``[name]``."""
+    return {**deepcopy(dict(document)), name: with_keys(document.get(name, {}), keys)}
+
+
+def with_entry(
+    document: Mapping[str, Any],
+    table: str,
+    name: str,
+    keys: Mapping[str, Any],
+    needed: Sequence[str],
+    change: Change = with_keys,
+) -> dict[str, Any]:
+    """Return the content with other keys in an entry of ``[[table]]`` or ``[table.NAME]``, or with a new entry.
+
+    Args:
+        document: the content.
+        table: ``source``, ``estimator`` or ``trajectory``.
+        name: of the entry.
+        keys: to put in place of those of the same names.
+        needed: keys without which there is no new entry.
+        change: makes the entry's new keys.
+
+    Raises:
+        ExperimentError: there is no such entry, and the keys are not those of a new one.
+    """
+    entries = _entries(document, table)
+    if name not in entries and not set(needed) <= set(keys):
+        add = f"or give {', '.join(needed)} to add it"
+        raise ExperimentError(f"unknown {table} {quoted(name)}: {choose(name, entries)}, {add}")
+    entries[name] = change(entries.get(name, {}), keys)
+    return _with_entries(document, table, entries)
+
+
+def without_entries(document: Mapping[str, Any], table: str, names: Sequence[str]) -> dict[str, Any]:
+    """Return the content without some entries of ``[[table]]`` or ``[table.NAME]``.
+
+    Raises:
+        ExperimentError: there is no such entry.
+    """
+    entries = _entries(document, table)
+    for name in names:
+        if name not in entries:
+            raise ExperimentError(f"unknown {table} {quoted(name)}: {choose(name, entries)}")
+    return _with_entries(document, table, {name: entry for name, entry in entries.items() if name not in names})
+
+
+def _entries(document: Mapping[str, Any], table: str) -> dict[str, Any]:
+    """Entries by name, those of a list without it."""
+    content = document.get(table, [])
+    if isinstance(content, Mapping):
+        return dict(content)
+    return {entry["name"]: {key: value for key, value in entry.items() if key != "name"} for entry in content}
+
+
+def _with_entries(document: Mapping[str, Any], table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
+    named = table == "trajectory"
+    content = entries if named else [{"name": name, **entry} for name, entry in entries.items()]
+    return {**deepcopy(dict(document)), table: deepcopy(content)}
+
+
+def _as_read(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _as_read(item) for key, item in value.items()}
+    return [_as_read(item) for item in value] if isinstance(value, (list, tuple)) else value
