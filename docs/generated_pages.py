@@ -22,6 +22,7 @@ FILES = {
     "rig": "Which keys may a rig file have?",
     "map": "Which keys may a map of a table's columns have?",
     "body": "Which keys may a reference body have?",
+    "result": "Which keys have result.json and centre.json?",
 }
 
 
@@ -67,7 +68,8 @@ def keys(which: str) -> str:
             lines += [f"## {name.removesuffix('Table')}", "", _escaped(table.get("description", "")), ""]
         lines += ["| key | value | what it is |", "|---|---|---|"]
         for key, value in properties.items():
-            needed = " **Required.**" if key in table.get("required", []) else ""
+            required = key in table.get("required", [])
+            needed = "" if required == (which == "result") else " **Required.**" if required else " May be missing."
             default = f" Default: `{json.dumps(value['default'])}`." if "default" in value else ""
             meaning = _escaped(value.get("description", ""))
             cells = (f"`{key}`", _type(value, definitions), meaning + needed + default)
@@ -120,7 +122,10 @@ def _directive(text: str) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    return " ".join(text.split()).replace("<", "\\<").replace("[", "\\[").replace("*", "\\*").replace("``", "`")
+    pieces = " ".join(text.split()).replace("``", "`").split("`")
+    for k in range(0, len(pieces), 2):  # the others stand in code, as they are
+        pieces[k] = pieces[k].replace("<", "\\<").replace("[", "\\[").replace("*", "\\*")
+    return "`".join(pieces)
 
 
 def write(app: Sphinx) -> None:

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
+VERSION = 1
+"""Of the forms of result files (uq/schemas/result.json): raised when a key leaves or changes its meaning."""
+
+
 @dataclass(frozen=True)
 class Drawing:
     """A figure that is drawn when it is asked for, so that a result costs no matplotlib."""
@@ -118,11 +122,19 @@ class Shown:
 class Result(Shown):
     """The views that all results share; a result says ``tables()`` and overrides what it has more to say of."""
 
-    hidden = Shown.hidden | {"computed", "details", "drawings", "file_name", "files", "name", "rows", "section"}
+    hidden = Shown.hidden | {
+        *("computed", "details", "drawings", "file_name", "files", "form", "kind", "name", "rows", "section")
+    }
     name: str = ""
     """Key of its content in the ``result.json`` of another result that it accompanies."""
     file_name: str = "result.json"
     """The file that holds its content."""
+    kind: str = ""
+    """What the file says it is: ``kind`` in uq/schemas/result.json, whose ``version`` is that of :meth:`form`."""
+
+    def form(self) -> dict[str, Any]:
+        """Return the first two keys of the file: its kind, and the version of its keys and their meaning."""
+        return {"kind": self.kind, "version": VERSION}
 
     def drawings(self) -> list[Drawing]:
         """Return the figures, not yet drawn, with their captions."""

@@ -73,6 +73,24 @@ def rendered_once():
         yield
 
 
+@pytest.fixture(autouse=True, scope="session")
+def result_files_follow_their_schema():
+    """Every file that a test writes of a result is held against uq/schemas/result.json."""
+    from tests.result_schema import contradictions
+    from uq.report import report_files
+
+    real = report_files.json_text
+
+    def json_text(content):
+        text = real(content)
+        assert "kind" not in content or (wrong := contradictions(text)) == [], wrong
+        return text
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report_files, "json_text", json_text)
+        yield
+
+
 @pytest.fixture
 def generator():
     return np.random.default_rng(20161)

@@ -50,6 +50,7 @@ class PaperResult(Result):
     Example: ``paper(trials=100).to_frame().loc[("smoothed", "3σ moments", "T1")]``.
     """
 
+    kind = "inertia paper"
     campaign: MonteCarloResult
 
     def table2(self, estimator: str) -> dict[str, dict[str, float]]:
@@ -110,7 +111,7 @@ class PaperResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json: the campaign's."""
-        return self.campaign.to_dict()
+        return self.campaign.to_dict() | self.form()
 
     def title(self) -> str:
         """Return what the tables are of."""

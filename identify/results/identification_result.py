@@ -34,6 +34,7 @@ class Identification(Result):
     Example: ``identify(runs, ...).to_frame()`` has a row a component; ``.figures()["residuals"]``.
     """
 
+    kind = "inertia identify"
     inertia: np.ndarray
     """Packed tensor [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual variance."""
     bias: np.ndarray
@@ -149,6 +150,7 @@ class Identification(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
         content = {
+            **self.form(),
             "unit": "kg*m^2",
             "about": "CG",
             "frame": "body",

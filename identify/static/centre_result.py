@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from identify.exceptions import RunError
-from identify.reporting import Drawing, Result, Section
+from identify.reporting import VERSION, Drawing, Result, Section
 from identify.rounding import fixed, with_uncertainty
 from identify.static.gain_check import GainCheck
 from identify.text_tables import Table, sentence
@@ -19,8 +19,6 @@ PARAMETERS = (
 )  # fmt: skip
 """The order of a centre's covariance: kg, m, N, N·m."""
 UNITS = ("kg", *("m",) * 3, *("N",) * 3, *("N*m",) * 3)
-KIND = "inertia centre"
-VERSION = 1
 """Of the content of centre.json."""
 
 
@@ -61,6 +59,7 @@ class Centre(Result):
     lasting_names: tuple[str, ...] = ()
     """Names of these errors, by which those of two series are the same."""
     file_name = "centre.json"
+    kind = "inertia centre"
     """The file that holds it."""
 
     @property
@@ -119,8 +118,7 @@ class Centre(Result):
             return {"value": value.tolist(), "standard_uncertainty": u[where], "interval95": intervals[where]}
 
         return {
-            "kind": KIND,
-            "version": VERSION,
+            **self.form(),
             "frame": "body",
             "about": "Q",
             "mass": {"value": self.mass, "standard_uncertainty": u[0], "interval95": intervals[0]},
@@ -160,7 +158,7 @@ class Centre(Result):
         Raises:
             RunError: it is not a centre of this version, or its figures cannot be used.
         """
-        if not isinstance(content, Mapping) or content.get("kind") != KIND:
+        if not isinstance(content, Mapping) or content.get("kind") != Centre.kind:
             raise RunError(f"{name} is no result of `inertia centre`: give the centre.json that it wrote")
         if content.get("version") != VERSION:
             raise RunError(f"{name} is of another version than {VERSION}: run `inertia centre` again")

@@ -29,6 +29,7 @@ class MonteCarloResult(Result):
     Example: ``montecarlo("barreto2016", trials=200).to_frame().loc[("T1", "central", "total")]``.
     """
 
+    kind = "inertia montecarlo"
     trials: int
     seed: int
     nominal: np.ndarray
@@ -63,6 +64,7 @@ class MonteCarloResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²."""
         return {
+            **self.form(),
             "trials": self.trials,
             "seed": self.seed,
             "unit": "g*m^2",

@@ -1,17 +1,19 @@
-"""``inertia schema``: the JSON Schema of a TOML file, by which editors complete and check it."""
+"""``inertia schema``: the JSON Schema of a TOML file, by which editors complete and check it; that of result files."""
 
 import argparse
 import json
+from importlib.resources import files
 from typing import Any
 
 ERRORS = ()
 FILES = ("experiment", "rig", "map", "body")
+RESULT = "result"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "file", nargs="?", choices=FILES, default=FILES[0], help="which kind of file (default: %(default)s)"
+        "file", nargs="?", choices=(*FILES, RESULT), default=FILES[0], help="which kind of file (default: %(default)s)"
     )
 
 
@@ -22,7 +24,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def file_schema(file: str) -> dict[str, Any]:
-    """Return the JSON Schema of a kind of file: one of ``FILES``."""
+    """Return the JSON Schema of a kind of file: one of ``FILES``, made of its tables, or ``RESULT``, as shipped."""
+    if file == RESULT:
+        return json.loads((files("uq") / "schemas" / "result.json").read_text("utf-8"))
     from rig.record.rig_file import RigFile
     from rig.toml_tables import TomlTable
     from uq.bodies.reference import BodyFile

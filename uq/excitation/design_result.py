@@ -28,6 +28,7 @@ class DesignReport(Result):
     Example: ``design_report(design(experiment)).to_frame().loc["designed"]``.
     """
 
+    kind = "inertia design"
     design: Design
     goal: str
     laws: Mapping[str, Breakdown[LawStatistics]]
@@ -167,6 +168,7 @@ class DesignReport(Result):
         """Return the content of result.json, in g·m²."""
         design = self.design
         return {
+            **self.form(),
             "unit": "g*m^2",
             "goal": self.goal,
             "objective": design.objective,

@@ -79,6 +79,7 @@ class LawResult(Result):
     """
 
     name = "law"
+    kind = "inertia law"
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
     breakdowns: Mapping[str, Mapping[str, Breakdown[LawStatistics]]]
@@ -100,6 +101,7 @@ class LawResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²: shaped as the Monte Carlo's, without standard errors."""
         return {
+            **self.form(),
             "unit": "g*m^2",
             "trajectories": {
                 trajectory: {estimator: breakdown.to_dict() for estimator, breakdown in of_trajectory.items()}

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.result_schema import contradictions
 from uq.cli.main import main
 
 ROOT = Path(__file__).parents[3]
@@ -41,6 +42,14 @@ def bench(tmp_path_factory):
     arguments = ["--experiment", str(FILE), "--centre", centre, "--out", str(folder / "certificate")]
     assert main(["identify", run, *arguments]) == 0
     return folder
+
+
+def test_its_result_files_follow_the_shipped_schema_which_misses_a_key(bench):
+    for path in (bench / "weighed" / "centre.json", bench / "certificate" / "result.json"):
+        content = json.loads(path.read_text("utf-8"))
+        assert contradictions(json.dumps(content)) == []
+        for key in ("version", "covariance", "warnings"):
+            assert contradictions(json.dumps({name: value for name, value in content.items() if name != key})) != []
 
 
 def test_inspection_of_its_recording_has_no_finding(bench):
