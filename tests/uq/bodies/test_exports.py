@@ -69,9 +69,7 @@ def check(parameters, mass, r_cg, tensor, rtol=RTOL):
 
 
 def of_mujoco(content):
-    spec = mujoco.MjSpec.from_string(content)
-    spec.compiler.fusestatic = False
-    model = spec.compile()
+    model = mujoco.MjModel.from_xml_string(content)
     number = model.body("body").id
     turn = Rotation.from_quat(model.body_iquat[number], scalar_first=True).as_matrix()
     return model.body_mass[number], model.body_ipos[number], turn @ np.diag(model.body_inertia[number]) @ turn.T

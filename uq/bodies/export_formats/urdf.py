@@ -12,6 +12,7 @@ def urdf(body: ExportedBody) -> str:
     return xml_document(
         body,
         f"<robot name={quoteattr(body.name)}>",
+        '  <mujoco><compiler fusestatic="false"/></mujoco>',  # else MuJoCo merges the link with the world
         f"  <link name={quoteattr(body.name)}>",
         "    <inertial>",
         f'      <origin xyz="{numbers(body.r_cg)}" rpy="0 0 0"/>',
