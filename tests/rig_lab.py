@@ -62,7 +62,7 @@ class Bench:
             {"name": "imu", "kind": "xsens", "options": {"rate": 400.0}, "baudrate": 921600, **common},
         ]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rig.record.emulator"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-m", "rig.emulation"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         self.tell(json.dumps(specs))
         self.ports = json.loads(self.process.stdout.readline())["ports"]

@@ -33,6 +33,10 @@ class Emulator(ABC):
     def receive(self, data: bytes) -> bytes:
         """What the device answers to these bytes; may switch ``streaming``."""
 
+    def inquired(self, number: int, data: bytes) -> bytes:
+        """What a network device answers on its other TCP port ``number``; nothing if it has none."""
+        return b""
+
     @abstractmethod
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
         """The bytes of sample number ``index`` at device time ``time`` [s], values as in ``Sample``."""
@@ -48,6 +52,9 @@ class Device(ABC):
     OPTIONS: ClassVar[dict[str, object]] = {}
     ASKED: ClassVar[bool] = True  # whether ports are asked for it when devices are looked for
     SETTLING: ClassVar[float] = 0.0  # seconds that the device may take to boot after its port was opened
+    NETWORK: ClassVar[Literal["", "udp", "tcp"]] = ""  # how a device on the network is spoken to
+    NUMBER: ClassVar[int] = 0  # the port of a device on the network
+    INQUIRIES: ClassVar[tuple[int, ...]] = ()  # its other TCP ports that the conversation asks
 
     def __init__(self, **options: object) -> None:
         for name, value in options.items():

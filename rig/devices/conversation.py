@@ -19,6 +19,16 @@ class Listen(NamedTuple):
     seconds: float
 
 
+class Inquire(NamedTuple):
+    """Ask another TCP port of the same host; it answers ``(all bytes until that side closes, seconds it took)``.
+
+    No bytes: nobody answers there, or the port is no network's.
+    """
+
+    number: int
+    data: bytes
+
+
 @dataclass(frozen=True)
 class Identity:
     """Who answered: model, serial number, firmware, and the settings it reported back.
@@ -41,9 +51,9 @@ class NoAnswerError(RigError):
         self.heard = heard
 
 
-Conversation = Generator[Send | Listen, tuple[bytes, float], Identity]
-T = TypeVar("T")
 Heard = tuple[bytes, float]
+Conversation = Generator[Send | Listen | Inquire, Heard, Identity]
+T = TypeVar("T")
 
 
 def ask(

@@ -41,6 +41,8 @@ class Counts:
         resynchronisations: how often the parser lost the frames and found them again.
         missing: messages that the device's counter says it sent and that never came.
         flagged: samples that the device marked out of range or invalid.
+        reordered: datagrams that came after a later one; one that came too late to be put in its place is ``missing``.
+        repeated: datagrams that came twice; the second is not a sample.
     """
 
     bytes: int = 0
@@ -52,6 +54,8 @@ class Counts:
     resynchronisations: int = 0
     missing: int = 0
     flagged: int = 0
+    reordered: int = 0
+    repeated: int = 0
 
 
 WAIT, NO_FRAME = -1, 0

@@ -37,7 +37,7 @@ class DeviceSource:
         self.clock_jumps = 0  # samples whose device time is no clock's; they are stamped by their arrival
         self.identity = reader.identity or Identity()
         self._past = Counts()
-        serial = not entry.port.startswith("udp:")
+        serial = not entry.device.NETWORK and not entry.port.startswith(("udp:", "tcp:"))
         self._byte_time = 10e9 / entry.baudrate if serial else 0.0
         self._wire = round(entry.device.FRAME_BYTES * self._byte_time)
         self._plain = entry.matrix == IDENTITY or entry.device.measures == "values"
@@ -65,7 +65,7 @@ class DeviceSource:
         if event.lost:
             self._change("unplugged", event.time)
         elif event.answered is not None:
-            self._reconnect(event.answered)
+            yield from self._reconnect(event.answered, event.time)
         else:
             self._bytes_since += len(event.data)
             before = self.parser.counts.bytes
@@ -77,13 +77,18 @@ class DeviceSource:
                 self._change("ok", event.time)
                 self._last_sample, self._bytes_since = event.time, 0
 
-    def _reconnect(self, identity: Identity) -> None:
-        self.parser.finish()
+    def _reconnect(self, identity: Identity, now: int) -> Iterator[Measurement]:
+        yield from self._rest(now)
         self._past, self.identity = self.counts, identity
         self._before = self._past.samples + self._past.missing
         self.reconnects += 1
         self._fresh()
         self._bytes_since = 0
+
+    def _rest(self, now: int) -> Iterator[Measurement]:
+        """What the parser still held back when the bytes ended."""
+        for sample in self.parser.finish():
+            yield self._measure(sample, now, self.parser.counts.bytes)
 
     def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
         arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
@@ -133,12 +138,12 @@ class DeviceSource:
             self.troubles.append(f"{self.entry.name}: {TROUBLES[state].format(port=self.entry.port)}")
         self.state = state
 
-    def finish(self, now: int) -> None:
+    def finish(self, now: int) -> list[Measurement]:
         """The recording has ended; a sensor that went silent just before has lost data all the same."""
         self.look(now, patience=LAST_SILENCE)
-        self.parser.finish()
         if self.state != "ok":
             self.downtime += now - self._last_sample
+        return list(self._rest(now))
 
     @property
     def complete(self) -> bool:

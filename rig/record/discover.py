@@ -10,7 +10,7 @@ from serial.tools import list_ports
 from rig.devices import create_device, device_class, kinds
 from rig.devices.conversation import Identity, NoAnswerError
 from rig.exceptions import RigError
-from rig.record.port import Port, PortLostError, converse, open_port
+from rig.record.port import Port, PortLostError, converse, on_network, open_port
 
 BY_ID = Path("/dev/serial/by-id")
 
@@ -45,7 +45,8 @@ def discover(names: Sequence[str] | None = None) -> list[DiscoveredPort]:
 
 def _ask(name: str, description: str) -> DiscoveredPort:
     for kind in kinds():
-        if not device_class(kind).ASKED:
+        device = device_class(kind)
+        if not device.ASKED or (name[:3] if on_network(name) else "") != device.NETWORK:
             continue
         try:
             identity = _identify(name, kind)
@@ -59,7 +60,7 @@ def _ask(name: str, description: str) -> DiscoveredPort:
 
 def _identify(name: str, kind: str) -> Identity:
     device = create_device(kind)
-    port: Port = open_port(name, device.BAUDRATE)
+    port: Port = open_port(name, device.BAUDRATE, device.NUMBER)
     try:
         identity = converse(device.start(), port)
         port.write(device.stop())

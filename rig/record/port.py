@@ -1,4 +1,4 @@
-"""Ports: serial lines through pyserial, and UDP. Blocking reads with a time-out; every failure in one clear line."""
+"""Ports: serial lines through pyserial, UDP, TCP. Blocking reads with a time-out; every failure in one clear line."""
 
 import errno
 import os
@@ -6,15 +6,20 @@ import select
 import socket
 import time
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
+from urllib.parse import parse_qsl, urlsplit
 
 import serial
 
-from rig.devices.conversation import Conversation, Identity, Send
-from rig.exceptions import RigError
+from rig.devices.conversation import Conversation, Identity, Inquire, Send
+from rig.exceptions import RigError, quoted
 
 TIMEOUT = 0.1  # seconds that a read may wait
 LARGEST_READ = 65536
+LARGEST_ANSWER = 2**20  # bytes of an answer on another port
+QUIET = 2.0  # seconds without a byte after which a device on the network is asked anew: a restart forgets its clients
+PATIENCE = 2.0  # seconds to connect, and to answer on another port
+BUFFER = 2**20  # bytes that the system keeps for us while we are busy
 SAID = {"PermissionError": errno.EBUSY, "FileNotFoundError": errno.ENOENT}
 
 
@@ -109,12 +114,114 @@ class UdpPort:
         self._socket.close()
 
 
-def open_port(name: str, baudrate: int) -> Port:
-    """Open a serial port (``/dev/...``, ``COM3``) or ``udp:NUMBER``.
+class Address(NamedTuple):
+    """Where a device on the network is: ``udp://HOST``, ``tcp://HOST:NUMBER``, ``udp://HOST:NUMBER?80=8080``.
+
+    ``others`` are numbers that stand for the device's other ports, behind a gateway or for an emulated device.
+    """
+
+    scheme: str
+    host: str
+    number: int
+    others: dict[int, int]
+
+    @classmethod
+    def of(cls, name: str, number: int = 0) -> "Address":
+        """Read an address; ``number`` where it names none. Raises ValueError."""
+        parts = urlsplit(name)
+        others = {int(key): int(value) for key, value in parse_qsl(parts.query, strict_parsing=bool(parts.query))}
+        address = cls(parts.scheme, parts.hostname or "", parts.port or number, others)
+        if not (address.host and address.number) or parts.path or parts.fragment or parts.username:
+            raise ValueError(name)
+        return address
+
+
+class NetworkPort:
+    """A device on the network, by UDP (a read is one datagram) or TCP."""
+
+    def __init__(self, address: Address) -> None:
+        self._address = address
+        self._name = f"{address.scheme}://{address.host}:{address.number}"
+        kind = socket.SOCK_DGRAM if address.scheme == "udp" else socket.SOCK_STREAM
+        try:
+            family, *_, where = socket.getaddrinfo(address.host, address.number, type=kind)[0]
+        except (OSError, UnicodeError) as error:
+            raise RigError(f"no address {address.host} on the network: correct `port`, or write its number") from error
+        self._socket = socket.socket(family, kind)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        self._socket.settimeout(PATIENCE)
+        try:
+            self._socket.connect(where)
+        except OSError as error:
+            self._socket.close()
+            raise RigError(f"no connection to {self._name} ({_said(error)}): check address, power and cable") from error
+        self._socket.settimeout(TIMEOUT)
+        self._quiet = 0.0
+
+    def read(self) -> bytes:
+        """What has arrived: one datagram, or the bytes of the connection."""
+        try:
+            data = self._socket.recv(LARGEST_READ)
+        except TimeoutError:
+            self._quiet += TIMEOUT
+            if self._quiet > QUIET:
+                raise PortLostError(f"nothing for {QUIET:g} s") from None
+            return b""
+        except OSError as error:
+            raise PortLostError(_said(error)) from error
+        if not data and self._address.scheme == "tcp":
+            raise PortLostError("it hung up")
+        self._quiet = 0.0
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send, over UDP as one datagram."""
+        try:
+            self._socket.sendall(data)
+        except OSError as error:
+            raise PortLostError(_said(error)) from error
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+    def inquire(self, number: int, data: bytes) -> bytes:
+        """The answer of the device's other TCP port ``number``, until that side closes; empty where there is none."""
+        answer = b""
+        where = (self._address.host, self._address.others.get(number, number))
+        try:
+            with socket.create_connection(where, PATIENCE) as other:
+                other.sendall(data)
+                while (more := other.recv(LARGEST_READ)) and len(answer) < LARGEST_ANSWER:
+                    answer += more
+        except OSError:
+            return answer
+        return answer
+
+
+def _said(error: OSError) -> str:
+    return "no answer" if isinstance(error, TimeoutError) else error.strerror or str(error)
+
+
+def on_network(name: str) -> bool:
+    """Whether a port's name is the address of a device on the network."""
+    return name.startswith(("udp://", "tcp://"))
+
+
+def open_port(name: str, baudrate: int, number: int = 0) -> Port:
+    """Open a serial port (``/dev/...``, ``COM3``), ``udp:NUMBER``, ``udp://HOST`` or ``tcp://HOST``.
+
+    ``number`` is the port of a device on the network whose address names none.
 
     Raises:
         RigError: it cannot be opened; the line says what to do.
     """
+    if on_network(name):
+        try:
+            address = Address.of(name, number)
+        except ValueError as error:
+            raise RigError(f"{quoted(name)} is no address: write udp://ADDRESS or tcp://ADDRESS:NUMBER") from error
+        return NetworkPort(address)
     if name.startswith("udp:"):
         return UdpPort(int(name[4:]))
     return SerialPort(name, baudrate)
@@ -169,6 +276,10 @@ def converse(conversation: Conversation, port: Port) -> Identity:
         if isinstance(request, Send):
             port.write(request.data)
             answer = None
+        elif isinstance(request, Inquire):
+            start = time.monotonic()
+            heard = port.inquire(*request) if isinstance(port, NetworkPort) else b""
+            answer = heard, time.monotonic() - start
         else:
             start = time.monotonic()
             answer = port.read(), time.monotonic() - start

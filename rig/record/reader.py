@@ -58,13 +58,13 @@ class Reader(threading.Thread):
             self.failure = error
 
     def _connect(self) -> Port:
-        port = open_port(self._port_name, self.entry.baudrate)
+        port = open_port(self._port_name, self.entry.baudrate, self.entry.device.NUMBER)
         try:
             self.identity = converse(self.entry.device.start(), port)
         except PortLostError as error:
             port.close()
             raise RigError(
-                f"port lost {self._port_name}: check the cable and the power of {self.entry.name}"
+                f"port lost {self._port_name} ({error}): check the cable and the power of {self.entry.name}"
             ) from error
         except NoAnswerError as error:
             port.close()
@@ -108,10 +108,7 @@ class Reader(threading.Thread):
 def unanswered(entry: Entry, port_name: str, heard: int) -> RigError:
     """Why a device did not answer, as far as one can tell, and what to do."""
     if heard:
-        return RigError(
-            f"no sense in the {heard} bytes of {entry.name} on {port_name}: wrong baud rate ({entry.baudrate}) or "
-            f"another device than '{entry.kind}', set `baudrate` or `kind`"
-        )
+        return RigError(f"no sense in the {heard} bytes of {entry.name} on {port_name}: {entry.wrong_device}")
     return RigError(
         f"no answer from {entry.name} on {port_name}: check its power and cable, and that it is a '{entry.kind}'"
     )

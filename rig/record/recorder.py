@@ -268,8 +268,10 @@ class Recorder:
         self._drain(session)
         summary = self.summary
         for source in session.sources:
-            source.finish(now)
-            summary.devices[source.entry.name] = self._device_summary(source)
+            name = source.entry.name
+            for measurement in source.finish(now):
+                self._write(self._channels[name], self._encoders[name], measurement)
+            summary.devices[name] = self._device_summary(source)
         self._report_troubles(session)
         self._status(session, now)
         self._estimate_delays(session)

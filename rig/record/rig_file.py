@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -13,6 +14,7 @@ from rig.devices import create_device, kinds
 from rig.devices.base import Device
 from rig.exceptions import RigError
 from rig.read_limits import require_file
+from rig.record.port import Address, on_network
 from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
 
 Matrix = tuple[tuple[float, float, float], ...]
@@ -32,7 +34,7 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
     kind: Annotated[Text, msgspec.Meta(extra_json_schema={"enum": list(kinds())})]
     """The family of devices."""
     port: Text
-    """A serial port, best by /dev/serial/by-id/...; udp:NUMBER; or emulator:RUN.mcap."""
+    """A serial port, best by /dev/serial/by-id/...; udp://ADDRESS or tcp://ADDRESS; udp:NUMBER; emulator:RUN.mcap."""
     baudrate: Annotated[int, msgspec.Meta(ge=1, le=100_000_000)] | None = None
     """Missing: the device's own."""
     topic: str | None = None
@@ -52,10 +54,7 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
         """Refuse a name, a port or a rotation that is none."""
         if not self.name.isidentifier():
             raise WrongKeyError("name", "use letters, digits and underscores")
-        number = self.port.removeprefix("udp:")
-        whole = number.isascii() and number.isdigit() and len(number) <= 5
-        if number != self.port and not (whole and 0 < int(number) < 65536):
-            raise WrongKeyError("port", "write udp:NUMBER, for example udp:5005")
+        self._check_port()
         rows = self.rotation_to_body
         products = [sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows]
         (a, b, c), (d, e, f), (g, h, i) = rows
@@ -63,6 +62,18 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
         orthonormal = all(abs(v - (k % 4 == 0)) <= 1e-3 for k, v in enumerate(products))  # so written that NaN fails
         if not (orthonormal and determinant > 0):
             raise WrongKeyError("rotation_to_body", "its rows must be orthonormal, right-handed", "is no rotation")
+
+    def _check_port(self) -> None:
+        if on_network(self.port):
+            try:
+                Address.of(self.port, 1)
+            except ValueError as error:
+                raise WrongKeyError("port", "write udp://ADDRESS or tcp://ADDRESS:NUMBER") from error
+            return
+        number = self.port.removeprefix("udp:")
+        whole = number.isascii() and number.isdigit() and len(number) <= 5
+        if number != self.port and not (whole and 0 < int(number) < 65536):
+            raise WrongKeyError("port", "write udp:NUMBER to listen, such as udp:5005, or udp://ADDRESS")
 
 
 class RigFile(TomlTable, frozen=True, kw_only=True):
@@ -83,7 +94,7 @@ class Entry:
 
     Attributes:
         name: unique, of letters, digits and underscores.
-        port: a serial port, ``udp:NUMBER`` or ``emulator:RUN.mcap``.
+        port: a serial port, ``udp://ADDRESS``, ``tcp://ADDRESS``, ``udp:NUMBER`` or ``emulator:RUN.mcap``.
         matrix: what turns three raw components into those in the body frame: the rotation to the body frame, and for a
             load cell that reads the wrench on itself the sign.
         delay_to: name of the IMU device whose angular velocity follows this device's columns omega_x, omega_y, omega_z.
@@ -99,6 +110,13 @@ class Entry:
     matrix: Matrix
     settings: dict[str, str]
     delay_to: str = ""
+
+    @property
+    def wrong_device(self) -> str:
+        """What to do when bytes come that make no sense."""
+        if self.device.NETWORK:
+            return f"another device than '{self.kind}' is at this address, correct `port` or `kind`"
+        return f"wrong baud rate ({self.baudrate}) or another device than '{self.kind}', set `baudrate` or `kind`"
 
     @property
     def required(self) -> bool:
@@ -140,6 +158,7 @@ def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
     lines = {"whole_lines": True} if table.port.startswith("udp:") and table.kind == "line" else {}
     device = create_device(table.kind, **{**table.options, **lines})
     sign = _sign(table, device)
+    _check_line(table, device)
     return Entry(
         name=table.name,
         kind=table.kind,
@@ -152,6 +171,21 @@ def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
         settings={key: text for key, text in settings.items() if key not in ("name", "port")},
         delay_to=table.delay_to,
     )
+
+
+def _check_line(table: DeviceTable, device: Device) -> None:
+    """Refuse a port that a device cannot be on."""
+    where, network, emulated = f"device[{table.name}]", device.NETWORK, table.port.startswith("emulator:")
+    if network and not (emulated or table.port.startswith(f"{network}://")):
+        raise RigError(f"{where}.port is no address, and '{table.kind}' is on the network: write {network}://ADDRESS")
+    if network and table.baudrate is not None:
+        raise RigError(f"{where}.baudrate is for serial lines, and '{table.kind}' is on the network: remove it")
+    if network and device.rate < 1:
+        raise RigError(
+            f"{where}.options.rate: 1 Hz or more, as a silence of 2 s says that '{table.kind}' has restarted"
+        )
+    if not network and on_network(table.port) and (table.port.startswith("udp") or not urlsplit(table.port).port):
+        raise RigError(f"{where}.port: '{table.kind}' is on a serial line; a serial server is tcp://ADDRESS:NUMBER")
 
 
 def _sign(table: DeviceTable, device: Device) -> float:

@@ -27,6 +27,8 @@ EMULATOR_OPTIONS = {
     "delay": (-3600.0, 3600.0),
     "rate": (LEAST_RATE, MOST_RATE),
     "loop": (0.0, 1.0),
+    "lose": (0.0, 1e9),
+    "swap": (0.0, 1e9),
 }
 """The least and the greatest value of each."""
 
@@ -39,7 +41,7 @@ class Emulators:
             raise RigError("no emulated sensors on this system, which has no pseudo-terminals: use Linux, macOS or WSL")
         specs = [_spec(entry, folder) for entry in entries]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rig.record.emulator"],
+            [sys.executable, "-m", "rig.emulation"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -58,7 +60,7 @@ class Emulators:
         return self._answer()["start"]
 
     def command(self, text: str) -> None:
-        """Send one command line (see ``rig.record.emulator``)."""
+        """Send one command line (see ``rig.emulation.__main__``)."""
         assert self.process.stdin is not None  # noqa: S101
         with suppress(BrokenPipeError):  # the missing answer shows it
             self.process.stdin.write(text.encode() + b"\n")
@@ -89,6 +91,8 @@ def _spec(entry: Entry, folder: Path) -> dict:
     name, _, query = entry.port.removeprefix("emulator:").partition("?")
     spec: dict = {"name": entry.name, "kind": entry.kind, "options": entry.device.options}
     spec |= dict(_emulator_option(entry, text) for text in query.split("&") if text)
+    if entry.device.NETWORK != "udp" and spec.keys() & {"lose", "swap"}:
+        raise RigError(f"options 'lose' and 'swap' in the port of {entry.name} are for devices on UDP: remove them")
     run = name if os.path.isabs(name) else str(folder / name)
     if not os.path.isfile(run):
         raise RigError(f"no run {run} for the emulated {entry.name}: write one with `inertia simulate`")
@@ -173,10 +177,7 @@ class Session:
             self._raise_if_ended()
             if time.monotonic() > deadline:
                 entry = missing[0].entry
-                raise RigError(
-                    f"no sense in the bytes of {entry.name} on {entry.port}: wrong baud rate ({entry.baudrate}), or "
-                    f"another device than '{entry.kind}': set `baudrate` or `kind`"
-                )
+                raise RigError(f"no sense in the bytes of {entry.name} on {entry.port}: {entry.wrong_device}")
             time.sleep(0.002)
 
     def _raise_if_ended(self) -> None:

@@ -9,7 +9,7 @@ import pytest
 from rig.devices import bota, create_device, kinds, microstrain, robotous, vectornav, vectornav_ascii, xsens
 from rig.devices.base import Device
 from rig.devices.checksums import crc16_x25
-from rig.devices.conversation import Listen, NoAnswerError, Send
+from rig.devices.conversation import Inquire, Listen, NoAnswerError, Send
 from rig.exceptions import RigError
 from tests.rig_samples import SHARED
 
@@ -246,7 +246,7 @@ def test_the_first_half_line_is_passed_over():
 @pytest.mark.parametrize(
     ("kind", "options", "words"),
     [
-        ("bota2", {}, "unknown device kind .*choose one of bota"),
+        ("bota2", {}, "unknown device kind .*choose one of ati-net-ft, bota"),
         ("bota", {"speed": 3}, "unknown option 'speed'.*rate, configure"),
         ("bota", {"rate": "fast"}, "give a number"),
         ("bota", {"rate": True}, "give a number"),
@@ -275,6 +275,8 @@ def talk(conversation, emulator, *, silent=False, boots=True):
             if isinstance(request, Send):
                 heard.append(b"" if silent else emulator.receive(request.data))
                 answer = None
+            elif isinstance(request, Inquire):
+                answer = (b"" if silent else emulator.inquired(*request), 0.0)
             else:
                 assert isinstance(request, Listen)
                 if emulator.streaming and not silent:
@@ -290,14 +292,20 @@ def talk(conversation, emulator, *, silent=False, boots=True):
 KINDS_THAT_TALK = [kind for kind in kinds() if kind != "line"]
 RATES = {"robotous": 200.0, "vectornav": 200.0, "vectornav-ascii": 100.0, "bota": 800.0, "robotiq-ft": 100.0}
 ONE_RATE = {"robotiq-ft"}
-RESOLUTION = {"robotous": 0.0101, "robotiq-ft": 0.0051, "microstrain": 2e-7}  # half a step; f32 of a g
+SET_ELSEWHERE = {"ati-net-ft"}  # its rate, on its own page
+RESOLUTION = {
+    "ati-net-ft": 5.1e-7,
+    "robotous": 0.0101,
+    "robotiq-ft": 0.0051,
+    "microstrain": 2e-7,
+}  # half a step; f32 of a g
 
 
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)
 def test_the_conversation_identifies_configures_and_starts(kind):
     rate = RATES.get(kind, 250.0)
     device = create_device(kind, **({} if kind in ONE_RATE else {"rate": rate}))
-    emulator = device.emulator(rate=1.0)
+    emulator = device.emulator(rate=rate if kind in SET_ELSEWHERE else 1.0)
     identity = talk(device.start(), emulator)
     assert emulator.streaming
     assert emulator.rate == pytest.approx(rate)
@@ -330,7 +338,8 @@ def test_a_silent_device_is_no_answer(kind):
 
 @pytest.mark.parametrize("kind", KINDS_THAT_TALK)
 def test_a_device_that_must_not_be_configured_is_sent_nothing(kind):
-    device = create_device(kind, configure=False)
+    counts = {"counts_per_force": 1e6, "counts_per_torque": 1e6} if kind == "ati-net-ft" else {}
+    device = create_device(kind, configure=False, **counts)
     with pytest.raises(StopIteration):
         device.start().send(None)
     assert device.stop() == b""

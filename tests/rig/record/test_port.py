@@ -3,8 +3,8 @@
 import os
 import tty
 
+from rig.emulation.endpoints import Pty
 from rig.record.discover import discover
-from rig.record.emulator import Pty
 from rig.record.port import SerialPort
 
 

@@ -1,0 +1,1 @@
+"""Emulated sensors: a process that plays a run through pseudo-terminals and sockets."""
