@@ -7,10 +7,12 @@ from rig.exceptions import quoted
 from uq.excitation.design import design
 from uq.excitation.design_report import design_report
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.planning.motion_export import MotionExport, export_motion
 from uq.planning.pose_plan import POSES, plan_poses
 from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
+from uq.terminal.sources import add_without_option, shares_named
 from uq.tracking.achieved_motion import achieved
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -61,6 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rehearsal-amplitude", type=float, metavar="PART", help="and at this part of its amplitude (1)"
     )
+    add_without_option(parser)
     parser.add_argument("--achieved", metavar="RUN.mcap", help="compare a recorded run with its plan, design nothing")
     parser.add_argument("--trajectory", metavar="NAME", help="with --achieved: the plan (designed, or the first)")
 
@@ -71,12 +74,12 @@ def run(arguments: argparse.Namespace) -> int:
     targets = [_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
     duration = None if arguments.duration is None else _quantity("--duration", arguments.duration, "s")
     start_jax()
-    experiment = Experiment.load(arguments.experiment)
+    experiment = leave_out(Experiment.load(arguments.experiment), arguments.without)
     with output_folder(arguments.out) as out:
         if arguments.achieved is not None:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
-        with ProgressBar(unit="steps") as bar:
+        with ProgressBar(unit="steps") as bar, shares_named(experiment, out):
             given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
             designed = design(experiment, duration=duration, progress=bar, **given)

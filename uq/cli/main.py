@@ -28,6 +28,7 @@ COMMANDS = {
     "inspect": "channels, rates, gaps, held samples, clocks, suspicious units and axes of a run",
     "simulate": "write a synthetic recorded run with the experiment's errors",
     "centre": "mass, centre of gravity and the load cell's offsets from static poses",
+    "plan": "which sensor is worth improving, and how long must I measure?",
     "design": "the best trajectory this platform can run, as poses and leg lengths",
     "schema": "the JSON Schema of a TOML file, for editors",
     "identify": "identify the inertia tensor from recorded runs",

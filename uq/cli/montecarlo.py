@@ -1,16 +1,20 @@
 """``inertia montecarlo``: any body, platform, sensors and trajectory."""
 
 import argparse
+from pathlib import Path
 
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
+from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import law_report
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.source_budget import budget
 from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
+from uq.terminal.sources import add_without_option, shares_named
 from uq.trials.checkpoint import Checkpoint
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -50,6 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
     )
+    add_without_option(parser)
     add_cluster_options(parser)
 
 
@@ -66,9 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
-    experiments = Experiment.load_bodies(arguments.experiment)
-    asked = experiments if arguments.law else {}
-    laws = {name: law(e, arguments.trajectory, arguments.estimator) for name, e in asked.items()}
+    loaded = Experiment.load_bodies(arguments.experiment)
+    experiments = {name: leave_out(experiment, arguments.without) for name, experiment in loaded.items()}
+    laws = {name: _law(arguments, name, experiment) for name, experiment in experiments.items() if arguments.law}
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
         checkpoints = {
@@ -96,6 +101,12 @@ def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
             if checkpoint is not None:
                 checkpoint.remove()
     return 0
+
+
+def _law(arguments: argparse.Namespace, name: str, experiment: Experiment) -> LawResult:
+    """The law, before any trial; shares of what it does not take are in the folder if a campaign was there before."""
+    with shares_named(experiment, Path(arguments.out, name) if arguments.out else None):
+        return law(experiment, arguments.trajectory, arguments.estimator)
 
 
 def _campaign(

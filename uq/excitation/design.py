@@ -20,6 +20,8 @@ from uq.excitation.reference_trajectory import (
 from uq.excitation.rig_limits import resolved_limits, uses
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
+from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
+from uq.propagation.prepared_run import prepared_run
 
 FINER = 10
 """Times as many at which the limits are checked in the end."""
@@ -138,6 +140,7 @@ def design(
     tell = progress or (lambda *_: None)
     reference, given = experiment.select(reference)
     _check_rate(experiment, reference, given)
+    _check_sources(experiment, given)
     limits = resolved_limits(experiment, FINER * GRID)
     fine = FINER * GRID * limits.bandwidth
     given = given if duration is None else scaled(given, 1.0, 1.0, duration)
@@ -179,6 +182,15 @@ def _check(goal: str, objective: str, starts: int, period: float, duration: floa
     for name, value in (("period", period), ("duration", duration)):
         if value is not None and not 0 < value < np.inf:
             raise ExperimentError(f"a {name} of {value:g} s: give seconds above zero")
+
+
+def _check_sources(experiment: Experiment, spec: TrajectorySpec) -> None:
+    """Refuse, before a long search, all sources that the prediction or the law of the reference does not take."""
+    peaks = ANYWHERE
+    if not all(source.drawn for source in experiment.sources):  # a range or a step, which matter by the signals' size
+        peaks = prepared_run(experiment, spec, [differentiator(highest_frequency(spec))]).peaks
+    if reasons := beyond_the_prediction(experiment.sources, experiment.mixing, peaks):
+        raise BeyondLawError(reasons)
 
 
 def _check_rate(experiment: Experiment, name: str, spec: TrajectorySpec) -> None:

@@ -15,6 +15,7 @@ from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
 from uq.excitation.platform_scene import FRAMES, Scene, scene
 from uq.experiment.experiment import Experiment
+from uq.planning.duration_figure import duration_drawing
 from uq.planning.required_duration import Duration
 from uq.propagation.law_result import LawStatistics
 
@@ -86,13 +87,6 @@ def design_drawings(
         }
         return contributions(cases)
 
-    def growth():
-        from uq.excitation import design_figures
-
-        goals = {duration.goal for duration in durations}
-        targets = {goal: [each.target for each in durations if each.goal == goal] for goal in goals}
-        return design_figures.durations(durations[0].growth, targets)
-
     return [
         Drawing("platform", f"{view.seconds:g} s of the motion, as fast and as large; {VIEW}", platform, animated),
         Drawing("motion", f"{t[-1] - t[0]:.0f} s from the middle.", motions),
@@ -100,7 +94,7 @@ def design_drawings(
         Drawing("coverage", COVERAGE.format(*visited), coverage),
         Drawing("components", COMPONENTS_OF, components),
         Drawing("budgets", BUDGETS, budgets),
-        Drawing("durations", DURATIONS, growth),
+        duration_drawing(durations),
     ]
 
 
@@ -139,4 +133,3 @@ COMPONENTS_OF = "3σ and mean error of each component with each trajectory, all 
 BUDGETS = (
     "Average 3σ of moments and of products, all sources and each alone; dashed: what no motion can beat, if known."
 )
-DURATIONS = "Average 3σ over the duration; grey: the duration as designed; dotted: the targets."

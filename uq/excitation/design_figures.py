@@ -6,13 +6,12 @@ import matplotlib
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
-from matplotlib.ticker import ScalarFormatter
 
 from identify.figure_style import AXIS_COLOURS, HATCHES, PAGE, PALETTE, STYLE, display_name, label
 from identify.motion.leg_limits import Effort, Limits
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.campaign.statistics import Breakdown
-from uq.planning.required_duration import Growth, average
+from uq.planning.required_duration import average
 from uq.propagation.law_result import LawStatistics
 
 LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
@@ -106,36 +105,4 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
             panel.set_title(goal)
         panels[0].set_ylabel("average 3σ [g·m²]")
         panels[1].legend()
-    return figure
-
-
-def durations(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
-    """Draw the average 3σ over the duration, all sources and each alone.
-
-    Args:
-        growth: of the sources' variances.
-        asked: targets of ``moments`` and ``products`` [kg·m²].
-    """
-    t = np.geomspace(
-        max(growth.duration / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.duration, 300
-    )
-    variances = growth.at(t)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
-        panels = figure.subplots(1, 2, sharey=True)
-        for panel, goal in zip(panels, ("moments", "products"), strict=True):
-            total = GRAM_METRE * average(variances.sum(axis=1), goal)
-            panel.plot(t, total, color="black", linewidth=1.6, label="total")
-            for k, name in enumerate(growth.names):
-                colour, dashes = PALETTE[1:][k % 7], ("-", "--", ":")[k // 7 % 3]
-                text = label(display_name(name))
-                panel.plot(t, GRAM_METRE * average(variances[:, k], goal), color=colour, linestyle=dashes, label=text)
-            for target in asked.get(goal, ()):
-                panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
-            panel.axvline(growth.duration, color=PALETTE[7], linewidth=0.8)
-            panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
-            panel.xaxis.set_major_formatter(ScalarFormatter())
-            panel.set_ylim(bottom=2e-3 * total.max())
-        panels[0].set_ylabel("average 3σ [g·m²]")
-        panels[1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return figure

@@ -44,7 +44,7 @@ from uq.sources.source_table import sources_of
 
 PRESETS = ("barreto2016",)
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
-BESIDE = ("report", "document", "folder", "file")
+BESIDE = ("report", "document", "folder", "file", "left_out")
 """Fields that say nothing of the measurement."""
 
 
@@ -90,6 +90,8 @@ class Experiment(Shown):
     """The table ``[report]`` as it stands, dates as strings; see :func:`uq.experiment.report_table.ReportTable`."""
     file: Mapping[str, str] = field(default_factory=dict)
     """Name and SHA-256 of the file; empty where there is none."""
+    left_out: tuple[str, ...] = ()
+    """Sources of the file that do not count here (:func:`uq.experiment.left_out.leave_out`)."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
@@ -265,8 +267,9 @@ class Experiment(Shown):
     def inputs(self) -> dict[str, Any]:
         """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
         values, same = self._in_si(), self.is_of_document()
-        about = {"experiment_file": dict(self.file)} if self.file else {}
+        about: dict[str, Any] = {"experiment_file": dict(self.file)} if self.file else {}
         about |= {"report": dict(self.report)} if self.report else {}
+        about |= {"left_out": list(self.left_out)} if self.left_out else {}
         return {"experiment": _plain(self.document) if same else None, "resolved": values, **about}
 
     def title(self) -> str:

@@ -18,6 +18,7 @@ from identify.motion.multisine import Multisine
 from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
+from identify.rounding import significant
 from identify.text_tables import Table
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
@@ -97,19 +98,20 @@ class Duration(Result):
         """Return what result.json says: kg·m², s."""
         return {
             "goal": self.goal, "target": self.target, "seconds": self.seconds, "reached": self.reached,
-            "forbids": self.forbids, "own": self.current_duration, "now": self.now, "checked": self.checked,
+            "unit": "kg*m^2", "forbids": self.forbids, "own": self.current_duration, "now": self.now,
+            "checked": self.checked,
         }  # fmt: skip
 
     def title(self) -> str:
         """Return what the target takes, in a sentence."""
-        wanted = f"average 3σ of {GRAM_METRE * self.target:.4g} g·m² ({self.goal})"
-        now = f"{GRAM_METRE * self.now:.4g} g·m² at {self.current_duration:g} s"
+        wanted = f"average 3σ of {_as_asked(self.target)} g·m² ({self.goal})"
+        now = f"{significant(GRAM_METRE * self.now, 4)} g·m² at {self.current_duration:g} s"
         if self.seconds is not None:
             how = "" if self.checked else "; extrapolated, too long to be checked"
-            return f"{wanted}: measure for {self.seconds:.4g} s (now {now}{how})"
+            return f"{wanted}: measure for {significant(self.seconds, 4)} s (now {now}{how})"
         return (
-            f"{wanted}: no duration reaches it, {GRAM_METRE * self.reached:.4g} g·m² is the least; "
-            f"{self.forbids} forbids it, which time does not average (now {now})"
+            f"{wanted}: no duration reaches it, {significant(GRAM_METRE * self.reached, 4)} g·m² is the least; "
+            f"{_words(self.forbids)} forbids it, which time does not average (now {now})"
         )
 
     def tables(self) -> list[Table]:
@@ -125,16 +127,25 @@ class Duration(Result):
         return [self.to_dict()]
 
 
+def _as_asked(target: float) -> str:
+    """A target in g·m², to four digits and without zeros behind them."""
+    return f"{float(f'{GRAM_METRE * target:.4g}'):.12g}"
+
+
+def _words(name: str | None) -> str:
+    return (name or "").replace("_", " ")
+
+
 def duration_table(durations: Sequence[Duration]) -> Table:
     """Return what each of several targets takes."""
     rows = []
     for duration in durations:
-        wanted = [duration.goal, f"{GRAM_METRE * duration.target:.3g}", f"{GRAM_METRE * duration.now:.3g}"]
+        wanted = [duration.goal, _as_asked(duration.target), significant(GRAM_METRE * duration.now, 3)]
         if duration.seconds is None:
-            least = f"{duration.forbids} leaves {GRAM_METRE * duration.reached:.3g} g·m²"
+            least = f"{_words(duration.forbids)} leaves {significant(GRAM_METRE * duration.reached, 3)} g·m²"
             rows.append([*wanted, "–", f"out of reach: {least}"])
         else:
-            rows.append([*wanted, f"{duration.seconds:.4g}", ""])
+            rows.append([*wanted, significant(duration.seconds, 4), "" if duration.checked else "extrapolated"])
     head = ["average 3σ of", "target, g·m²", "now, g·m²", "duration, s", "why"]
     return Table("How long must I measure?", head, rows, DURATION_NOTE)
 

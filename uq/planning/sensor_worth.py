@@ -4,8 +4,8 @@ The derivative is that of ``ln 3σ`` by ``ln sigma``: 0.8 says that one per cent
 cent less of the 3σ. Where sources add in squares, the derivatives of all of them add up to one.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,9 @@ from uq.planning.required_duration import average
 from uq.propagation.experiment_law import PreparedLaw, prepare_law
 from uq.sources.source import Source
 
+BOTH = ("moments", "products")
+NEGLIGIBLE = 5e-4
+"""Change of an average 3σ that a terminal does not show."""
 STEP = 0.01
 """Part of a sigma over which derivatives are taken; the error is of its square."""
 
@@ -41,6 +44,8 @@ class SensorWorth(Result):
     """Of ln 3σ by ln sigma."""
     halved: Float[np.ndarray, "sources 6"]
     """3σ with this source's sigma halved [kg·m²]."""
+    remarks: tuple[str, ...] = ()
+    """Why less of a source makes a 3σ larger, where it does."""
     name: str = "sensors"
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -62,6 +67,26 @@ class SensorWorth(Result):
                 cells += [f"{GRAM_METRE * then:.3g}", _signed(100 * (then / now[goal] - 1))]
             rows.append([*cells, *(fixed(value, 3) for value in self.derivative[k])])
         return head, rows
+
+    def changes(self) -> Float[np.ndarray, "sources 2"]:
+        """Return what halving each source's sigma changes the average 3σ of moments and of products by, in parts."""
+        now, halved = ([average((w / 3) ** 2, goal) for goal in BOTH] for w in (self.three_sigma, self.halved))
+        return np.stack(halved, axis=1) / np.array(now) - 1
+
+    def overview(self) -> list[Table]:
+        """Return averages alone; sources that change neither by 0.05 % share a row."""
+        head, (none, *rows) = self.rows()
+        order = np.argsort(self.halved.sum(axis=1))
+        small = [abs(self.changes()[k]).max() < NEGLIGIBLE for k in order]
+        shown = [row[:5] for row, no in zip(rows, small, strict=True) if not no]
+        others = [[f"{sum(small)} others", "", "0.0", "", "0.0"]] if sum(small) > 1 else []
+        if sum(small) == 1:
+            shown = [row[:5] for row in rows]
+        return [Table("", head[:5], [none[:5], *shown, *others])]
+
+    def notes(self) -> list[str]:
+        """Return the remarks, a line each."""
+        return [f"note: {text}" for text in self.remarks]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: 3σ in g·m², by source and component."""
@@ -114,7 +139,24 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
         derivative[k] = np.log(more / less) / np.log((1 + STEP) / (1 - STEP))
         halved[k] = half
     now = width(experiment.sources)
-    return SensorWorth(names, name, chosen, now, derivative, halved, provenance=experiment.inputs())
+    worth = SensorWorth(names, name, chosen, now, derivative, halved, provenance=experiment.inputs())
+    return replace(worth, remarks=tuple(_remarks(experiment, worth)))
+
+
+def _remarks(experiment: Experiment, worth: SensorWorth) -> Iterator[str]:
+    """Say of each source whose halving raises an average 3σ why it does."""
+    correlated = {name for mix in experiment.mixing if len(mix.names) > 1 for name in mix.names}
+    for source, changes in zip(experiment.sources, worth.changes(), strict=True):
+        if changes.max() < NEGLIGIBLE:
+            continue
+        goal = BOTH[int(np.argmax(changes))]
+        raised = f"half of {source.name.replace('_', ' ')} raises the {goal}' 3σ by {100 * changes.max():.2g} %"
+        if source.of_gyro and source.noise:
+            yield f"{raised}: this noise makes every estimate smaller, and the errors of other sources with it"
+        elif source.name in correlated:
+            yield f"{raised}: it is correlated with a source that it cancels in part"
+        else:
+            yield f"{raised}: it cancels others in part, or makes the estimate smaller"
 
 
 def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: str, estimator: str) -> np.ndarray:

@@ -18,6 +18,7 @@ from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.setup import Case, cases_of
 from uq.propagation.adjustable_law import adjustable
+from uq.propagation.beyond_the_law import check_law
 from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.law_result import LawResult, LawStatistics
@@ -66,6 +67,8 @@ class PreparedLaw:
                 f"errors that the law was not prepared for ({', '.join(sorted(other))}): prepare anew"
             )
         mixing, results = self.experiment.mixing, {}
+        for run in self.runs.values():
+            check_law(sources, mixing, run.peaks)
         constants = constants_of(sources, mixing)
         for name, run in self.runs.items():
             rate = self.experiment.trajectories[name].rate
@@ -97,7 +100,7 @@ def law(
     Raises:
         ExperimentError: no such trajectory or estimator, nothing to estimate from, or a source beyond the law.
     """
-    return prepare_law(experiment, trajectories, estimators).evaluate()
+    return _prepared(experiment, trajectories, estimators, check_precision("float64")).evaluate()
 
 
 def prepare_law(
@@ -106,7 +109,15 @@ def prepare_law(
     estimators: str | Sequence[str] | None = None,
 ) -> PreparedLaw:
     """Sum over every trajectory once, unless an earlier call has; see :func:`law`."""
-    warnings = check_precision("float64")
+    return _prepared(experiment, trajectories, estimators, check_precision("float64"))
+
+
+def _prepared(
+    experiment: Experiment,
+    trajectories: str | Sequence[str] | None,
+    estimators: str | Sequence[str] | None,
+    warnings: Sequence[str],
+) -> PreparedLaw:
     chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")

@@ -4,7 +4,7 @@ Constant errors are numbers that are drawn once; the law needs their expectation
 enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is white, with a variance on each axis.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -14,19 +14,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
-from uq.files.document import ExperimentError
 from uq.gram_sums.setup import Case
+from uq.propagation.beyond_the_law import Peaks, check_law
 from uq.sources.constant_errors import errors_of, no_errors
 from uq.sources.distributions import Empirical, StudentT
 from uq.sources.draws import Mixing
-from uq.sources.source import SIGNALS, SignalRange, Source
-
-
-class Peaks(NamedTuple):
-    """How far a noise-free signal goes, and how far from one sample to the next (rms), on each axis."""
-
-    largest: Mapping[str, np.ndarray]
-    moves: Mapping[str, np.ndarray]
+from uq.sources.source import SIGNALS, Source
 
 
 class Constants(NamedTuple):
@@ -60,18 +53,8 @@ class CaseInputs(NamedTuple):
 
 
 def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constants:
-    """Return what constant sources draw.
-
-    Raises:
-        ExperimentError: a source without a finite standard deviation.
-    """
+    """Return what constant sources draw; each has a finite standard deviation (:func:`check_law`)."""
     constant = [source for source in sources if source.constant]
-    for source in constant:
-        if not np.all(np.isfinite(np.asarray(source.standard_deviation, float))):
-            raise ExperimentError(
-                f"source '{source.name}' has no finite standard deviation, which the law needs: "
-                "state more than two degrees of freedom, or use the Monte Carlo"
-            )
     sizes = [int(np.size(source.sigma)) for source in constant]
     owner = np.repeat(np.arange(len(constant)), sizes).astype(int)
     freedom = np.concatenate([_each(s, s.shape.degrees_of_freedom) for s in constant] or [np.zeros(0)])
@@ -143,11 +126,9 @@ def inputs_of_cases(
         peaks: how far the noise-free signals go.
 
     Raises:
-        ExperimentError: a source that the law cannot take: noise that is neither white nor independent from axis to
-            axis of the gyro, a range that ends within reach of its signal, a resolution too coarse.
+        BeyondLawError: sources that the law cannot take (:func:`uq.propagation.beyond_the_law.beyond_the_law`).
     """
-    for source in sources:
-        _check(source, sources, mixing, peaks)
+    check_law(sources, mixing, peaks)
     covariance = _noise_covariance(sources, mixing, rate)
     names = [source.name for source in sources for _ in range(9)]
     on = np.array([[float(name in case.sources) for name in names] for case in cases])
@@ -172,19 +153,3 @@ def _noise_covariance(sources: Sequence[Source], mixing: Sequence[Mixing], rate:
             spread = np.concatenate([sigma[name] for name in mix.names])
             matrix[np.ix_(where, where)] = np.outer(spread, spread) * np.asarray(mix.correlation)
     return matrix
-
-
-def _check(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> None:
-    """Refuse what the law cannot take."""
-    if source.signal is None:
-        return
-    added = [other.error_kind.added_variance(other) for other in sources if other.signal == source.signal]
-    of_source = [mix.correlation for mix in mixing if source.name in mix.names]
-    signal = SignalRange(
-        peaks.largest[source.target],
-        peaks.moves[source.target],
-        np.sum(added, axis=0),
-        any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in of_source),
-    )
-    if reason := source.error_kind.beyond_the_law(source, signal):
-        raise ExperimentError(f"source '{source.name}' {reason}: leave it out, or use the Monte Carlo")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from identify.floating_point import MESSAGE
 from identify.reporting import Result, Section
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table
@@ -112,8 +113,8 @@ class LawResult(Result):
         }
 
     def notes(self) -> list[str]:
-        """Return the warnings, a line each."""
-        return [f"attention: {text}" for text in self.warnings]
+        """Return the warnings, a line each, but for that of the precision: Python gave it as the law was made."""
+        return [f"attention: {text}" for text in self.warnings if text != MESSAGE]
 
     def rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of the summary: mean error and 3σ of each component, in g·m²; the textbook's below."""

@@ -18,12 +18,11 @@ from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import cross_matrix, omega_r
 from uq.campaign.trial_setup import platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.setup import cases_of
+from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.propagation.expansion import NoiseFreeRun, TrueSums, equations_of, tensor_of
-from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
-from uq.sources.constant_errors import perturbed
+from uq.propagation.inputs import constants_of, inputs_of_cases
 
 
 class Predicted(NamedTuple):
@@ -58,15 +57,13 @@ class Prediction(eqx.Module):
         """Prepare an experiment's sources for motions that are sampled and carried as this one.
 
         Raises:
-            ExperimentError: a source that the law cannot take, or that moves nothing in its first order.
+            BeyondLawError: sources that the law cannot take, or that are not in the prediction.
         """
-        if "entrained_air" in perturbed(experiment.sources):
-            raise ExperimentError("entrained air is not in the prediction of a motion: leave it out")
+        if reasons := beyond_the_prediction(experiment.sources, experiment.mixing, ANYWHERE):
+            raise BeyondLawError(reasons)
         constants = constants_of(experiment.sources, experiment.mixing)
         total = [case for case in cases_of(experiment.sources) if case.name == "total"]
-        names = ("F", "M", "omega")
-        anywhere = Peaks({name: np.zeros(3) for name in names}, {name: np.full(3, np.inf) for name in names})
-        inputs = inputs_of_cases(total, constants, experiment.sources, experiment.mixing, spec.rate, anywhere)
+        inputs = inputs_of_cases(total, constants, experiment.sources, experiment.mixing, spec.rate, ANYWHERE)
         return cls(
             experiment.body,
             platform_of(experiment, spec),

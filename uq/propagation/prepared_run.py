@@ -22,8 +22,8 @@ from uq.gram_sums import gram_moments
 from uq.gram_sums.error_maps import Columns
 from uq.gram_sums.gram_moments import products_of_estimator
 from uq.gram_sums.setup import Estimator
+from uq.propagation.beyond_the_law import Peaks
 from uq.propagation.expansion import Expansion, Point, RunSums, expand_at, to_equations
-from uq.propagation.inputs import Peaks
 from uq.propagation.run_sums import run_sums
 from uq.sources.constant_errors import perturbed
 

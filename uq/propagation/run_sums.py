@@ -16,8 +16,8 @@ from identify.motion.trajectory import Trajectory, sample
 from identify.rigid_body.inertia import Body
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.sums_over_samples import PieceSums, alphas_of, moments_of_sums, responses_of, sums_of_piece
+from uq.propagation.beyond_the_law import Peaks
 from uq.propagation.expansion import NoiseFreeRun, RunSums, TrueSums
-from uq.propagation.inputs import Peaks
 
 PIECE = 4096
 """Samples in a piece."""

@@ -267,8 +267,8 @@ class ErrorKind:
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return what the law of propagation cannot take of a source on a measured signal; None: it takes it."""
         if self.noise and self.white_variance(source, 1.0) is None:
-            return "is noise that is not white, which the law does not take"
-        return None if self.stage is None else "changes every sample, which the law does not take"
+            return "is noise that is not white"
+        return None if self.stage is None else "changes every sample"
 
 
 KINDS: dict[tuple[str, str], ErrorKind] = {}

@@ -17,9 +17,10 @@ from uq.gram_sums.error_maps import element_map
 from uq.gram_sums.gram_moments import mean, products_of_estimator, unpack
 from uq.gram_sums.setup import cases_of
 from uq.propagation import prepared_run as kept
+from uq.propagation.beyond_the_law import BeyondLawError, Peaks
 from uq.propagation.expansion import _of_solution, expected_sums, tensor_of
 from uq.propagation.experiment_law import law, prepare_law
-from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
+from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_result import beside
 from uq.propagation.law_validation import law_report, rejected, verdict_rows, verdicts
 from uq.sources.constant_errors import no_errors
@@ -286,6 +287,17 @@ def test_degrees_of_freedom_of_students_t(short, prepared):
 def test_what_the_law_cannot_take_is_refused(declared, message):
     with pytest.raises(ExperimentError, match=message):
         law(experiment(declared))
+
+
+def test_all_that_the_law_cannot_take_is_listed_at_once():
+    """Of 24 sources of many kinds these three, with the options that leave them out; nothing is taken twice."""
+    with pytest.raises(BeyondLawError) as refused:
+        law(Experiment.load("docs/experiments/many-errors.toml"))
+    assert list(refused.value.reasons) == ["F_flicker", "F_resolution", "gyro_noise"]
+    line = str(refused.value)
+    assert "does not take 3 sources: 'F_flicker' is noise that is not white" in line
+    assert "(--without F_flicker --without F_resolution --without gyro_noise)" in line
+    assert "alone 12 % of the 3σ" in str(BeyondLawError(refused.value.reasons, {"F_flicker": 0.123, "other": 1.0}))
 
 
 # --- the result ---

@@ -83,7 +83,7 @@ class Coloured(ErrorKind):
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that flicker and random walk are not white."""
         coloured = any(np.any(source.settings.get(name, 0)) for name in PARAMETERS[1:])
-        return "is noise that is not white, which the law does not take" if coloured else None
+        return "is noise that is not white" if coloured else None
 
 
 def _white(stream: Key[Array, ""], block: Index, number: int, dtype: Any) -> Float[Array, "3 1200"]:

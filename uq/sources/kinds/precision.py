@@ -29,4 +29,4 @@ class Precision(ErrorKind):
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that the law takes the gyro's noise as independent from axis to axis."""
         correlated = source.of_gyro and signal.correlated
-        return "is gyro noise with correlations, no input of the law" if correlated else None
+        return "is gyro noise with correlations" if correlated else None

@@ -43,5 +43,5 @@ class Saturation(ErrorKind):
         """Return that it cuts its signal off, unless the signal stays well within the range."""
         reach = signal.largest + MANY_SIGMA * np.sqrt(signal.variance)
         if np.any(reach > np.asarray(source.settings["limit"])):
-            return "cuts its signal off, which the law does not take"
+            return "cuts its signal off"
         return None

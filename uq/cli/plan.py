@@ -1,0 +1,60 @@
+"""``inertia plan``: which sensor is worth improving, and how long must I measure?"""
+
+import argparse
+
+from rig.exceptions import quoted
+from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.left_out import leave_out
+from uq.files.units import UnitError, quantity
+from uq.planning.measurement_plan import plan_measurement
+from uq.planning.required_duration import GOALS
+from uq.planning.sensor_worth import BOTH
+from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, start_jax
+from uq.terminal.sources import add_without_option, shares_named
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
+    parser.add_argument(
+        "--target", action="append", metavar="'0.5 g*m^2'",
+        help="an average 3σ whose duration is wanted; repeatable (half of what it is now)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--goal", action="append", metavar="GOAL",
+        help=f"whose average: {', '.join(GOALS)}; repeatable (moments and products)",
+    )  # fmt: skip
+    parser.add_argument("--trajectory", metavar="NAME", help="the trajectory (the first)")
+    parser.add_argument("--estimator", metavar="NAME", help="the estimator (the recording's, or the first)")
+    add_without_option(parser)
+    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figure")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    targets = [_target(text) for text in arguments.target or ()]
+    goals = list(dict.fromkeys(arguments.goal or BOTH))
+    if unknown := [goal for goal in goals if goal not in GOALS]:
+        raise ExperimentError(f"--goal is {quoted(unknown[0])}: choose one of {', '.join(GOALS)}")
+    start_jax()
+    experiment = leave_out(Experiment.load(arguments.experiment), arguments.without)
+    with output_folder(arguments.out) as out:
+        with ProgressBar(unit="steps") as bar, shares_named(experiment, out):
+            plan = plan_measurement(
+                experiment, targets, goals=goals, trajectory=arguments.trajectory, estimator=arguments.estimator,
+                progress=bar,
+            )  # fmt: skip
+        finish(plan, out)
+    return 0
+
+
+def _target(text: str) -> float:
+    try:
+        value = quantity(text, "kg*m^2")
+    except UnitError as error:
+        raise ExperimentError(f"--target {error}") from None
+    if value <= 0:
+        raise ExperimentError(f"--target is {quoted(text)}: give a value above zero")
+    return value

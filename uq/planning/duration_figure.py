@@ -1,0 +1,62 @@
+"""Figure of the average 3σ over the duration of a measurement."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
+
+from identify.figure_style import PAGE, PALETTE, STYLE, display_name, label
+from identify.reporting import Drawing
+from identify.rigid_body.inertia import GRAM_METRE
+from uq.planning.required_duration import Duration, Growth, average
+
+
+def duration_drawing(durations: Sequence[Duration]) -> Drawing:
+    """Return the figure of durations that targets take, all of one growth."""
+
+    def draw() -> Figure:
+        asked: dict[str, list[float]] = {}
+        for duration in durations:
+            asked.setdefault(duration.goal, []).append(duration.target)
+        return duration_figure(durations[0].growth, asked)
+
+    return Drawing("durations", CAPTION, draw)
+
+
+def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
+    """Draw the average 3σ over the duration, all sources and each alone.
+
+    Args:
+        growth: of the sources' variances.
+        asked: targets [kg·m²] by goal, each in a panel of its own.
+    """
+    t = np.geomspace(
+        max(growth.duration / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.duration, 300
+    )
+    variances = growth.at(t)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
+        goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
+        panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
+        for panel, goal in zip(panels, goals, strict=True):
+            total = GRAM_METRE * average(variances.sum(axis=1), goal)
+            panel.plot(t, total, color="black", linewidth=1.6, label="total")
+            for k, name in enumerate(growth.names):
+                colour, dashes = PALETTE[1:][k % 7], ("-", "--", ":")[k // 7 % 3]
+                text = label(display_name(name))
+                panel.plot(t, GRAM_METRE * average(variances[:, k], goal), color=colour, linestyle=dashes, label=text)
+            for target in asked.get(goal, ()):
+                panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
+            panel.axvline(growth.duration, color=PALETTE[7], linewidth=0.8)
+            panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
+            panel.xaxis.set_major_formatter(ScalarFormatter())
+            panel.set_ylim(bottom=2e-3 * total.max())
+        panels[0].set_ylabel("average 3σ [g·m²]")
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    return figure
+
+
+GOALS_OF_ALL = ("moments", "products")
+CAPTION = "Average 3σ over the duration; grey: the duration as it is; dotted: the targets."

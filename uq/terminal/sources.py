@@ -1,0 +1,54 @@
+"""Which sources count: ``--without``, and what an earlier result says of those that the law does not take."""
+
+import argparse
+import contextlib
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uq.experiment.experiment import Experiment
+from uq.propagation.beyond_the_law import BeyondLawError
+
+
+def add_without_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--without``; :func:`uq.experiment.left_out.leave_out` takes ``without``."""
+    parser.add_argument(
+        "--without", action="append", default=[], metavar="SOURCE",
+        help="leave out a source, by its name or kind, such as coloured; repeatable",
+    )  # fmt: skip
+
+
+@contextlib.contextmanager
+def shares_named(experiment: Experiment, folder: Path | None) -> Iterator[None]:
+    """Add shares to the message on sources that the law does not take, where a Monte Carlo of the file is in a folder.
+
+    Raises:
+        BeyondLawError: with the shares.
+    """
+    try:
+        yield
+    except BeyondLawError as error:
+        raise BeyondLawError(error.reasons, _shares(experiment, folder)) from None
+
+
+def _shares(experiment: Experiment, folder: Path | None) -> dict[str, float]:
+    """What each source alone makes of the 3σ, on average over the components; the largest over the estimators."""
+    shares: dict[str, float] = {}
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):  # no result, or another's
+        content = json.loads((folder or Path()).joinpath("result.json").read_text("utf-8"))
+        if folder is None or content["provenance"]["experiment_file"]["sha256"] != experiment.file["sha256"]:
+            return {}
+        for of_trajectory in content["trajectories"].values():
+            for breakdown in of_trajectory.values():
+                total = _widths(breakdown["groups"]["total"])
+                for name, alone in breakdown["sources"].items():
+                    share = float(np.mean(_widths(alone) / total))
+                    shares[name] = max(share, shares.get(name, 0.0))
+    return shares
+
+
+def _widths(figures: Mapping[str, Any]) -> np.ndarray:
+    return np.array(list(figures["three_sigma"].values()), float)
