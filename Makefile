@@ -6,7 +6,7 @@ UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
 
-.PHONY: env paper test check unit bench study docs fuzz lock dist clean
+.PHONY: env paper test check unit axe bench study docs fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -50,6 +50,12 @@ unit: env
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
 	    -m "not study and not optimised" notebooks tests
 	XLA_FLAGS= $(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
+
+# The pages judged by axe-core, which is fetched by npm for this alone; needs Chromium (Debian: apt-get install chromium).
+axe: export AXE_CORE = $(CURDIR)/out/axe/node_modules/axe-core/axe.min.js
+axe: env
+	test -f $(AXE_CORE) || npm install --silent --no-save --prefix out/axe axe-core
+	$(BIN)/python -m pytest tests/uq/report/test_accessibility.py
 
 # The paper's campaign against its references, then what whole commands take.
 bench: env

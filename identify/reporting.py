@@ -77,6 +77,10 @@ class Section:
     """Particulars that make it a certificate (:class:`uq.report.certificate_front.Front`); None: another report."""
     adjustable: Sequence[Mapping[str, Any]] = ()
     """Numbers of tables whose figures a reader can change (:func:`uq.propagation.adjustable_law.adjustable`)."""
+    verdict: str = ""
+    """What the result says, in a sentence; empty: whether there are findings."""
+    headline: int = 1
+    """How many of the tables are read at the first look."""
 
 
 class Shown:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
-from identify.figure_style import COLUMN, PALETTE, STYLE, label
+from identify.figure_style import COLUMN, GRID, PALETTE, RULE, STYLE, label
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from uq.campaign.averages import average
 from uq.campaign.campaign import MonteCarloResult
@@ -50,7 +50,7 @@ def _path(figure: Figure, place: tuple[float, float, float, float], path: np.nda
         axis.set_label_text(f"{AXES[number - 1]}: {label.format(number)}")
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 4, 5, 10], symmetric=True))
         axis.set_pane_color((1, 1, 1, 0))
-        axis._axinfo["grid"].update(linewidth=0.3, color="#d8d8d8")  # matplotlib has no public setter
+        axis._axinfo["grid"].update(linewidth=0.3, color=GRID)  # matplotlib has no public setter
     segments = np.stack([path.T[:-1], path.T[1:]], axis=1)
     azimuth, elevation = np.deg2rad(axes.azim), np.deg2rad(axes.elev)
     towards = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
@@ -73,7 +73,7 @@ def angular_velocity(t: np.ndarray, omega: np.ndarray) -> Figure:
         figure = Figure(figsize=(COLUMN, 2.9), layout="constrained")
         panels = figure.subplots(3, 1, sharex=True, sharey=True)
         for number, (axes, values) in enumerate(zip(panels, np.asarray(omega), strict=True), 1):
-            axes.axhline(0, color="#b0b0b0", linewidth=0.5)
+            axes.axhline(0, color=RULE, linewidth=0.5)
             axes.plot(t, values, color=PALETTE[1], linewidth=0.4)
             axes.set_ylabel(f"ω{number} [rad/s]")
             axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 4, 5, 10], symmetric=True))
@@ -120,7 +120,7 @@ def averages(
         top.set_ylabel("average 3σ [g·m²]")
         bottom.set_ylabel("average |mean error|\n[g·m²]")
         bottom.tick_params(axis="x", length=0)
-        bottom.grid(axis="y", color="#e4e4e4", linewidth=0.5)
+        bottom.grid(axis="y", color=GRID, linewidth=0.5)
         bottom.set_xticks(x, [label(name) for name in names])
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
         figure.align_ylabels()

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from identify.figure_style import PAGE, PALETTE, STYLE
+from identify.figure_style import PAGE, PALETTE, RULE, STYLE
 from identify.results.measured_directions import AxisValues, rms_about, uncertainty_about
 from identify.rigid_body.inertia import GRAM_METRE
 
@@ -45,7 +45,7 @@ def _disc(panel: Axes) -> None:
     turn = np.linspace(0, 2 * np.pi, 181)
     for angle, width in ((90, 0.8), (60, 0.3), (30, 0.3)):
         radius = 2 * np.sin(np.deg2rad(angle) / 2)
-        panel.plot(radius * np.cos(turn), radius * np.sin(turn), color="#808080", linewidth=width, zorder=3)
+        panel.plot(radius * np.cos(turn), radius * np.sin(turn), color=RULE, linewidth=width, zorder=3)
     panel.annotate("b1", (RIM, 0), (5, 0), textcoords="offset points", va="center", fontsize=7)
     panel.annotate("b2", (0, RIM), (0, 1), textcoords="offset points", ha="center", fontsize=7)
     panel.set_aspect("equal")

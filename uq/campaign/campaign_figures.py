@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from identify.figure_style import COLUMN, HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from identify.figure_style import COLUMN, GRID, HATCHES, PAGE, PALETTE, RULE, STYLE, display_name, label
 from identify.rigid_body.inertia import COMPONENTS
 from uq.campaign.statistics import GRAM_METRE, Statistics
 
@@ -39,7 +39,7 @@ def contributions(cases: Mapping[str, Statistics]) -> Figure:
         _finish_mean_error(bottom, cases)
         bottom.set_xticks(range(len(COMPONENTS)), COMPONENTS)
         for edge in np.arange(len(COMPONENTS) - 1) + 0.5:
-            bottom.axvline(edge, color="#e4e4e4", linewidth=0.5, zorder=0)
+            bottom.axvline(edge, color=GRID, linewidth=0.5, zorder=0)
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=8 if wide else 4)
         figure.align_ylabels()
     return figure
@@ -71,14 +71,14 @@ def finish_dispersion(axes: Axes) -> None:
     axes.set_ylabel("3σ [g·m²]")
     axes.set_ylim(bottom=0)
     axes.tick_params(axis="x", length=0)
-    axes.grid(axis="y", color="#e4e4e4", linewidth=0.5)
+    axes.grid(axis="y", color=GRID, linewidth=0.5)
 
 
 def _finish_mean_error(axes: Axes, cases: Mapping[str, Statistics]) -> None:
-    axes.axhline(0, color="#808080", linewidth=0.6, zorder=1)
+    axes.axhline(0, color=RULE, linewidth=0.6, zorder=1)
     axes.set_ylabel("mean error [g·m²]")
     axes.tick_params(axis="x", length=0)
-    axes.grid(axis="y", color="#e4e4e4", linewidth=0.5)
+    axes.grid(axis="y", color=GRID, linewidth=0.5)
     means = np.abs([s.mean_error for s in cases.values()])
     dispersions = np.array([s.three_sigma for s in cases.values()])
     if np.nanmax(means, initial=0) > np.nanmax(dispersions, initial=0):

@@ -9,10 +9,10 @@ import numpy as np
 from identify.figure_style import display_name
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import with_uncertainty
+from identify.rounding import rounded, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.result_coverage import coverage_record, stability_record
-from uq.campaign.statistics import Breakdown, Statistics, large_mean_error
+from uq.campaign.statistics import Breakdown, Statistics, large_mean_error, verdict_on_mean_errors
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
 from uq.report.input_tables import source_tables
@@ -181,21 +181,44 @@ class MonteCarloResult(Result):
         return Table(f"{trajectory}, {estimator}: groups and sources alone, g·m²", head, rows, note)
 
     def drawings(self) -> list[Drawing]:
-        """Return two figures of each breakdown: by group, and by source."""
-        return [drawing for pair in self.pairs() for drawing in _drawings(self[pair], *pair)]
+        """Return two figures of each breakdown: first all by group, then all by source."""
+        return [_drawings(self[pair], *pair)[k] for k in range(2) for pair in self.pairs()]
 
     def section(self) -> Section:
         """Return its part of a report."""
+        pairs = [self.pair_table(*pair) for pair in self.pairs()]
+        few, tables = len(pairs) <= FEW, self.tables()
+        details = [table for table in (*self.tables()[:2], *self.details()) if few or table != tables[0]]
         return Section(
             "Monte Carlo of an inertia tensor",
             [self.computed(), INDEX],
             self.findings(),
-            self.tables(),
+            [*(pairs if few else tables[:1]), *tables[2:]],
             self.drawings(),
-            self.details(),
+            details,
             ASSUMPTIONS,
             self.provenance,
+            verdict=self.verdict(),
+            headline=len(pairs) if few else 1,
         )
+
+    def verdict(self) -> str:
+        """Return in a sentence whether mean errors exceed their dispersion."""
+        return verdict_on_mean_errors({pair: self[pair].total for pair in self.pairs()})
+
+    def pair_table(self, trajectory: str, estimator: str) -> Table:
+        """Return mean error, 95 % interval and 3σ of one trajectory and estimator, a component a row, in g·m²."""
+        total, interval = self[trajectory, estimator].total, self.interval(trajectory, estimator)
+        errors = GRAM_METRE * np.maximum(interval.low_standard_error, interval.high_standard_error)
+        ends = [map(rounded, GRAM_METRE * values, errors) for values in (interval.low, interval.high)]
+        mean = map(with_uncertainty, GRAM_METRE * total.mean_error, GRAM_METRE * total.mean_error_standard_error)
+        sigma = map(with_uncertainty, GRAM_METRE * total.three_sigma, GRAM_METRE * total.three_sigma_standard_error)
+        rows = [
+            [name, error, f"{low} … {high}", three_sigma]
+            for name, error, low, high, three_sigma in zip(COMPONENTS, mean, *ends, sigma, strict=True)
+        ]
+        head = ["", "mean error", "95 % interval", "3σ"]
+        return Table(f"{trajectory}, {estimator}: error of the estimate, g·m²", head, rows)
 
     def computed(self) -> str:
         """Return what was computed, in a paragraph."""
@@ -242,6 +265,8 @@ def _plain(value: float) -> str:
 
 
 HEAD = ("trajectory", "estimator", "g·m²")
+FEW = 4
+"""Trajectories with an estimator of which each has a table of its own on a page."""
 INDEX = (
     "3σ is three standard deviations of the estimates over the trials, the source's index of uncertainty. It does not "
     "contain the mean error (mean of estimate minus truth), which therefore stands beside it everywhere. The figure "

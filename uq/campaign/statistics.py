@@ -11,7 +11,7 @@ from uq.gram_sums.setup import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
 
-__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error"]
+__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error", "verdict_on_mean_errors"]
 
 
 @dataclass(frozen=True)
@@ -163,3 +163,15 @@ def large_mean_error(where: str, total: OfCase) -> list[str]:
         for k in np.flatnonzero(ratio > 1)
     ]
     return [f"{where}: the mean error exceeds 3σ: {', '.join(excess)}."] if excess else []
+
+
+def verdict_on_mean_errors(totals: Mapping[tuple[str, str], OfCase]) -> str:
+    """Return in a sentence of which trajectories and estimators a mean error exceeds its 3σ."""
+    beyond = {pair: bool(large_mean_error("", total)) for pair, total in totals.items()}
+    names = {
+        which: "; ".join(", ".join(pair) for pair, is_beyond in beyond.items() if is_beyond is which)
+        for which in (True, False)
+    }
+    if not any(beyond.values()):
+        return "No mean error exceeds its 3σ."
+    return f"A mean error exceeds its 3σ: {names[True]}." + (f" None does: {names[False]}." if names[False] else "")

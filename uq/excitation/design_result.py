@@ -211,7 +211,7 @@ class DesignReport(Result):
         stayed = "No design beat the reference within these limits: the reference is returned."
         return Section(
             "The best experiment that a platform can run",
-            [*self.verdicts(), COMPUTED],
+            [*self.verdicts()[1:], COMPUTED],
             [
                 *self.findings(),
                 *([] if design.improved else [stayed]),
@@ -222,6 +222,7 @@ class DesignReport(Result):
             [self.source_table(), self.search_table(), *source_tables(self.provenance)],
             [*ASSUMPTIONS, *relaxed],
             self.provenance,
+            verdict=self.verdicts()[0],
         )
 
     def search_table(self) -> Table:

@@ -8,6 +8,8 @@ from identify.rigid_body.principal_axes import principal
 from identify.rounding import fixed
 
 HEAD = ("check", "found", "limit", "verdict")
+WITHIN = "within"
+"""The verdict on a check that is passed."""
 
 
 def rows(result: Identification) -> list[list[str]]:
@@ -47,4 +49,4 @@ def _admissible(result: Identification) -> list[str]:
 
 
 def _verdict(within: bool) -> str:
-    return "within" if within else "see Attention"
+    return WITHIN if within else "see Attention"

@@ -9,9 +9,9 @@ from identify.reporting import Drawing, Result, Section
 from identify.results.identification_result import Identification
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
-from uq.experiment.conformity import RULES
+from uq.experiment.conformity import RULES, decide
 from uq.experiment.report_table import Report, read
-from uq.identification import certificate_tables
+from uq.identification import acceptance_checks, certificate_tables
 from uq.report.certificate_front import front
 from uq.report.input_tables import source_tables
 
@@ -96,14 +96,41 @@ class Certificate(Result):
         return Section(
             report.texts.get("title", TITLE),
             [f"{estimator_of(result.method).type_a} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
-            result.warnings,
+            self.findings(),
             self.tables(),
             self.drawings(),
             self.details(),
             list(map(sentence, result.assumptions)),
             result.provenance,
             front(report, result.provenance),
+            verdict=self.verdict(),
         )
+
+    def verdict(self) -> str:
+        """Return the statement of conformity, if one is asked for, and whether the checks are passed."""
+        rule, outcomes = self.report.conformity, self._outcomes()
+        said = []
+        if rule is not None and set(outcomes.values()) == {"conforms"}:
+            said.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
+        elif rule is not None:
+            said.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
+        rows = acceptance_checks.rows(self.identification)
+        failed = sum(row[-1] != acceptance_checks.WITHIN for row in rows)
+        said.append(f"{failed} of {len(rows)} checks call for attention." if failed else "Every check is passed.")
+        return " ".join(said)
+
+    def findings(self) -> list[str]:
+        """Return what a reader must not miss: warnings, checks beyond their limit, components that may not conform."""
+        rows = acceptance_checks.rows(self.identification)[:-1]  # the last counts the warnings
+        failed = [f"{row[0]}: {row[1]}, limit {row[2]}." for row in rows if row[-1] != acceptance_checks.WITHIN]
+        others = [f"{k}: {v} by the decision rule." for k, v in self._outcomes().items() if v != "conforms"]
+        return [*others, *self.identification.warnings, *([] if self.identification.warnings else failed)]
+
+    def _outcomes(self) -> dict[str, str]:
+        """What the decision rule says of each component with limits."""
+        rule, t = self.report.conformity, self.tensor
+        decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
+        return {decision.component: decision.outcome for decision in decisions}
 
 
 def _decision_rule(report: Report) -> list[str]:

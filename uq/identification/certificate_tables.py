@@ -1,6 +1,6 @@
 """The tables of a certificate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -27,10 +27,15 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
     """Return the six components; the bias has the decimals of U."""
     rows = []
     for row, bias, half in zip(expanded.rows(GRAM_METRE), result.bias, expanded.expanded, strict=True):
-        rows.append([*row[:6], fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half)), row[6]])
+        rows.append([*_interval_first(row), fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
-    return Table(title, ["", *HEAD[:5], "bias", HEAD[5]], rows, TENSOR_NOTE)
+    return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, TENSOR_NOTE)
+
+
+def _interval_first(row: Sequence[str]) -> list[str]:
+    """A row of :meth:`Expanded.rows` with the interval behind the value, where a phone shows it."""
+    return [*row[:2], row[6], *row[2:6]]
 
 
 def mass_and_centre(result: Identification, report: Report) -> Table:
@@ -43,7 +48,8 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
         rows[0] = [f"mass: {MISSING}", *[""] * 6]
     elif not u[0] > 0:
         rows[0] = [NAMES[0], f"{ten.mass:.6g}", *["–"] * 5]
-    return Table(f"Mass and centre of gravity: {result.centre_from}", ["", *HEAD], rows)
+    head, *rows = map(_interval_first, (["", *HEAD], *rows))
+    return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
 
 def principal(result: Identification, report: Report) -> list[Table]:

@@ -13,7 +13,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.result_coverage import by_component
-from uq.campaign.statistics import Breakdown
+from uq.campaign.statistics import Breakdown, verdict_on_mean_errors
 from uq.report.input_tables import source_tables
 
 
@@ -155,6 +155,7 @@ class LawResult(Result):
             self.title(), [COMPUTED], [f"By the law of propagation: {text}" for text in self.warnings],
             [replace(summary, caption=self.title())], [], details, [ASSUMPTION], self.provenance,
             adjustable=[] if self.adjustable is None else [self.adjustable()],
+            verdict=verdict_on_mean_errors({pair: self[pair].total for pair in self.pairs()}),
         )  # fmt: skip
 
     def records(self) -> list[dict[str, Any]]:

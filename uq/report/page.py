@@ -2,7 +2,7 @@
 
 import json
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from io import BytesIO
@@ -14,7 +14,9 @@ from markupsafe import Markup
 
 from identify.figure_style import COLUMN
 from identify.reporting import Drawing, Section
+from identify.text_tables import Table
 from uq.report.certificate_front import number_of
+from uq.report.inline_figure import colours, inline
 from uq.report.input_tables import input_table
 
 if TYPE_CHECKING:
@@ -22,17 +24,26 @@ if TYPE_CHECKING:
 
 DPI = 300
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
+PAGE_DPI = 144
+"""Of the pixels that a page's figures hold [1/in]."""
+VERDICTS = ("Nothing calls for attention.", "Read what calls for attention before you use the figures.")
+"""Where a result says none, without findings and with them."""
+NARROW = 44
+"""Characters of a table's row that a phone shows."""
 ELSEWHERE = ("experiment", "resolved", "report", "inputs", "experiment_file", "centre", "others")
 """Parts of the provenance that stand in other places of a page."""
 
 
 class Drawn(NamedTuple):
-    """A figure as a page shows it."""
+    """A figure, and how a page shows it."""
 
     name: str
     caption: str
     figure: "Figure"
-    svg: bytes
+    moving: bytes | None
+    """The SVG that moves, where there is one."""
+    pictures: tuple[Markup, ...]
+    """The elements of a page: the figure, and the same in motion."""
 
     @property
     def wide(self) -> bool:
@@ -40,16 +51,22 @@ class Drawn(NamedTuple):
         return bool(self.figure.get_figwidth() > COLUMN)
 
     @property
-    def source(self) -> str:
-        """The picture as an address that holds it."""
-        return f"data:image/svg+xml;base64,{b64encode(self.svg).decode()}"
+    def svg(self) -> bytes:
+        """The figure's file."""
+        return rendered(self.figure, "svg") if self.moving is None else self.moving
 
 
-def drawn(drawing: Drawing) -> Drawn:
-    """Draw a figure."""
+def drawn(drawings: Sequence[Drawing]) -> list[Drawn]:
+    """Draw the figures of a page."""
+    return [_drawn(drawing, 2 * k) for k, drawing in enumerate(drawings)]
+
+
+def _drawn(drawing: Drawing, number: int) -> Drawn:
     figure = drawing.draw()
-    svg = rendered(figure, "svg") if drawing.animate is None else drawing.animate()
-    return Drawn(drawing.name, drawing.caption, figure, svg)
+    moving = None if drawing.animate is None else drawing.animate()
+    forms = [rendered(figure, "page"), *([] if moving is None else [moving])]
+    pictures = tuple(inline(svg, number + k, drawing.caption) for k, svg in enumerate(forms))
+    return Drawn(drawing.name, drawing.caption, figure, moving, pictures)
 
 
 def joined(first: Section, *others: Section) -> Section:
@@ -59,6 +76,8 @@ def joined(first: Section, *others: Section) -> Section:
     for name in ("computed", "findings", "tables", "drawings", "details", "adjustable", "assumptions"):
         items = [item for section in sections for item in getattr(section, name)]
         parts[name] = [item for k, item in enumerate(items) if item not in items[:k]]
+    names = [drawing.name for drawing in parts["drawings"]]
+    parts["drawings"] = [drawing for k, drawing in enumerate(parts["drawings"]) if names[k] not in names[:k]]
     if others:
         parts["provenance"] = {**first.provenance, "others": [section.provenance for section in others]}
     return replace(first, **parts)
@@ -80,7 +99,7 @@ def html(section: Section, figures: list[Drawn], name: str) -> str:
     environment = Environment(
         loader=PackageLoader("uq"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["css_text"] = _css_text
+    environment.filters.update(css_text=_css_text, scrolls=_scrolls)
     record = {key: _words(value) for key, value in section.provenance.items() if key not in ELSEWHERE}
     experiment = json_text(section.provenance.get("experiment") or section.provenance.get("resolved") or {})
     template = environment.get_template("certificate.html" if section.front else "report.html")
@@ -88,7 +107,7 @@ def html(section: Section, figures: list[Drawn], name: str) -> str:
     return template.render(
         page=section, figures=figures, provenance=record, experiment=experiment, adjustable=list(numbers),
         inputs=input_table(section.provenance), number=name, footer=name or section.title, script=script,
-        script_hash=_hash(script),
+        script_hash=_hash(script), colours=colours(), verdict=section.verdict or VERDICTS[bool(section.findings)],
     )  # fmt: skip
 
 
@@ -110,10 +129,18 @@ def _numbers(content: Mapping[str, Any]) -> Markup:
 
 
 def rendered(figure: "Figure", kind: str) -> bytes:
-    """Return a figure's file; the same figure gives the same bytes. Its parts then stay where they are."""
-    buffer = BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "inertia-uq"}):
-        figure.savefig(buffer, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
+    """Return a figure's file; the same figure gives the same bytes. Its parts then stay where they are.
+
+    Args:
+        figure: drawn.
+        kind: ``svg``, ``png``, or ``page``: an SVG with texts for :func:`uq.report.inline_figure.inline`.
+    """
+    buffer, page = BytesIO(), kind == "page"
+    with matplotlib.rc_context({"svg.hashsalt": "inertia-uq", "svg.fonttype": "none" if page else "path"}):
+        figure.savefig(
+            buffer, format="svg" if page else kind, dpi=PAGE_DPI if page else DPI,
+            metadata=None if kind == "png" else {"Date": None},
+        )  # fmt: skip
     figure.set_layout_engine("none")  # laying it out takes longer than drawing it
     return buffer.getvalue()
 
@@ -126,6 +153,13 @@ def json_text(content: object) -> str:
 def _css_text(text: str) -> Markup:
     """A string of CSS in which nothing can end it."""
     return Markup('"' + "".join(c if c.isalnum() and c.isascii() else f"\\{ord(c):06x}" for c in text) + '"')  # noqa: S704
+
+
+def _scrolls(table: Table) -> bool:
+    """Whether a table is wider than a phone, so that a keyboard must reach it to move it."""
+    lines = [table.head, *table.rows]
+    longest = [max(len(line[k]) for line in lines) for k in range(len(table.head))]
+    return len(longest) > 3 if table.wrap else sum(longest) + 2 * len(longest) > NARROW
 
 
 def _words(value: object) -> str:

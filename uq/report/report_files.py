@@ -17,7 +17,7 @@ def report(result: Any) -> str:
         TypeError: there is no report for this kind of result.
     """
     section = joined(_section(result))
-    return html(section, list(map(drawn, section.drawings)), number(section, result.to_dict()))
+    return html(section, drawn(section.drawings), number(section, result.to_dict()))
 
 
 def write(result: Any, out: Path, *more: Any) -> None:
@@ -41,7 +41,7 @@ def write(result: Any, out: Path, *more: Any) -> None:
 def files(result: Any, *more: Any) -> dict[str, bytes]:
     """Return the content of a result's files by name, together with that of ``more``."""
     section = joined(*map(_section, (result, *more)))
-    figures = list(map(drawn, section.drawings))
+    figures = drawn(section.drawings)
     content = result.to_dict() | {other.name: other.to_dict() for other in more}
     name = number(section, content)
     return {

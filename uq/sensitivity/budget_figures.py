@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.figure_style import HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from identify.figure_style import FILL, GRID, HATCHES, PAGE, PALETTE, STYLE, display_name, label
 from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 
-BIAS, DISPERSION = PALETTE[0], "#d4d4d4"
+BIAS, DISPERSION = PALETTE[0], FILL
 
 
 def shares(b: SourceBudget) -> Figure:
@@ -90,7 +90,7 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     axes.invert_yaxis()
     axes.set(xlabel="share of the tensor's variance [%]", title="the whole tensor")
     axes.set_xlim(left=min(0, float(np.nanmin(100 * e.first.generalised, initial=0))))
-    axes.grid(axis="x", color="#e4e4e4", linewidth=0.5)
+    axes.grid(axis="x", color=GRID, linewidth=0.5)
     axes.legend(loc="lower right")
 
 

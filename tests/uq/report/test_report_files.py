@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from base64 import b64decode
 from importlib import resources
 from xml.etree import ElementTree
 
@@ -11,6 +10,7 @@ import matplotlib.image
 import pytest
 
 import uq.report.report_files
+from identify.figure_style import DARK
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import with_uncertainty
 from tests.browser import Reader, drawn
@@ -37,20 +37,31 @@ def test_page_is_well_formed_and_loads_nothing(html):
     page = Reader(html)
     assert html.startswith("<!DOCTYPE html>")
     assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(page.tags)
-    assert all(source.startswith("data:image/svg+xml;base64,") for source in page.values("src"))
-    assert not page.values("href") + page.values("srcset") + page.values("style")
-    assert "url(" not in html
+    assert not page.values("src") + page.values("srcset")
+    assert all(link.startswith(("#", "data:image/png;base64,")) for link in page.values("href"))
+    assert set(re.findall(r"url\((.)", html)) <= {"#"}
     assert "@import" not in html
 
 
-def test_figures_inside_are_drawings_that_load_nothing(html):
-    sources = Reader(html).values("src")
-    assert len(sources) >= 6
-    for source in sources:
-        root = ElementTree.fromstring(b64decode(source.partition(",")[2]))
-        assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        links = [value for node in root.iter() for name, value in node.attrib.items() if name.endswith("href")]
-        assert all(link.startswith(("#", "data:")) for link in links)
+def test_every_link_inside_leads_somewhere_and_no_name_stands_twice(html):
+    page = Reader(html)
+    names = page.values("id")
+    assert len(names) == len(set(names))
+    targets = [link[1:] for link in page.values("href") if link.startswith("#")] + re.findall(r"url\(#([^)]+)\)", html)
+    assert set(targets) <= set(names)
+
+
+def test_figures_are_drawings_in_the_pages_colours(html):
+    """Each said in words, and of a colour for which the dark scheme has another nothing is left."""
+    figures = re.findall(r"<svg.*?</svg>", html, flags=re.S)
+    assert len(figures) >= 6
+    for figure in figures:
+        root = ElementTree.fromstring(figure)
+        assert root.get("role") == "img"
+        assert len(root.get("aria-label")) > 20
+        assert not set(re.findall(r"#[0-9a-f]{6}\b", figure)) & set(DARK)
+    declared = re.findall(r"--c([0-9a-f]{6}): light-dark\(#\1, (#[0-9a-f]{6})\)", html)
+    assert {f"#{light}": dark for light, dark in declared} == DARK
 
 
 def test_page_holds_every_figure_beside_its_mean_error(result, html):
@@ -82,7 +93,7 @@ def test_page_names_sources_with_references_and_marks_inferred_values():
 
 
 def test_page_warns_of_mean_errors_beyond_the_dispersion(html):
-    findings = html[html.index('class="attention"') : html.index("<h2>Results</h2>")]
+    findings = html[html.index('<div class="attention"') :].partition("</div>")[0]
     assert "T1, central: the mean error exceeds 3σ: " in findings
     assert "smoothed" not in findings
 
