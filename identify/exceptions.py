@@ -1,5 +1,50 @@
-"""The error of a run that cannot be used."""
+"""The errors of a caller's mistake, in one line: a run that cannot be used, an unknown name, an unnamed argument."""
+
+from collections.abc import Callable, Iterable
+from functools import wraps
+from inspect import Parameter, signature
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class RunError(ValueError):
     """A run that cannot be used, in one line: what, where, what to do."""
+
+
+class UnknownNameError(KeyError):
+    """A name under which there is nothing, in one line with those that there are."""
+
+    def __init__(self, name: object, names: Iterable[object]) -> None:
+        super().__init__(f"no {name!r}: choose one of {', '.join(map(repr, names))}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # a KeyError would put it in quotes
+
+
+def explains_names(function: Callable[P, T]) -> Callable[P, T]:
+    """Answer arguments that are given by position but must be named with the call as it should be.
+
+    Raises:
+        TypeError: when such a call is made.
+    """
+    parameters = signature(function).parameters.values()
+    by_position = [each.name for each in parameters if each.kind is not Parameter.KEYWORD_ONLY]
+    by_name = [each.name for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        if len(args) > len(by_position):
+            more = zip(by_name, args[len(by_position) :], strict=False)
+            written = ", ".join([*by_position, *(f"{name}={_short(value)}" for name, value in more)])
+            name = function.__name__
+            raise TypeError(f"{name}() takes its other arguments by their names: write {name}({written})")
+        return function(*args, **kwargs)
+
+    return call
+
+
+def _short(value: object) -> str:
+    text = repr(value) if isinstance(value, (int, float, str)) else ""
+    return text if 0 < len(text) <= 30 else "…"

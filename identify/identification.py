@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 
 from identify.choices import CgMotion, OffsetChoice
-from identify.exceptions import RunError
+from identify.exceptions import RunError, explains_names
 from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import ConstantError
 from identify.methods import names
@@ -20,6 +20,7 @@ from identify.signals.run import Run, numbers
 from identify.static.centre_result import Centre
 
 
+@explains_names
 def identify(
     runs: Run | Sequence[Run],
     *,

@@ -15,6 +15,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from identify.exceptions import UnknownNameError
 from identify.text_tables import Table
 
 if TYPE_CHECKING:
@@ -46,7 +47,12 @@ class Figures(Mapping):  # without type arguments, since a runtime type checker 
         self._draw = cache(lambda name: self.drawings[name].draw())
 
     def __getitem__(self, name: str) -> "Figure":
+        if name not in self.drawings:
+            raise UnknownNameError(name, self.drawings)
         return self._draw(name)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.drawings)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.drawings)
@@ -86,7 +92,7 @@ class Section:
 class Shown:
     """What shows itself as tables, in a terminal and in a notebook alike."""
 
-    hidden: ClassVar[frozenset[str]] = frozenset({"hidden", "notes", "overview", "title"})
+    hidden: ClassVar[frozenset[str]] = frozenset({"by_trajectory", "checked", "hidden", "notes", "overview", "title"})
     """Names that tab completion leaves out: what tables and reports are made of."""
 
     def title(self) -> str:

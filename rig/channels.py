@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rig.exceptions import RigError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Channel:
     """What every topic has, n messages in the order of ``log_time``.
 
@@ -25,8 +25,11 @@ class Channel:
     log_time: NDArray[np.int64]
     stamp: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.topic!r}: {len(self.log_time):,} samples)"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class WrenchChannel(Channel):
     """Force and moment of one topic.
 
@@ -41,7 +44,7 @@ class WrenchChannel(Channel):
     sequence: NDArray[np.uint32] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImuChannel(Channel):
     """Angular velocity and specific force of one topic.
 
@@ -56,7 +59,7 @@ class ImuChannel(Channel):
     sequence: NDArray[np.uint32] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MotionChannel(Channel):
     """What a sensor other than an IMU measures of the motion.
 
@@ -79,7 +82,7 @@ class MotionChannel(Channel):
     sequence: NDArray[np.uint32] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """One recorded run: wrench, motion, the metadata records by name, and the file's SHA-256."""
 
@@ -88,6 +91,9 @@ class Recording:
     metadata: dict[str, dict[str, str]]
     wrench: WrenchChannel
     motion: ImuChannel | MotionChannel
+
+    def __repr__(self) -> str:
+        return f"Recording({self.path.name!r}: {self.wrench}, {self.motion})"
 
     @property
     def imu(self) -> ImuChannel:

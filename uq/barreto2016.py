@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from identify.exceptions import explains_names
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from identify.text_tables import Table
@@ -224,6 +225,7 @@ class PaperResult(Result):
         return f"Every 3σ is within {100 * max(away):.1f} % of the source's Table 2." if np.isfinite(away).all() else ""
 
 
+@explains_names
 def paper(
     *,
     trials: int = 10_000,

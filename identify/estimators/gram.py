@@ -16,6 +16,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Bool, Float
 
 from identify.estimators.regressor_rows import filtered
+from identify.exceptions import explains_names
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 from identify.signals.estimator_spec import EstimatorSpec
 
@@ -48,6 +49,7 @@ class Estimate(NamedTuple):
     """Whether the estimate is finite and the condition number below ``CONDITION_LIMIT``."""
 
 
+@explains_names
 def ordinary_least_squares(
     force: ArrayLike,
     moment: ArrayLike,

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from identify.exceptions import explains_names
 from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import information
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
@@ -74,6 +75,7 @@ class Bound(Result):
         return [{"component": name, "standard_uncertainty": u} for name, u in pairs]
 
 
+@explains_names
 def bound(
     run: Run,
     body: Body,

@@ -14,7 +14,7 @@ MOST_NOTES = 3
 """Most runs whose offsets are listed in the notes; result.json holds all."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RunEstimate:
     """One run's own estimate."""
 
@@ -49,10 +49,13 @@ class RunEstimate:
     """Name of the mounting of the body; None: not declared."""
     weight: float = 1.0
     """Inverse of the rows' effective noise variance, which weighs it among the runs [(N·m)⁻²]."""
-    trace: Trace | None = field(default=None, repr=False)
+    trace: Trace | None = None
     """Residuals and motion, for figures; None: absent."""
-    weighed: np.ndarray | None = field(default=None, repr=False)
+    weighed: np.ndarray | None = None
     """Rows that the equations were made with; see :class:`identify.estimators.run_information.Information`."""
+
+    def __repr__(self) -> str:
+        return f"RunEstimate({self.file!r}: {self.samples:,} samples, {self.rate:.6g} Hz)"
 
     @property
     def used(self) -> str | None:

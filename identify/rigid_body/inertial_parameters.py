@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
+from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.principal_axes import Principal, principal_axes, propagated
 from identify.rigid_body.rotation import exponential
+from identify.rounding import with_uncertainty
+from identify.text_tables import Table
 
 PARAMETERS = ("mass", "cg_x", "cg_y", "cg_z", *COMPONENTS)
 """The order of the covariance: kg, m, kg·m²."""
@@ -53,8 +56,8 @@ class Datum:
     """Of a small turn about the axes of D [rad] and of ``position`` [m], (6, 6)."""
 
 
-@dataclass(frozen=True)
-class InertialParameters:
+@dataclass(frozen=True, repr=False)
+class InertialParameters(Shown):
     """The ten parameters of a rigid body with their covariance. SI units."""
 
     mass: float
@@ -75,6 +78,13 @@ class InertialParameters:
     def standard_uncertainty(self) -> np.ndarray:
         """Standard uncertainty of the ten parameters."""
         return np.sqrt(np.diag(self.covariance))
+
+    def tables(self) -> list[Table]:
+        """Return mass in kg, centre of gravity in mm and tensor in g·m², with their standard uncertainties."""
+        names = ["mass, kg", *(f"CG {k}, mm" for k in (1, 2, 3)), *(f"{name}, g·m²" for name in COMPONENTS)]
+        shown = np.array([1.0, *[1e3] * 9])
+        pairs = zip(shown * self.values, shown * self.standard_uncertainty, strict=True)
+        return [Table("", names, [[with_uncertainty(*pair) for pair in pairs]])]
 
     @property
     def tensor(self) -> Tensor:

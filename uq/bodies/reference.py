@@ -15,9 +15,11 @@ import numpy as np
 from jaxtyping import Array
 
 from identify.floating_point import check_precision
+from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.rotation import exponential
+from identify.text_tables import Table
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.bodies.drawing import (
     ORIGIN,
@@ -44,8 +46,8 @@ ROUNDING = 1e-3
 """Part of the largest moment by which a CAD report's rounded figures may break the triangle inequality."""
 
 
-@dataclass(frozen=True)
-class Reference:
+@dataclass(frozen=True, repr=False)
+class Reference(Shown):
     """A reference body, in the body frame B, from Q."""
 
     name: str
@@ -67,6 +69,14 @@ class Reference:
     sha256: str | None = None
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The file's content."""
+
+    def title(self) -> str:
+        """Return its name and kind."""
+        return f"{self.name} ({self.kind})"
+
+    def tables(self) -> list[Table]:
+        """Return its parameters with their standard uncertainties."""
+        return self.parameters.tables()
 
 
 def load_reference(path: str | Path) -> Reference:

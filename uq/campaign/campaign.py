@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import process_count, process_index
 
+from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
 from rig.exceptions import quoted
@@ -51,6 +52,7 @@ Progress = Callable[[str, int, int], None]
 """Called with the trajectory's name, the trials done and the trials asked for."""
 
 
+@explains_names
 def montecarlo(
     experiment: Experiment,
     *,

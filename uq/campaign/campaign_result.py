@@ -11,6 +11,7 @@ from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import rounded, with_uncertainty
 from identify.text_tables import Table
+from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.result_coverage import coverage_record, stability_record
 from uq.campaign.statistics import Breakdown, Statistics, large_mean_error, verdict_on_mean_errors
 from uq.coverage.adaptive_procedure import Stability
@@ -20,13 +21,14 @@ from uq.sources.quasi_random import Points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import DataArray
 
 
 @dataclass(frozen=True, repr=False)
-class MonteCarloResult(Result):
+class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
     """The outcome of a campaign. ``result["T1", "central"]`` is one :class:`Breakdown`.
 
-    Example: ``montecarlo("barreto2016", trials=200).to_frame().loc[("T1", "central", "total")]``.
+    Example: ``montecarlo(Experiment.load("barreto2016"), trials=200).to_frame().loc[("T1", "central", "total")]``.
     """
 
     kind = "inertia montecarlo"
@@ -45,12 +47,14 @@ class MonteCarloResult(Result):
     points: Points = "random"
     """What the trials were drawn from."""
 
-    def __getitem__(self, key: tuple[str, str]) -> Breakdown[Statistics]:
-        trajectory, estimator = key
-        return self.breakdowns[trajectory][estimator]
+    @property
+    def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[Statistics]]]:
+        """What there is, by trajectory, then by estimator."""
+        return self.breakdowns
 
     def total_errors(self, trajectory: str, estimator: str) -> np.ndarray:
         """Return estimate minus truth of every trial with all sources together, (trials, 6) [kg·m²]."""
+        self.checked((trajectory, estimator))
         index = list(self.breakdowns[trajectory]).index(estimator)
         return self.errors[trajectory][:, index, 0]
 
@@ -83,10 +87,6 @@ class MonteCarloResult(Result):
             "warnings": self.findings(),
             "provenance": dict(self.provenance),
         }
-
-    def pairs(self) -> list[tuple[str, str]]:
-        """Return every trajectory with every estimator."""
-        return [(trajectory, estimator) for trajectory, of in self.breakdowns.items() for estimator in of]
 
     def findings(self) -> list[str]:
         """Return what a reader must not miss: warnings, failed trials, mean errors larger than their 3σ."""
@@ -125,12 +125,33 @@ class MonteCarloResult(Result):
     def records(self) -> list[dict[str, Any]]:
         """Return the four statistics of each case and component, in g·m²."""
         return [
-            {"trajectory": pair[0], "estimator": pair[1], "case": name, "component": component}
-            | {key: values[component] for key, values in statistics.to_dict().items()}
-            for pair in self.pairs()
-            for name, statistics in self[pair].cases.items()
-            for component in COMPONENTS
+            {"trajectory": trajectory, "estimator": estimator, **record}
+            for trajectory, estimator in self.pairs()
+            for record in self[trajectory, estimator].records()
         ]
+
+    def to_xarray(self) -> "DataArray":
+        """Return estimate minus truth of every trial [kg·m²], (trajectory, trial, estimator, case, component).
+
+        A case is ``total``, a group alone or a source alone; the coordinate ``true_tensor`` is the truth by component.
+        A trial that could not be solved is NaN.
+
+        Raises:
+            ModuleNotFoundError: xarray is not installed.
+        """
+        try:
+            from xarray import DataArray
+        except ImportError:
+            raise ModuleNotFoundError("xarray is missing for to_xarray(): pip install xarray") from None
+        first = next(iter(self.breakdowns.values()))
+        names: dict[str, Any] = {
+            "trajectory": list(self.breakdowns), "trial": np.arange(self.trials), "estimator": list(first),
+            "case": list(next(iter(first.values())).cases), "component": list(COMPONENTS),
+        }  # fmt: skip
+        samples = np.stack([self.errors[name] for name in self.breakdowns])
+        about = {"units": "kg m2", "long_name": "estimate minus truth", "seed": self.seed, "points": self.points}
+        truth = {"true_tensor": ("component", self.nominal)}
+        return DataArray(samples, names | truth, tuple(names), "error", about)
 
     def summary_table(self) -> Table:
         """Return mean error and 3σ of each component with standard errors, in g·m²."""

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from identify.motion.trajectory import Motion, acceleration_of
 from identify.rigid_body.dynamics import acceleration_at
@@ -63,6 +64,7 @@ class SimulatedRun:
         )
 
 
+@explains_names
 def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int = 0, trial: int = 0) -> SimulatedRun:
     """Simulate one run with all the experiment's errors, but that of r_CG, which no sensor sees.
 

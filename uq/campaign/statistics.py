@@ -6,7 +6,11 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
+from identify.exceptions import UnknownNameError
+from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import finest, with_uncertainty
+from identify.text_tables import Table
 from uq.gram_sums.setup import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
@@ -14,8 +18,8 @@ from uq.trials.trial_loop import finite_trials
 __all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error", "verdict_on_mean_errors"]
 
 
-@dataclass(frozen=True)
-class Statistics:
+@dataclass(frozen=True, repr=False)
+class Statistics(Shown):
     """What the trials of one case say of the six components, in kg·m², in the order of ``COMPONENTS``."""
 
     mean_error: np.ndarray
@@ -51,6 +55,19 @@ class Statistics:
             of_sigma = np.where(variance > 0, np.sqrt(of_variance) / (2 * np.sqrt(variance)), 0.0)
         return cls(mean, np.sqrt(variance / n), 3 * np.sqrt(variance), 3 * of_sigma)
 
+    def rows(self, beside: "Statistics | None" = None) -> list[list[str]]:
+        """Return mean error and 3σ with standard errors, in g·m², to the decimals that matter beside other figures."""
+        places = finest(GRAM_METRE * (beside or self).mean_error_standard_error)
+        rows = []
+        for said, name in (("mean error", "mean_error"), ("3σ", "three_sigma")):
+            figures, errors = (GRAM_METRE * getattr(self, of) for of in (name, f"{name}_standard_error"))
+            rows.append([said, *(with_uncertainty(*each, places) for each in zip(figures, errors, strict=True))])
+        return rows
+
+    def tables(self) -> list[Table]:
+        """Return mean error and 3σ of each component with standard errors, in g·m²."""
+        return [Table("", ["g·m²", *COMPONENTS], self.rows())]
+
     def to_dict(self) -> dict[str, dict[str, float | None]]:
         """Return the four figures by component, in g·m²; a figure that does not exist is None."""
         return {
@@ -85,13 +102,19 @@ class OfCase(Protocol):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures by component, in g·m²."""
 
+    def rows(self, beside: Any = None) -> list[list[str]]:
+        """Return mean error and 3σ of each component, in g·m², to the decimals that matter beside other figures."""
+
 
 CaseFigures = TypeVar("CaseFigures", bound=OfCase)
 
 
-@dataclass(frozen=True)
-class Breakdown(Generic[CaseFigures]):
-    """One estimator on one trajectory: what each group and each source does to the answer, by trials or by the law."""
+@dataclass(frozen=True, repr=False)
+class Breakdown(Result, Generic[CaseFigures]):
+    """One estimator on one trajectory: what each group and each source does to the answer, by trials or by the law.
+
+    Example: ``law(Experiment.load("barreto2016"))["T1", "central"].to_frame().loc[("total", "I33")]``.
+    """
 
     groups: Mapping[str, CaseFigures]
     """``total`` (all sources) and each group alone."""
@@ -121,10 +144,34 @@ class Breakdown(Generic[CaseFigures]):
         return {**self.groups, **self.sources}
 
     def share(self, group: str) -> float:
-        """Return a group's (or source's) share: its 3σ alone over the total's, averaged over the components."""
-        alone = self.groups[group] if group in self.groups else self.sources[group]
+        """Return a group's (or source's) share: its 3σ alone over the total's, averaged over the components.
+
+        Raises:
+            KeyError: there is none of this name; the message names those that there are.
+        """
+        if group not in self.cases:
+            raise UnknownNameError(group, self.cases)
+        alone = self.cases[group]
         with np.errstate(invalid="ignore", divide="ignore"):
             return float(np.mean(alone.three_sigma / self.total.three_sigma))
+
+    def tables(self) -> list[Table]:
+        """Return mean error and 3σ of each group and source alone, and its share of the total's 3σ."""
+        rows = []
+        for name, figures in self.cases.items():
+            share = 100 * self.share(name)
+            first, second, *_ = figures.rows(self.total)
+            rows += [[name, *first, ""], ["", *second, f"{share:.0f}" if np.isfinite(share) else "–"]]
+        return [Table("", ["alone", "g·m²", *COMPONENTS, "share %"], rows)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the figures of each case and component, in g·m²."""
+        return [
+            {"case": name, "component": component}
+            | {key: values[component] for key, values in figures.to_dict().items() if key != "covariance"}
+            for name, figures in self.cases.items()
+            for component in COMPONENTS
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures of every group and source by component, in g·m²."""

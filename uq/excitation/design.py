@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.exceptions import explains_names
 from identify.motion.leg_limits import Limits, Peak
 from rig.exceptions import listed, quoted
 from uq.excitation.design_bound import DesignBound, design_bound
@@ -93,6 +94,7 @@ class Design:
         return replace(self.experiment, trajectories={NAME: self.spec}, estimators=(differentiator(self.band),))
 
 
+@explains_names
 def design(
     experiment: Experiment,
     *,

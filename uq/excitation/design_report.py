@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 import numpy as np
 
+from identify.exceptions import explains_names
 from uq.excitation.design import Design
 from uq.excitation.design_result import GOALS, DesignReport
 from uq.excitation.designed_experiment import NAME, designed_files
@@ -21,6 +22,7 @@ BESIDE = ("T1", "T2", "T4")
 Progress = Callable[[str, int, int], None]
 
 
+@explains_names
 def design_report(
     design: Design, *, goal: str = "all", targets: Sequence[float] = (), progress: Progress | None = None
 ) -> DesignReport:

@@ -274,7 +274,8 @@ class Experiment(Shown):
 
     def title(self) -> str:
         """Return what the tables are of."""
-        return f"Experiment {self.file.get('file', '')}".rstrip()
+        changed = ", changed" if self.file and not self.is_of_document() else ""
+        return f"Experiment {self.file.get('file', '')}{changed}".rstrip()
 
     def tables(self) -> list[Table]:
         """Return body, trajectories, estimators and sources, in units."""

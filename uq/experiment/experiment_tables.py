@@ -10,7 +10,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.sources.source import KINDS, Source
-from uq.sources.source_figures import part_of
+from uq.sources.source_figures import on_axes
 from uq.sources.source_width import WIDTHS
 
 SOURCE_HEAD = ("source", "perturbs", "kind", "group", "σ on axes 1, 2, 3, or as named")
@@ -55,7 +55,7 @@ def source_table(sources: Sequence[Source], written: Mapping[str, Any] | None) -
         written: the experiment's content, whose words are repeated; None: it is of other values, these are shown in SI.
     """
     words = {source["name"]: size_of(source) for source in (written or {}).get("source", [])}
-    rows = [[s.name, s.target, s.kind, s.group, words.get(s.name) or _size_in_si(s)] for s in sources]
+    rows = [[s.name, s.target, s.kind, s.group, words.get(s.name) or s.size] for s in sources]
     return Table("", SOURCE_HEAD, rows)
 
 
@@ -67,29 +67,9 @@ def size_of(source: Mapping[str, Any]) -> str:
         if key in source and source[key] != "normal":
             value = source[key]
             matrix = isinstance(value, list) and isinstance(value[0], list)
-            text = "6×6 matrix" if matrix else _on_axes(value) if isinstance(value, list) else str(value)
+            text = "6×6 matrix" if matrix else on_axes(value) if isinstance(value, list) else str(value)
             said.append(text if key == "sigma" else f"{key.replace('_', ' ')} {text}")
     return "; ".join(said)
-
-
-def _size_in_si(source: Source) -> str:
-    unit = source.error_kind.targets[source.target]
-    said = [f"{name.replace('_', ' ')} {_in_si(values)} (SI)" for name, values in source.settings.items()]
-    sigma = np.asarray(source.standard_deviation) / part_of(unit)
-    if sigma.ndim > 1:
-        said.insert(0, "6×6 matrix")
-    elif sigma.size:
-        said.insert(0, f"{_in_si(sigma)} {unit}")
-    return "; ".join(said)
-
-
-def _in_si(values: Any) -> str:
-    return _on_axes([f"{value:.3g}".replace("-", "−") for value in np.ravel(values)])
-
-
-def _on_axes(figures: Sequence[str]) -> str:
-    """Figures of the axes; one where all are the same."""
-    return figures[0] if len(set(figures)) == 1 else ", ".join(figures)
 
 
 def _figures(values: Any) -> str:

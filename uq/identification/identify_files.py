@@ -10,6 +10,7 @@ import numpy as np
 from identify.choices import OffsetChoice
 from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.offsets import rest_of
+from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
 from identify.methods.base import estimator_of
@@ -37,6 +38,7 @@ from uq.recorded.time_window import TimeWindow, cut
 from uq.sources.constant_errors import declared_sigma
 
 
+@explains_names
 def identify_files(
     paths: Sequence[str | Path],
     experiment: Experiment,

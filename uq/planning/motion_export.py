@@ -95,6 +95,13 @@ class MotionExport(Result):
         ]
         return [Table(self._caption(), ["file", "what", "off by, m or rad"], rows, FILES)]
 
+    def records(self) -> list[dict[str, Any]]:
+        """Return bytes of each file, and how far it is from the motion: position [m] or attitude [rad]."""
+        return [
+            {"file": name, "bytes": len(content), "difference": self.differences.get(name, np.nan)}
+            for name, content in self.contents.items()
+        ]
+
     def overview(self) -> list[Table]:
         """Return the same without a caption."""
         return [dataclasses.replace(table, caption="") for table in self.tables()]

@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.exceptions import explains_names
 from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
 from identify.motion.stewart_platform import Platform, Pose, Twist
 from identify.reporting import Result, Section
@@ -149,6 +150,7 @@ class PosePlan(Result):
         }  # fmt: skip
 
 
+@explains_names
 def plan_poses(
     experiment: Experiment,
     spec: TrajectorySpec,

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from identify.exceptions import explains_names
 from identify.motion.multisine import Multisine
 from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
@@ -150,6 +151,7 @@ def duration_table(durations: Sequence[Duration]) -> Table:
     return Table("How long must I measure?", head, rows, DURATION_NOTE)
 
 
+@explains_names
 def required_duration(
     experiment: Experiment,
     target: float,

@@ -8,17 +8,18 @@ import numpy as np
 import scipy
 
 from identify.floating_point import MESSAGE
-from identify.reporting import Result, Section
+from identify.reporting import Result, Section, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.text_tables import Table
+from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.result_coverage import by_component
 from uq.campaign.statistics import Breakdown, verdict_on_mean_errors
 from uq.report.input_tables import source_tables
 
 
-@dataclass(frozen=True)
-class LawStatistics:
+@dataclass(frozen=True, repr=False)
+class LawStatistics(Shown):
     """The law's results for one case, in kg·m², in the order of ``COMPONENTS``."""
 
     mean_error: np.ndarray
@@ -62,6 +63,15 @@ class LawStatistics:
         """Three standard deviations of the textbook's first-order law."""
         return 3 * np.sqrt(np.diag(self.textbook_covariance))
 
+    def rows(self, beside: "LawStatistics | None" = None) -> list[list[str]]:
+        """Return mean error and 3σ of each component, and the textbook's 3σ, in g·m²."""
+        figures = {"mean error": self.mean_error, "3σ": self.three_sigma, "3σ, textbook": self.textbook_three_sigma}
+        return [[name, *_figures(values)] for name, values in figures.items()]
+
+    def tables(self) -> list[Table]:
+        """Return mean error and 3σ of each component, and the textbook's 3σ, in g·m²."""
+        return [Table("", ["g·m²", *COMPONENTS], self.rows())]
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures by component, in g·m²; the covariance in (g·m²)², rows in the order of the components."""
         figures = {
@@ -73,10 +83,10 @@ class LawStatistics:
 
 
 @dataclass(frozen=True, repr=False)
-class LawResult(Result):
+class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
     """The law of propagation for an experiment. ``result["T1", "central"]`` is one :class:`Breakdown`.
 
-    Example: ``law("barreto2016").to_frame().loc[("T1", "central", "total")]``.
+    Example: ``law(Experiment.load("barreto2016")).to_frame().loc[("T1", "central", "total")]``.
     """
 
     name = "law"
@@ -91,13 +101,10 @@ class LawResult(Result):
     adjustable: Callable[[], Mapping[str, Any]] | None = field(default=None, repr=False, compare=False)
     """Makes the numbers from which a page redraws the law for other figures; None: it cannot."""
 
-    def __getitem__(self, key: tuple[str, str]) -> Breakdown[LawStatistics]:
-        trajectory, estimator = key
-        return self.breakdowns[trajectory][estimator]
-
-    def pairs(self) -> list[tuple[str, str]]:
-        """Return every trajectory with every estimator."""
-        return [(trajectory, estimator) for trajectory, of in self.breakdowns.items() for estimator in of]
+    @property
+    def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[LawStatistics]]]:
+        """What there is, by trajectory, then by estimator."""
+        return self.breakdowns
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²: shaped as the Monte Carlo's, without standard errors."""
@@ -161,11 +168,9 @@ class LawResult(Result):
     def records(self) -> list[dict[str, Any]]:
         """Return mean error and 3σ of each case and component, and the textbook's, in g·m²."""
         return [
-            {"trajectory": pair[0], "estimator": pair[1], "case": name, "component": component}
-            | {key: values[component] for key, values in statistics.to_dict().items() if key != "covariance"}
-            for pair in self.pairs()
-            for name, statistics in self[pair].cases.items()
-            for component in COMPONENTS
+            {"trajectory": trajectory, "estimator": estimator, **record}
+            for trajectory, estimator in self.pairs()
+            for record in self[trajectory, estimator].records()
         ]
 
 

@@ -11,7 +11,7 @@ from uq.report.page import drawn, html, joined, json_text, number, rendered
 def report(result: Any) -> str:
     """Return a result's report: an HTML page with its style and figures inside, which loads nothing from elsewhere.
 
-    Example: ``Path("report.html").write_text(report(montecarlo("barreto2016", trials=100)))``.
+    Example: ``Path("report.html").write_text(report(montecarlo(Experiment.load("barreto2016"), trials=100)))``.
 
     Raises:
         TypeError: there is no report for this kind of result.
@@ -29,7 +29,7 @@ def write(result: Any, out: Path, *more: Any) -> None:
     Everything is made before the first file is moved into place, so that a failure leaves no half-written file. A file
     of the same name is replaced; other files stay.
 
-    Example: ``write(montecarlo("barreto2016", trials=100), Path("out"))``.
+    Example: ``write(montecarlo(Experiment.load("barreto2016"), trials=100), Path("out"))``.
 
     Raises:
         OSError: the folder cannot be made or written.

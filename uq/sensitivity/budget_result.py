@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from identify.reporting import Drawing, Result, Section, plain, stem
 from identify.text_tables import Table
+from uq.campaign.by_trajectory import ByTrajectory
 from uq.report.input_tables import source_tables
 from uq.sensitivity.budget_shares import SourceBudget
 
@@ -16,10 +17,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class BudgetResult(Result):
+class BudgetResult(ByTrajectory[SourceBudget], Result):
     """Budgets of an experiment. ``result["T1", "central"]`` is one :class:`SourceBudget`.
 
-    Example: ``budget("barreto2016", trials=100).to_frame().loc[("T1", "central", "source", "r_cg", "tensor")]``.
+    Example: ``budget(Experiment.load("barreto2016"), trials=100).to_frame().loc[("T1", "central", "source", "r_cg")]``.
     """
 
     name = "budget"
@@ -34,13 +35,10 @@ class BudgetResult(Result):
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
 
-    def __getitem__(self, key: tuple[str, str]) -> SourceBudget:
-        trajectory, estimator = key
-        return self.budgets[trajectory][estimator]
-
-    def pairs(self) -> list[tuple[str, str]]:
-        """Return every trajectory with every estimator."""
-        return [(trajectory, estimator) for trajectory, of in self.budgets.items() for estimator in of]
+    @property
+    def by_trajectory(self) -> Mapping[str, Mapping[str, SourceBudget]]:
+        """What there is, by trajectory, then by estimator."""
+        return self.budgets
 
     def records(self) -> list[dict[str, Any]]:
         """Return every figure as a record with its unit; a value that does not exist is None."""

@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import with_uncertainty
+from identify.text_tables import Table
 from uq.campaign.statistics import Statistics
 from uq.sensitivity.variance_shares import Indices
 
@@ -49,8 +51,8 @@ class MeanSquare(NamedTuple):
     tensor_bias_share_standard_error: float
 
 
-@dataclass(frozen=True)
-class SourceBudget:
+@dataclass(frozen=True, repr=False)
+class SourceBudget(Shown):
     """The budget of one estimator on one trajectory."""
 
     sources: Effects
@@ -87,6 +89,14 @@ class SourceBudget:
     def closes(self) -> bool:
         """Whether the closure is one within :data:`CLOSURE_LIMIT` standard errors on every component."""
         return not bool((np.abs(self.closure - 1) > CLOSURE_LIMIT * self.closure_standard_error).any())
+
+    def tables(self) -> list[Table]:
+        """Return the shares of the whole tensor's variance."""
+        return [Table("", *self.tensor_rows())]
+
+    def notes(self) -> list[str]:
+        """Return the verdict."""
+        return [self.verdict]
 
     def tensor_rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of the shares of the whole tensor's variance, in per cent."""

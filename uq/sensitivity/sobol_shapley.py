@@ -12,6 +12,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from identify.exceptions import explains_names
 from identify.reporting import Result
 from identify.rounding import with_uncertainty
 from identify.text_tables import Table
@@ -111,6 +112,7 @@ def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarra
     return indices.value[:, output], indices.standard_error[:, output]
 
 
+@explains_names
 def sobol(
     model: Model,
     inputs: Mapping[str, Distribution],
@@ -147,6 +149,7 @@ def sobol(
     return _result(names, of_swapped_players(good), good, all_outputs, points)
 
 
+@explains_names
 def shapley(
     model: Model,
     inputs: Mapping[str, Distribution],

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from uq.campaign.campaign import Progress, Statistics, distinct
 from uq.campaign.trial_setup import prepare_setup
@@ -33,6 +34,7 @@ WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 their covariance, does not depend on the body frame's axes."""
 
 
+@explains_names
 def budget(
     experiment: Experiment,
     *,

@@ -13,13 +13,14 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
 
 import equinox as eqx
+import jax
 import msgspec
 import numpy as np
 from jaxtyping import Array, Float, Key
 
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.random_normals import Index
-from uq.sources.source_figures import figures
+from uq.sources.source_figures import figures, on_axes, part_of
 
 SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
 """The measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
@@ -49,6 +50,23 @@ class Source(eqx.Module):
     """Distribution of the draw in units of ``sigma``, about its mean."""
     settings: Mapping[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
     """Figures that are not drawn, in SI: Allan parameters, a limit, a step, where the air's centre is."""
+
+    def __repr__(self) -> str:
+        stated = all(isinstance(leaf, (np.ndarray, np.generic, float, int)) for leaf in jax.tree.leaves(self))
+        size = self.size if stated else "in JAX"
+        return f"Source({self.name!r}: {self.kind} of {self.target}, {size})"
+
+    @property
+    def size(self) -> str:
+        """How large it is, in words: standard deviation and settings in SI."""
+        unit = self.error_kind.targets[self.target]
+        said = [f"{name.replace('_', ' ')} {on_axes(values)} (SI)" for name, values in self.settings.items()]
+        sigma = np.asarray(self.standard_deviation) / part_of(unit)
+        if sigma.ndim > 1:
+            said.insert(0, "6×6 matrix")
+        elif sigma.size:
+            said.insert(0, f"{on_axes(sigma)} {unit}")
+        return "; ".join(said)
 
     @property
     def error_kind(self) -> "ErrorKind":

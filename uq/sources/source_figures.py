@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.rounding import significant
 from rig.toml_tables import read_value, written
 from uq.files.schema import in_unit, quantity_schema, vector_schema
 
@@ -15,6 +16,12 @@ from uq.files.schema import in_unit, quantity_schema, vector_schema
 def part_of(unit: str) -> float:
     """Return how many of the SI unit one of ``unit`` is: what is written in per cent counts as parts of one."""
     return 0.01 if unit == "%" else 1.0
+
+
+def on_axes(figures: Any) -> str:
+    """Return figures of the axes as text; one where all are the same."""
+    texts = [figure if isinstance(figure, str) else significant(figure) for figure in np.ravel(figures)]
+    return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
 
 def figures(

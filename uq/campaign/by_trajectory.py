@@ -1,0 +1,39 @@
+"""A result by trajectory and estimator: ``result["T1", "central"]``."""
+
+from collections.abc import Mapping
+from typing import Generic, TypeVar
+
+from identify.exceptions import UnknownNameError
+
+Content = TypeVar("Content")
+
+
+class ByTrajectory(Generic[Content]):
+    """What campaigns, laws and budgets hold for each trajectory and estimator."""
+
+    @property
+    def by_trajectory(self) -> Mapping[str, Mapping[str, Content]]:
+        """What there is, by trajectory, then by estimator."""
+        raise NotImplementedError
+
+    def __getitem__(self, key: tuple[str, str] | str) -> Content:
+        trajectory, estimator = self.checked(key)
+        return self.by_trajectory[trajectory][estimator]
+
+    def checked(self, key: tuple[str, str] | str) -> tuple[str, str]:
+        """Return a key under which there is something.
+
+        Raises:
+            KeyError: there is nothing; the message names what there is.
+        """
+        for pair in self.pairs():
+            if pair == key:
+                return pair
+        raise UnknownNameError(key, self.pairs())
+
+    def pairs(self) -> list[tuple[str, str]]:
+        """Return every trajectory with every estimator."""
+        return [(trajectory, estimator) for trajectory, of in self.by_trajectory.items() for estimator in of]
+
+    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
+        return self.pairs()
