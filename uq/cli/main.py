@@ -37,7 +37,7 @@ COMMANDS = {
 
 BROKEN_PIPE = 141
 """Exit status where nobody reads on: 128 and the number of SIGPIPE, which not every system has."""
-WITHOUT_JAX = ("record", "recover", "inspect")
+WITHOUT_JAX = ("record", "recover", "inspect", "schema")
 LEAST_MEMORY = 7 * 2**28
 """Bytes of address space below which JAX does not start but aborts the process, with a page of its own."""
 CURES = {

@@ -9,7 +9,7 @@ from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawResult
-from uq.propagation.law_validation import law_report
+from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.source_budget import budget
 from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
@@ -94,9 +94,8 @@ def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
         for name, result in results.items() if speaks else ():
             if name:
                 print(f"\nbody {name}\n")
-            finish(result, folders[name], *more[name], unsaid=[laws[name]] if name in laws else ())
-            if name in laws:
-                print(law_report(laws[name], result))
+            beside = [validate_law(laws[name], result)] if name in laws else []
+            finish(result, folders[name], *more[name], *beside, unsaid=[laws[name]] if name in laws else ())
         for checkpoint in checkpoints.values() if speaks else ():
             if checkpoint is not None:
                 checkpoint.remove()

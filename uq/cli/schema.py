@@ -1,8 +1,12 @@
-"""``inertia schema``: the JSON Schema of a TOML file, by which editors complete and check it; that of result files."""
+"""``inertia schema``: the JSON Schema of a TOML file, by which editors complete and check it; that of result files.
+
+What it prints is shipped. ``python -m uq.cli.schema`` ships the schemas of TOML files anew, made of their tables.
+"""
 
 import argparse
 import json
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 ERRORS = ()
@@ -18,15 +22,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the schema."""
-    print(json.dumps(file_schema(arguments.file), indent=1, ensure_ascii=False))
+    """Print the schema as it is shipped, which needs no JAX."""
+    print(_shipped(arguments.file), end="")
     return 0
+
+
+def _shipped(file: str) -> str:
+    return (files("uq") / "schemas" / f"{file}.json").read_text("utf-8")
 
 
 def file_schema(file: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file: one of ``FILES``, made of its tables, or ``RESULT``, as shipped."""
     if file == RESULT:
-        return json.loads((files("uq") / "schemas" / "result.json").read_text("utf-8"))
+        return json.loads(_shipped(file))
     from rig.record.rig_file import RigFile
     from rig.toml_tables import TomlTable
     from uq.bodies.reference import BodyFile
@@ -44,3 +52,13 @@ def file_schema(file: str) -> dict[str, Any]:
     schema = json_schema(ExperimentFile, Ring, SourceTable, DrawTable, *sources)
     schema["properties"]["source"]["items"] = {"anyOf": [{"$ref": f"#/$defs/{each.__name__}"} for each in sources]}
     return schema
+
+
+def shipped_text(file: str) -> str:
+    """Return the schema of a kind of TOML file as it is to be shipped."""
+    return json.dumps(file_schema(file), indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    for name in FILES:
+        Path(str(files("uq") / "schemas" / f"{name}.json")).write_text(shipped_text(name), "utf-8")

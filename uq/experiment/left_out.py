@@ -18,11 +18,14 @@ def leave_out(experiment: Experiment, which: Sequence[str]) -> Experiment:
     """
     if not which:
         return experiment
+    of_words: dict[str, list[str]] = {}
+    for source in experiment.sources:
+        for word in (source.name, source.kind):
+            of_words.setdefault(word.replace(" ", "_"), []).append(source.name)
     left_out: dict[str, None] = {}
     for wanted in which:
-        word = wanted.replace(" ", "_")
-        names = [source.name for source in experiment.sources if word in (source.name.replace(" ", "_"), source.kind)]
-        if not names:
+        names = of_words.get(wanted.replace(" ", "_"))
+        if names is None:
             sources, kinds = (dict.fromkeys(getattr(s, key) for s in experiment.sources) for key in ("name", "kind"))
             choices = f"choose a name of [[source]] ({listed(sources)}) or a kind ({listed(kinds)})"
             raise ExperimentError(f"no source to leave out has the name or kind {quoted(wanted)}: {choices}")

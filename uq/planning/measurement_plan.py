@@ -92,6 +92,7 @@ class MeasurementPlan(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json: sensors in g·m², durations in the unit that they name."""
         return {
+            **self.form(),
             "unit": "g*m^2",
             "answers": self.verdicts(),
             "sensors": self.sensors.to_dict(),

@@ -99,7 +99,7 @@ class Duration(Result):
         """Return what result.json says: kg·m², s."""
         return {
             "goal": self.goal, "target": self.target, "seconds": self.seconds, "reached": self.reached,
-            "unit": "kg*m^2", "forbids": self.forbids, "own": self.current_duration, "now": self.now,
+            "unit": "kg*m^2", "forbids": self.forbids, "current_duration": self.current_duration, "now": self.now,
             "checked": self.checked,
         }  # fmt: skip
 

@@ -10,6 +10,7 @@ import scipy
 from identify.floating_point import MESSAGE
 from identify.reporting import Result, Section, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import fixed, rounded, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.campaign_result import MonteCarloResult
@@ -188,20 +189,28 @@ def _figures(values: np.ndarray) -> list[str]:
     return [f"{GRAM_METRE * x:.4g}".replace("-", "−") if np.isfinite(x) else "–" for x in values]
 
 
-def beside(law: LawResult, result: MonteCarloResult) -> tuple[list[str], list[list[str]]]:
-    """Return head and rows of the law beside a Monte Carlo of the same experiment, all sources together.
+def beside(law: LawResult, result: MonteCarloResult) -> list[Table]:
+    """Return the law beside a Monte Carlo of the same experiment, all sources together, a table a pair.
 
-    The last two rows of each pair are the differences, law minus Monte Carlo, in the Monte Carlo's standard errors.
+    ``apart`` is their difference, law minus Monte Carlo, in the Monte Carlo's standard errors.
     """
-    rows = []
+    tables = []
     for trajectory, estimator in law.pairs():
         ours, theirs = law[trajectory, estimator].total, result[trajectory, estimator].total
-        for name, label in (("mean_error", "mean error"), ("three_sigma", "3σ")):
-            error = getattr(theirs, f"{name}_standard_error")
-            difference = getattr(ours, name) - getattr(theirs, name)
-            away = np.divide(difference, error, out=np.zeros(6), where=error > 0)
-            head = [trajectory, estimator] if name == "mean_error" else ["", ""]
-            rows.append([*head, f"{label}, law", *_figures(getattr(ours, name))])
-            rows.append(["", "", f"{label}, Monte Carlo", *_figures(getattr(theirs, name))])
-            rows.append(["", "", "difference / standard error", *(f"{x:.2f}".replace("-", "−") for x in away)])
-    return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
+        columns: list[list[str]] = []
+        for name in ("mean_error", "three_sigma"):
+            by_law, by_trials, error = (
+                GRAM_METRE * values
+                for values in (getattr(ours, name), getattr(theirs, name), getattr(theirs, f"{name}_standard_error"))
+            )
+            away = np.divide(by_law - by_trials, error, out=np.zeros(6), where=error > 0)
+            columns.append([rounded(*figures) for figures in zip(by_law, error, strict=True)])
+            columns.append([with_uncertainty(*figures) for figures in zip(by_trials, error, strict=True)])
+            columns.append([fixed(value, 2) for value in away])
+        rows = [list(row) for row in zip(COMPONENTS, *columns, strict=True)]
+        tables.append(Table(f"{trajectory}, {estimator}", HEAD_BESIDE, rows, BESIDE_NOTE))
+    return tables
+
+
+HEAD_BESIDE = ("g·m²", "mean error, law", "Monte Carlo", "apart", "3σ, law", "Monte Carlo", "apart")
+BESIDE_NOTE = "All sources together. apart: law minus Monte Carlo, in standard errors of the Monte Carlo."

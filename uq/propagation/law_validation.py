@@ -1,11 +1,14 @@
 """Does the law hold here? The clause 8 verdict on the law and on the textbook's, source by source, and why."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from identify.reporting import Result, Section
 from identify.rigid_body.inertia import COMPONENTS
-from identify.text_tables import text_table
+from identify.text_tables import Table
 from uq.campaign.campaign import GRAM_METRE, MonteCarloResult
 from uq.coverage.coverage_intervals import Verdict, numerical_tolerance, symmetric_interval, validate
 from uq.propagation.law_result import LawResult, LawStatistics, beside
@@ -89,34 +92,105 @@ def _figure(value: float) -> str:
     return f"{GRAM_METRE * value:.3g}".replace("-", "−")
 
 
-def verdict_rows(listed: list[LawVerdict]) -> tuple[list[str], list[list[str]]]:
+def words_of(verdict: Verdict) -> list[str]:
+    """Return each component's verdict: holds, rejected, or open where there are too few trials to say."""
+    off = rejected(verdict)
+    return [
+        "holds" if holds else "rejected" if no else "open"
+        for holds, no in zip(np.atleast_1d(verdict.holds), off, strict=True)
+    ]
+
+
+def verdict_rows(listed: Sequence[LawVerdict]) -> tuple[list[str], list[list[str]]]:
     """Return head and rows: the six components' verdicts on each law, and why the textbook's is rejected."""
     rows = [
-        [v.trajectory, v.estimator, v.case.replace("_", " "), _counts(v.law), _counts(v.textbook), v.why]
+        [v.trajectory, v.estimator, v.case.replace("_", " "), _counts([v.law]), _counts([v.textbook]), v.why]
         for v in listed
     ]
     return ["trajectory", "estimator", "alone", "law", "textbook's", "why rejected"], rows
 
 
-def _counts(verdict: Verdict) -> str:
-    holds, off = np.count_nonzero(verdict.holds), np.count_nonzero(rejected(verdict))
-    counts = {
-        "hold": holds,
-        "rejected": off,
-        "too few trials": np.size(verdict.holds) - holds - off,
-    }
-    return ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+def _counts(of_verdicts: Sequence[Verdict]) -> str:
+    words = [word for verdict in of_verdicts for word in words_of(verdict)]
+    counts = {word: words.count(said) for said, word in (("holds", "hold"), ("rejected", "rejected"), ("open", "open"))}
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
 
 
-def law_report(law: LawResult, result: MonteCarloResult) -> str:
-    """Return the law beside a Monte Carlo of the same experiment, and the verdict of JCGM 101, clause 8."""
-    return "\n".join(
-        [
-            "",
-            "Law of propagation about the expected sums, beside the Monte Carlo, all sources together",
-            text_table(*beside(law, result)),
-            "",
-            "Do the laws' 95 % intervals hold? (JCGM 101, clause 8, one digit of the standard uncertainty)",
-            text_table(*verdict_rows(verdicts(law, result))),
+@dataclass(frozen=True, repr=False)
+class LawValidation(Result):
+    """The law beside a Monte Carlo of the same experiment, and the verdict of JCGM 101, clause 8, on both laws.
+
+    Example: ``validate_law(law(experiment), montecarlo(experiment, 2000)).to_dict()``.
+    """
+
+    comparison: tuple[Table, ...]
+    """Law and Monte Carlo, all sources together, a table for each trajectory and estimator."""
+    verdicts: tuple[LawVerdict, ...]
+    probability: float
+    digits: int
+    name: str = "law_validation"
+
+    def title(self) -> str:
+        """Return what is compared."""
+        return "Law of propagation beside the Monte Carlo, all sources together"
+
+    def tables(self) -> list[Table]:
+        """Return the comparison, then how many of the laws' intervals hold: of all cases and components."""
+        rows = []
+        for pair in dict.fromkeys((v.trajectory, v.estimator) for v in self.verdicts):
+            of_pair = [v for v in self.verdicts if (v.trajectory, v.estimator) == pair]
+            rows.append([*pair, _counts([v.law for v in of_pair]), _counts([v.textbook for v in of_pair])])
+        question = f"Do the laws' {100 * self.probability:g} % intervals hold? (JCGM 101, clause 8)"
+        return [*self.comparison, Table(question, ["trajectory", "estimator", "law", "textbook's law"], rows, NOTE)]
+
+    def findings(self) -> list[str]:
+        """Return in which cases the law itself is rejected."""
+        return [
+            f"{v.trajectory}, {v.estimator}: the law's interval is rejected for {v.case.replace('_', ' ')} "
+            f"({', '.join(c for c, word in zip(COMPONENTS, words_of(v.law), strict=True) if word == 'rejected')})"
+            for v in self.verdicts
+            if rejected(v.law).any()
         ]
-    )
+
+    def notes(self) -> list[str]:
+        """Return the findings, and why the textbook's law is rejected for all sources together, a line each."""
+        why = [
+            f"{v.trajectory}, {v.estimator}: the textbook's law is rejected, since {v.why}"
+            for v in self.verdicts
+            if v.case == "total" and v.why
+        ]
+        return [f"attention: {text}" for text in self.findings()] + why
+
+    def section(self) -> Section:
+        """Return its part of a report: every case among the details."""
+        each = Table("The laws' intervals, case by case", *verdict_rows(self.verdicts), wrap=True)
+        return Section(self.title(), findings=self.findings(), tables=self.tables(), details=[each])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its part of result.json: the verdict on each law by case and component."""
+        return {
+            "probability": self.probability,
+            "digits": self.digits,
+            "verdicts": [
+                {
+                    "trajectory": v.trajectory, "estimator": v.estimator, "case": v.case, "why": v.why,
+                    **{name: dict(zip(COMPONENTS, words_of(verdict), strict=True))
+                       for name, verdict in (("law", v.law), ("textbook", v.textbook))},
+                }
+                for v in self.verdicts
+            ],
+        }  # fmt: skip
+
+
+def validate_law(
+    law: LawResult, result: MonteCarloResult, *, probability: float = 0.95, digits: int = 1
+) -> LawValidation:
+    """Return the law beside a Monte Carlo, and whether its intervals hold; see :func:`verdicts`."""
+    judged = verdicts(law, result, probability=probability, digits=digits)
+    return LawValidation(tuple(beside(law, result)), tuple(judged), probability, digits)
+
+
+NOTE = (
+    "Counted over all sources together, each group and each source alone, and six components; to one digit of the "
+    "standard uncertainty. open: too few trials to say."
+)

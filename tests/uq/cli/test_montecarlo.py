@@ -54,13 +54,21 @@ def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "300")  # in a narrow terminal a wide table is several
     out = tmp_path / "out"
     assert main(arguments(experiment, "--trials", 20, "--law", "--out", out)) == 0
-    assert capsys.readouterr().out.count("3σ, law") == 1
+    printed = capsys.readouterr().out
+    assert printed.count("Law of propagation beside the Monte Carlo") == 1
+    assert printed.rstrip().endswith(f"are in {out}")  # the last line, below what the law says
     page = (out / "report.html").read_text()
     assert page.count('class="adjustable"') == page.count('<script type="module">') == 1
     assert "Each group and source alone, by the law" in page
+    for text in ("Do the laws' 95 % intervals hold?", "The laws' intervals, case by case"):
+        assert text.replace("'", "&#39;") in page
     content = json.loads((out / "result.json").read_text())
     total = content["law"]["trajectories"]["T3"]["central"]["groups"]["total"]
     assert total["three_sigma"]["I22"] > 0
+    verdicts = content["law_validation"]["verdicts"]
+    assert {verdict["case"] for verdict in verdicts} == set(
+        content["law"]["trajectories"]["T3"]["central"]["groups"]
+    ) | {source["name"] for source in content["provenance"]["experiment"]["source"]}
     assert main(arguments(experiment, "--trials", 20, "--out", out)) == 0
     assert "<script" not in (out / "report.html").read_text()
 

@@ -1,6 +1,7 @@
 """The law for an experiment: against the Monte Carlo, source by source; as errors shrink; what it refuses."""
 
 import dataclasses
+import re
 
 import equinox as eqx
 import jax
@@ -22,7 +23,7 @@ from uq.propagation.expansion import _of_solution, expected_sums, tensor_of
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_result import beside
-from uq.propagation.law_validation import law_report, rejected, verdict_rows, verdicts
+from uq.propagation.law_validation import rejected, validate_law, verdict_rows, verdicts
 from uq.sources.constant_errors import no_errors
 from uq.sources.distributions import StudentT
 
@@ -76,9 +77,9 @@ def test_law_and_monte_carlo_agree(short, prepared):
     result = montecarlo(short, trials=400, seed=5, trajectories=["T1", "T3"])
     predicted = prepared.evaluate()
     assert compare(predicted, result, 4.5) == 2 * 2 * 11 * 2 * 6
-    _, rows = beside(predicted, result)
-    assert len(rows) == 2 * 2 * 6
-    assert max(abs(float(x.replace("−", "-"))) for row in rows[2::3] for x in row[3:]) < 4.5
+    tables = beside(predicted, result)
+    assert len(tables) == 2 * 2
+    assert max(abs(float(row[k].replace("−", "-"))) for table in tables for row in table.rows for k in (3, 6)) < 4.5
     by_case = {(v.trajectory, v.estimator, v.case): v for v in verdicts(predicted, result)}
     for trajectory in ("T1", "T3"):
         gyro, cell = (by_case[trajectory, "central", name] for name in ("omega_precision", "M_precision"))
@@ -87,7 +88,15 @@ def test_law_and_monte_carlo_agree(short, prepared):
         assert not rejected(cell.textbook).any()
         assert not rejected(cell.law).any()
     assert "quadratic" in by_case["T3", "central", "omega_bias"].why
-    assert "clause 8" in law_report(predicted, result)
+    validation = validate_law(predicted, result)
+    assert max(map(len, repr(validation).split("\n\n")[0].splitlines()[1:])) <= 80
+    said = {(v["trajectory"], v["estimator"], v["case"]): v for v in validation.to_dict()["verdicts"]}
+    assert said["T1", "central", "omega_precision"]["textbook"]["I33"] == "rejected"
+    assert said["T1", "central", "total"]["law"]["I33"] in ("holds", "open")
+    assert validation.findings() == []
+    assert any(text.startswith("T1, central: the textbook's law is rejected, since") for text in validation.notes())
+    whole = validation.tables()[-1].rows
+    assert sum(int(word) for row in whole for word in re.findall(r"\d+", row[2])) == 2 * 2 * 11 * 6
 
 
 def test_law_and_monte_carlo_agree_as_noise_shrinks(short, prepared):
