@@ -1,5 +1,6 @@
 """The topics of a recording as arrays: force, moment and motion; its metadata; its hash."""
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 
@@ -104,7 +105,7 @@ class Contents:
                 f"topic {topic} in {self.path} is {self.types[topic]}, not {expected}: "
                 f"choose one of {listed(candidates) or 'none'}"
             )
-        filled = [name for name in candidates if name in self.topics]
+        filled = [name for name in candidates if name in self.topics and name not in self._values_topics()]
         first = next((kind for kind in wanted if any(self.types[name] == kind for name in filled)), None)
         filled = [name for name in filled if self.types[name] == first]
         if topic is None and len(filled) > 1:
@@ -116,6 +117,14 @@ class Contents:
         if chosen not in self.topics:
             raise RigError(f"topic {chosen} in {self.path} has no messages: record the run again")
         return chosen
+
+    def _values_topics(self) -> list[str]:
+        """Topics whose joint states are named values, as a recording of ours says."""
+        try:
+            names = json.loads(self.metadata.get("rig.run", {}).get("values_topics", "[]"))
+        except (ValueError, RecursionError):
+            return []
+        return names if isinstance(names, list) else []
 
     def wrench(self, topic: str) -> WrenchChannel:
         """This topic as arrays."""

@@ -1,15 +1,34 @@
 """A kind of device and its emulator: parser, conversation and options under one name. No I/O."""
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 from rig.devices.conversation import Conversation, Identity
 from rig.devices.parser import Parser
 from rig.exceptions import RigError, quoted
 
-Measures = Literal["wrench", "imu", "values"]
+Measures = Literal["wrench", "imu", "joints", "values"]
+WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+IMU = ("omega_x", "omega_y", "omega_z", "specific_force_x", "specific_force_y", "specific_force_z")
 LEAST_RATE, MOST_RATE = 0.1, 50_000.0
 """Sample rates [Hz] that a device may be asked for; dividers and periods in their commands are whole numbers."""
+
+
+class Channel(NamedTuple):
+    """Numbers of a sample that belong together and become one message.
+
+    ``names`` are those of the numbers; of joints theirs, all positions before all velocities.
+    """
+
+    measures: Measures
+    names: tuple[str, ...]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """A name for each number."""
+        if self.measures != "joints":
+            return self.names
+        return (*(f"position {name}" for name in self.names), *(f"velocity {name}" for name in self.names))
 
 
 class Emulator(ABC):
@@ -55,6 +74,9 @@ class Device(ABC):
     NETWORK: ClassVar[Literal["", "udp", "tcp"]] = ""  # how a device on the network is spoken to
     NUMBER: ClassVar[int] = 0  # the port of a device on the network
     INQUIRIES: ClassVar[tuple[int, ...]] = ()  # its other TCP ports that the conversation asks
+    ROBOT: ClassVar[bool] = False  # whether it may have turned and compensated the wrench: the rig file says how
+    DECLARED: ClassVar[tuple[str, ...]] = ()  # options that a rig file must state
+    names: tuple[str, ...] = ()  # of the values of a device that measures neither wrench nor motion
 
     def __init__(self, **options: object) -> None:
         for name, value in options.items():
@@ -83,6 +105,11 @@ class Device(ABC):
     def measures(self) -> Measures:
         """What the samples mean."""
         return self.MEASURES
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """What the numbers of a sample are, in their order; the first is what the device is there for."""
+        return (Channel(self.measures, {"wrench": WRENCH, "imu": IMU}.get(self.measures, self.names)),)
 
     @property
     def rate(self) -> float:

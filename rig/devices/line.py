@@ -8,12 +8,10 @@ six names of a wrench or an IMU the device measures that; any other names are re
 import math
 from typing import ClassVar
 
-from rig.devices.base import Device, Emulator, Measures
+from rig.devices.base import IMU, WRENCH, Device, Emulator, Measures
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.exceptions import RigError, quoted
 
-WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
-IMU = ("omega_x", "omega_y", "omega_z", "specific_force_x", "specific_force_y", "specific_force_z")
 UNITS = {
     "1": 1.0,
     "N": 1.0,

@@ -21,7 +21,7 @@ from pathlib import Path
 from rig.emulation.emulated_sensor import EmulatedSensor
 from rig.emulation.signals import Signals
 from rig.exceptions import RigError
-from rig.runs import read
+from rig.runs import read_any
 
 GRID = 0.1  # seconds; runs start on this grid, on which samples at every rate that is a multiple of 10 Hz lie
 
@@ -76,7 +76,7 @@ def main() -> None:
     """Emulate the devices that the first line of the input describes."""
     specs = json.loads(_first_line())
     try:
-        signals = {path: Signals.of(read(path)) for path in {spec["run"] for spec in specs}}
+        signals = {path: Signals.of(read_any(path)) for path in {spec["run"] for spec in specs}}
     except (RigError, OSError) as error:
         _answer({"error": str(error)})
         return

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from rig.devices import create_device
 from rig.devices.base import Device
-from rig.devices.line import IMU, WRENCH
 from rig.emulation.endpoints import Endpoint, OtherPort, Pty, TcpEndpoint, UdpEndpoint
 from rig.emulation.signals import Signals
 
@@ -27,8 +26,7 @@ class EmulatedSensor:
         self._delay, self._skew = spec.get("delay", 0.0), 1 + 1e-6 * spec.get("skew_ppm", 0.0)
         self._loop = bool(spec.get("loop"))
         self._wire = 0.0 if self._device.NETWORK else self._device.FRAME_BYTES * 10 / spec["baudrate"]
-        names = getattr(self._device, "names", None)
-        self._names = names or (WRENCH if self._device.measures == "wrench" else IMU)
+        self._names = tuple(name for channel in self._device.channels for name in channel.signals)
         self.endpoint = _endpoint(self._device, spec, folder)
         self._emulator = self._device.emulator(rate=spec.get("rate") or self._device.rate or 100.0)
         self._others = {number: OtherPort(number, self._emulator.inquired) for number in self._device.INQUIRIES}

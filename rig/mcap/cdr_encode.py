@@ -100,6 +100,30 @@ def encode_values(stamp: int, frame_id: str, names: Sequence[str], numbers: Sequ
     return writer.put("I", 0).put("I", 0).finish()
 
 
+class JointsEncoder:
+    """Packs sensor_msgs/JointState of these joints: ``encoder(stamp_ns, positions + velocities)``, no effort."""
+
+    def __init__(self, frame_id: str, names: Sequence[str]) -> None:
+        count = len(names)
+        writer = _Writer().header(0, frame_id).put("I", count)
+        for name in names:
+            writer.text(name)
+        empty = writer.put("I", count).put(f"{count}d", *[0.0] * count).put("I", count).put(f"{count}d", *[0.0] * count)
+        self._message = bytearray(empty.put("I", 0).finish())
+        self._numbers = struct.Struct(f"<{count}d")
+        self._velocity = len(self._message) - 4 - self._numbers.size
+        self._position = self._velocity - self._numbers.size - (8 if count else 4)
+        self._count = count
+
+    def __call__(self, stamp: int, values: tuple[float, ...]) -> bytes:
+        """The message with this stamp [ns]."""
+        message = self._message
+        struct.pack_into("<iI", message, len(ENCAPSULATION), stamp // 10**9, stamp % 10**9)
+        self._numbers.pack_into(message, self._position, *values[: self._count])
+        self._numbers.pack_into(message, self._velocity, *values[self._count :])
+        return bytes(message)
+
+
 OK, WARN, ERROR = 0, 1, 2
 
 

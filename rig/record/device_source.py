@@ -110,7 +110,7 @@ class DeviceSource:
         return arrived
 
     def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        a, b, c, d, e, f = values
+        a, b, c, d, e, f, *others = values
         (p, q, r), (s, t, u), (v, w, x) = self.entry.matrix
         return (
             p * a + q * b + r * c,
@@ -119,6 +119,7 @@ class DeviceSource:
             p * d + q * e + r * f,
             s * d + t * e + u * f,
             v * d + w * e + x * f,
+            *others,
         )
 
     def look(self, now: int, *, patience: float = SILENCE) -> None:

@@ -43,7 +43,7 @@ def describe(source: DeviceSource, rows: list[tuple[float, ...]], seconds: float
     mean, deviation = values.mean(axis=0), values.std(axis=0)
     head = f"{name}: {len(rows) / seconds:.0f} Hz, {source.counts.missing} missing, {source.counts.failures} bad"
     if measures == "wrench":
-        return f"{head}, force {_triple(mean[:3], deviation[:3])} N, moment {_triple(mean[3:], deviation[3:])} N*m"
+        return f"{head}, force {_triple(mean[:3], deviation[:3])} N, moment {_triple(mean[3:6], deviation[3:6])} N*m"
     if measures == "imu":
         gravity = float(np.linalg.norm(mean[3:]))
         return (

@@ -16,7 +16,7 @@ from rig.mcap.records import seal
 from rig.mcap.writer import new_writer, register
 from rig.record import command_delay, memory
 from rig.record.device_source import DeviceSource, Measurement
-from rig.record.recording_file import Sink
+from rig.record.recording_file import Output, Sink, outputs
 from rig.record.rig_file import Rig
 from rig.record.session import Session
 
@@ -25,8 +25,6 @@ FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with T
 STATUS = 1.0  # seconds between two status messages
 TRIM = 10.0  # seconds between two returns of free memory
 DELAY_SAMPLES = 60_000  # samples kept for the delay between a command and the IMU
-ENCODERS = {"wrench": cdr_encode.WrenchEncoder, "imu": cdr_encode.ImuEncoder}
-TYPES = {"wrench": message_definitions.WRENCH, "imu": message_definitions.IMU, "values": message_definitions.VALUES}
 
 
 @dataclass
@@ -181,12 +179,11 @@ class Recorder:
 
     def _register(self, session: Session) -> None:
         """Announce every channel."""
-        self._channels, self._encoders, self._raw = {}, {}, {}
+        self._outputs: dict[str, list[Output]] = {}
+        self._raw = {}
         for source in session.sources:
             entry = source.entry
-            measures = entry.device.measures
-            self._channels[entry.name] = register(self._writer, TYPES[measures], entry.topic)
-            self._encoders[entry.name] = self._encoder(source)
+            self._outputs[entry.name] = outputs(self._writer, entry)
             self._raw[entry.name] = register(self._writer, message_definitions.BYTES, f"/raw/{entry.name}")
             if entry.delay_to:
                 for name in (entry.name, entry.delay_to):
@@ -194,26 +191,17 @@ class Recorder:
         self._status_channel = register(self._writer, message_definitions.DIAGNOSTICS, "/diagnostics")
         self._mark_channel = register(self._writer, message_definitions.TEXT, "/mark")
 
-    def _encoder(self, source: DeviceSource) -> Callable[[int, tuple[float, ...]], bytes]:
-        entry = source.entry
-        measures = entry.device.measures
-        if measures == "values":
-            names = getattr(entry.device, "names", ())
-            return lambda stamp, values: cdr_encode.encode_values(stamp, entry.frame_id, names, values)
-        encode = ENCODERS[measures](entry.frame_id)
-        return lambda stamp, values: encode(stamp, *values)
-
     def _drain(self, session: Session) -> None:
         """Write everything that has arrived."""
         for source in session.sources:
             name = source.entry.name
-            channel, encode, signal = self._channels[name], self._encoders[name], self._signals.get(name)
+            of_source, signal = self._outputs[name], self._signals.get(name)
             for event in session.events(source):
                 if event.data:
                     time_ = event.time + self._epoch
                     self._writer.add_message(self._raw[name], time_, cdr_encode.encode_bytes(event.data), time_)
                 for measurement in source.take(event):
-                    self._write(channel, encode, measurement)
+                    self._write(of_source, measurement)
                     if signal is not None:
                         signal.append((measurement.stamp, measurement.values))
         self._report_troubles(session)
@@ -234,10 +222,12 @@ class Recorder:
                 self._say(source.troubles[0])
                 self._report(cdr_encode.WARN, source, source.troubles.pop(0))
 
-    def _write(self, channel: int, encode: Callable[[int, tuple[float, ...]], bytes], measurement: Measurement) -> None:
+    def _write(self, of_source: list[Output], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
         stamp += self._epoch
-        self._writer.add_message(channel, arrival + self._epoch, encode(stamp, values), stamp, number & 0xFFFFFFFF)
+        for channel, encode, part in of_source:
+            data = encode(stamp, values[part])
+            self._writer.add_message(channel, arrival + self._epoch, data, stamp, number & 0xFFFFFFFF)
 
     def _status(self, session: Session, now: int) -> None:
         rows = []
@@ -270,7 +260,7 @@ class Recorder:
         for source in session.sources:
             name = source.entry.name
             for measurement in source.finish(now):
-                self._write(self._channels[name], self._encoders[name], measurement)
+                self._write(self._outputs[name], measurement)
             summary.devices[name] = self._device_summary(source)
         self._report_troubles(session)
         self._status(session, now)
@@ -316,6 +306,12 @@ class Recorder:
                         "delay_correlation": round(delay.correlation, 4),
                     }
 
+    @property
+    def _values_topics(self) -> list[str]:
+        """Topics of named values, which have the type of joint states and are none."""
+        pairs = [pair for entry in self._rig.entries for pair in zip(entry.device.channels, entry.topics, strict=True)]
+        return [topic for channel, topic in pairs if channel.measures == "values"]
+
     def _metadata(self, session: Session) -> dict[str, str]:
         facts = {
             "note": self._note,
@@ -325,6 +321,7 @@ class Recorder:
             "wrench": "on_body",
             "wrench_meaning": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
             "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
+            "values_topics": json.dumps(self._values_topics),
             "log_time": "arrival at the host; header.stamp: device time in host time, or arrival less transmission",
         }
         for source in session.sources:
@@ -332,6 +329,8 @@ class Recorder:
             facts |= {f"{name}.{key}": value for key, value in source.entry.settings.items()}
             facts |= {f"{name}.port": source.entry.port, f"{name}.model": identity.model}
             facts |= {f"{name}.topic": source.entry.topic}
+            if more := source.entry.topics[1:]:
+                facts |= {f"{name}.more_topics": json.dumps(more)}
             facts |= {f"{name}.serial_number": identity.serial, f"{name}.firmware": identity.firmware}
             if identity.warnings:
                 facts[f"{name}.warnings"] = "; ".join(identity.warnings)

@@ -1,11 +1,54 @@
-"""The file that a recording grows in; a full disk leaves it cut back to its last whole chunk, or no file at all."""
+"""The file that a recording grows in, and its channels; a full disk leaves it cut back to its last whole chunk."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
+
+from mcap.writer import Writer
 
 from rig.atomic_files import refuse_existing
+from rig.devices.base import Channel
 from rig.exceptions import RigError
+from rig.mcap import cdr_encode, message_definitions
+from rig.mcap.writer import register
+from rig.record.rig_file import Entry
+
+ENCODERS = {"wrench": cdr_encode.WrenchEncoder, "imu": cdr_encode.ImuEncoder}
+TYPES = {
+    "wrench": message_definitions.WRENCH,
+    "imu": message_definitions.IMU,
+    "joints": message_definitions.VALUES,
+    "values": message_definitions.VALUES,
+}
+
+
+class Output(NamedTuple):
+    """A channel of the file, how its messages are made, and which numbers of a sample they hold."""
+
+    channel: int
+    encode: Callable[[int, tuple[float, ...]], bytes]
+    numbers: slice
+
+
+def outputs(writer: Writer, entry: Entry) -> list[Output]:
+    """Announce the channels of a device."""
+    announced, start = [], 0
+    for channel, topic in zip(entry.device.channels, entry.topics, strict=True):
+        stop = start + len(channel.signals)
+        number = register(writer, TYPES[channel.measures], topic)
+        announced.append(Output(number, _encoder(channel, entry.frame_id), slice(start, stop)))
+        start = stop
+    return announced
+
+
+def _encoder(channel: Channel, frame_id: str) -> Callable[[int, tuple[float, ...]], bytes]:
+    if channel.measures == "values":
+        return lambda stamp, values: cdr_encode.encode_values(stamp, frame_id, channel.names, values)
+    if channel.measures == "joints":
+        return cdr_encode.JointsEncoder(frame_id, channel.names)
+    encode = ENCODERS[channel.measures](frame_id)
+    return lambda stamp, values: encode(stamp, *values)
 
 
 class Sink:

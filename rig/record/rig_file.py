@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from rig.devices import create_device, kinds
+from rig.devices import create_device, device_class, kinds
 from rig.devices.base import Device
 from rig.exceptions import RigError
 from rig.read_limits import require_file
@@ -21,7 +21,7 @@ Matrix = tuple[tuple[float, float, float], ...]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 OWN_TOPICS = ("/diagnostics", "/mark")
 """What a recording writes by itself, beside /raw/NAME."""
-DEFAULT_TOPIC = {"wrench": "/wrench", "imu": "/imu"}
+DEFAULT_TOPIC = {"wrench": "/wrench", "imu": "/imu", "joints": "/joint_states"}
 Row = tuple[float, float, float]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 
@@ -43,6 +43,10 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
     """The frame that the messages name."""
     wrench: Literal["on_body", "on_sensor"] | None = None
     """Of a load cell: whether its reading is the wrench on the body, or that on the sensor."""
+    wrench_frame: Literal["sensor", "base"] | None = None
+    """Of a robot: whether its wrench is along the sensor's (the tool's) axes, or along its base's."""
+    compensated: Literal["none", "gravity"] | None = None
+    """Of a robot: whether it removes the weight of the payload that is set on it from its wrench."""
     rotation_to_body: tuple[Row, Row, Row] = IDENTITY
     """R with body = R · sensor."""
     delay_to: str = ""
@@ -95,6 +99,7 @@ class Entry:
     Attributes:
         name: unique, of letters, digits and underscores.
         port: a serial port, ``udp://ADDRESS``, ``tcp://ADDRESS``, ``udp:NUMBER`` or ``emulator:RUN.mcap``.
+        topics: of each of the device's channels.
         matrix: what turns three raw components into those in the body frame: the rotation to the body frame, and for a
             load cell that reads the wrench on itself the sign.
         delay_to: name of the IMU device whose angular velocity follows this device's columns omega_x, omega_y, omega_z.
@@ -105,11 +110,16 @@ class Entry:
     port: str
     device: Device
     baudrate: int
-    topic: str
+    topics: tuple[str, ...]
     frame_id: str
     matrix: Matrix
     settings: dict[str, str]
     delay_to: str = ""
+
+    @property
+    def topic(self) -> str:
+        """The topic of what the device is there for."""
+        return self.topics[0]
 
     @property
     def wrong_device(self) -> str:
@@ -156,7 +166,7 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
 
 def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
     lines = {"whole_lines": True} if table.port.startswith("udp:") and table.kind == "line" else {}
-    device = create_device(table.kind, **{**table.options, **lines})
+    device = create_device(table.kind, **{**table.options, **lines, **_robot(table)})
     sign = _sign(table, device)
     _check_line(table, device)
     return Entry(
@@ -165,12 +175,34 @@ def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
         port=table.port,
         device=device,
         baudrate=device.BAUDRATE if table.baudrate is None else table.baudrate,
-        topic=DEFAULT_TOPIC.get(device.measures, f"/{table.name}") if table.topic is None else table.topic,
+        topics=_topics(table, device),
         frame_id=table.frame_id,
         matrix=tuple((sign * a, sign * b, sign * c) for a, b, c in table.rotation_to_body),
         settings={key: text for key, text in settings.items() if key not in ("name", "port")},
         delay_to=table.delay_to,
     )
+
+
+def _robot(table: DeviceTable) -> dict[str, object]:
+    """What a robot does to its wrench, as the rig file says; refuse a guess."""
+    where, kind = f"device[{table.name}]", device_class(table.kind)
+    for option in kind.DECLARED:
+        if option not in table.options:
+            raise RigError(f"missing key {where}.options.{option}: state it, see docs/how-to/robot-wrench.md")
+    if not kind.ROBOT:
+        if table.wrench_frame or table.compensated:
+            raise RigError(f"{where}.wrench_frame and compensated are for robots: remove them")
+        return {}
+    if table.wrench_frame is None:
+        raise RigError(f"missing key {where}.wrench_frame: say whether its wrench is along 'sensor' or 'base' axes")
+    if table.compensated is None:
+        raise RigError(f"missing key {where}.compensated: say whether the robot removes weight, 'none' or 'gravity'")
+    return {"wrench_frame": table.wrench_frame, "compensated": table.compensated}
+
+
+def _topics(table: DeviceTable, device: Device) -> tuple[str, ...]:
+    first, *others = (DEFAULT_TOPIC.get(channel.measures, f"/{table.name}") for channel in device.channels)
+    return (first if table.topic is None else table.topic, *others)
 
 
 def _check_line(table: DeviceTable, device: Device) -> None:
@@ -198,14 +230,15 @@ def _sign(table: DeviceTable, device: Device) -> float:
 
 
 def _check_together(entries: tuple[Entry, ...], path: str | os.PathLike[str]) -> None:
-    for attribute in ("name", "topic"):
-        values = [getattr(entry, attribute) for entry in entries]
+    names = [entry.name for entry in entries]
+    topics = [topic for entry in entries for topic in entry.topics]
+    for attribute, values in (("name", names), ("topic", topics)):
         for value in values:
             if values.count(value) > 1:
                 raise RigError(f"{attribute} '{value}' twice in {path}: give each device its own")
     names = [entry.name for entry in entries if entry.device.measures == "imu"]
     for entry in entries:
-        if entry.topic in OWN_TOPICS or entry.topic.startswith("/raw/"):
+        if any(topic in OWN_TOPICS or topic.startswith("/raw/") for topic in entry.topics):
             raise RigError(
                 f"the topic of device[{entry.name}] in {path} is one that the recorder itself writes: "
                 "choose another `topic`"

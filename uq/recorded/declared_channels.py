@@ -57,6 +57,7 @@ def declared(bag: channels.Recording, recording: Recording) -> Rig:
         RunError: the two contradict each other, or the metadata names a unit that there is not.
     """
     metadata = _Metadata(bag)
+    _check_wrench(bag, recording, metadata)
     assumed: list[str] = []
     scales = _scales(metadata, recording, assumed)
     meaning = metadata.one_of("wrench", recording.wrench, metadata.wrench)
@@ -83,6 +84,25 @@ def declared(bag: channels.Recording, recording: Recording) -> Rig:
     )
 
 
+AT_REST = ("map", "odom", "world", "earth", "base")
+"""Frames of a wrench that do not turn with the body: REP 105, and the base of an arm."""
+
+
+def _check_wrench(bag: channels.Recording, recording: Recording, metadata: "_Metadata") -> None:
+    """Refuse a wrench along axes that rest, and one whose weight a robot has removed without a word of it."""
+    frame = bag.wrench.frame_id.lstrip("/")
+    if frame in AT_REST:
+        raise RunError(
+            f"the wrench of {metadata.name} is along the axes of {quoted(frame)}, which do not turn with the body: "
+            "record it in the sensor's frame"
+        )
+    if metadata.compensated == "gravity" and recording.compensated in (None, "none"):
+        raise RunError(
+            f"{metadata.name} says that the robot removed the weight of its payload: set compensated = "
+            '"gravity" in [recording] if that payload is the body, or record with compensated = "none"'
+        )
+
+
 class _Metadata:
     """What a run's metadata ``rig.run`` says of its channels."""
 
@@ -94,6 +114,10 @@ class _Metadata:
         frames = _json(about.get("frames"))
         of_wrench = str(frames.get(bag.wrench.topic, about.get("wrench_meaning", "")))
         of_imu = str(frames.get(bag.imu.topic, about.get("imu", "")))
+        devices = [key.removesuffix(".topic") for key, value in about.items() if value == bag.wrench.topic]
+        self.compensated = next(
+            (about[f"{name}.compensated"] for name in devices if f"{name}.compensated" in about), ""
+        )
         self.wrench_in_body, self.imu_in_body = _in_body(of_wrench), _in_body(of_imu)
         self.wrench_at_q, self.imu_at_q = _at_q(of_wrench), _at_q(of_imu)
         self.units = {name: unit for name, unit in _json(about.get("units")).items() if isinstance(unit, str)}

@@ -7,9 +7,14 @@ import time
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from rig import runs
 from rig.exceptions import RigError
+from rig.mcap import message_definitions
+from rig.mcap.cdr_encode import JointsEncoder, WrenchEncoder
+from rig.mcap.writer import new_writer, register
 from rig.record import port
 from rig.record.port import Address, PortLostError, open_port
 from rig.record.rig_file import load_rig
@@ -188,3 +193,108 @@ def test_a_wrong_rig_file_says_what_to_do(tmp_path, capsys, text, words):
     assert main(["record", str(tmp_path / "rig.toml"), "-o", str(tmp_path / "run.mcap")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
+
+
+UR = """
+[[device]]
+name = "robot"
+kind = "ur-rtde"
+port = "{port}"
+wrench = "on_sensor"
+wrench_frame = "base"
+compensated = "gravity"
+rotation_to_body = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+options = {{ wrench_variable = "actual_TCP_force", values = ["actual_tool_accelerometer"] }}
+"""
+JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+
+
+def joints_run(path, seconds=2.0):
+    """A ramp of forces, and joints that move: position k sin t, velocity k cos t."""
+    t = np.arange(round(500 * seconds) + 1) / 500
+    stamps = (10**9 + np.round(t * 1e9)).astype(np.int64).tolist()
+    turns = np.arange(1, 7)
+    with path.open("wb") as stream:
+        writer = new_writer(stream)
+        numbers = [register(writer, message_definitions.WRENCH, "/wrench")]
+        numbers += [register(writer, message_definitions.VALUES, "/joint_states")]
+        wrench, joints = WrenchEncoder("body"), JointsEncoder("", JOINTS)
+        for k, (time_, stamp) in enumerate(zip(t, stamps, strict=True)):
+            moved = tuple(np.concatenate([turns * np.sin(time_), turns * np.cos(time_)]).tolist())
+            for number, data in zip(
+                numbers, (wrench(stamp, time_, -time_, 2 * time_, 1, 2, 3), joints(stamp, moved)), strict=True
+            ):
+                writer.add_message(number, stamp, data, stamp, k)
+        writer.finish()
+
+
+@pytest.fixture
+def arm(tmp_path):
+    joints_run(tmp_path / "arm.mcap")
+    return tmp_path
+
+
+def test_a_robots_wrench_and_joints_are_recorded_together(arm):
+    """Wrench in the body's axes and sign, joints under the standard's topic, other values beside; foreign readers."""
+    (arm / "rig.toml").write_text(UR.format(port="emulator:arm.mcap"))
+    status, summary, messages = Recording(arm / "rig.toml", "-o", arm / "run.mcap").end()
+    assert (status, summary["devices"]["robot"]["missing"]) == (0, 0), messages
+    run = runs.read_any(arm / "run.mcap")
+    assert (run.motion.topic, list(run.motion.names)) == ("/joint_states", JOINTS)
+    t = np.arange(1001) / 500
+    assert run.wrench.force.shape == run.motion.position[:, :3].shape == (1001, 3)
+    np.testing.assert_allclose(run.wrench.force, np.stack([t, -t, 2 * t], axis=1), atol=1e-9)
+    np.testing.assert_allclose(run.motion.position, np.sin(t)[:, None] * np.arange(1, 7), atol=1e-9)
+    np.testing.assert_allclose(run.motion.velocity, np.cos(t)[:, None] * np.arange(1, 7), atol=1e-9)
+    np.testing.assert_array_equal(run.wrench.stamp, run.motion.stamp)
+    about = run.metadata["rig.run"]
+    assert (about["robot.model"], about["robot.compensated"], about["robot.wrench_frame"]) == (
+        "UR-emulated",
+        "gravity",
+        "base",
+    )
+    with AnyReader([arm / "run.mcap"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        connections = [c for c in reader.connections if c.topic in ("/joint_states", "/robot")]
+        read = [(c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages(connections)]
+    states = [message for topic, message in read if topic == "/joint_states"]
+    assert states[500].name == JOINTS
+    np.testing.assert_array_equal([state.position for state in states], run.motion.position)
+    np.testing.assert_array_equal([state.velocity for state in states], run.motion.velocity)
+    assert len(states[0].effort) == 0
+    others = [message for topic, message in read if topic == "/robot"]
+    assert others[0].name == [f"actual_tool_accelerometer_{i}" for i in range(3)]
+    assert len(others) == len(states) == 1001
+
+
+def test_a_robot_that_hangs_up_is_found_again(arm):
+    with playing(arm, UR.format(port="emulator:arm.mcap?loop=1")) as (emulators, rig):
+        recording = Recording(rig, "-o", arm / "run.mcap")
+        time.sleep(0.3)
+        emulators.command("unplug robot")
+        time.sleep(0.4)
+        emulators.command("plug robot")
+        time.sleep(0.9)
+        status, summary, messages = recording.stop()
+    assert (status, summary["devices"]["robot"]["reconnects"]) == (1, 1)
+    assert "robot: samples again after" in messages
+
+
+@pytest.mark.parametrize(
+    ("cut", "words"),
+    [
+        ('wrench = "on_sensor"\n', "say whether the reading is the wrench 'on_body' or 'on_sensor'"),
+        ('wrench_frame = "base"\n', "wrench_frame: say whether its wrench is along 'sensor' or 'base' axes"),
+        ('compensated = "gravity"\n', "compensated: say whether the robot removes weight, 'none' or 'gravity'"),
+        ('wrench_variable = "actual_TCP_force", ', "missing key device[robot].options.wrench_variable"),
+    ],
+)
+def test_what_a_robot_does_to_its_wrench_is_not_guessed(arm, capsys, cut, words):
+    text = UR.format(port="emulator:arm.mcap")
+    assert cut in text
+    (arm / "rig.toml").write_text(text.replace(cut, ""))
+    assert main(["record", str(arm / "rig.toml"), "-o", str(arm / "run.mcap")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    (arm / "rig.toml").write_text(ATI.format(port="udp://a") + 'wrench_frame = "base"')
+    assert main(["record", str(arm / "rig.toml"), "-o", str(arm / "run.mcap")]) == 2
+    assert "are for robots: remove them" in capsys.readouterr().err
