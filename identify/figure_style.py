@@ -3,6 +3,7 @@
 In Okabe and Ito's colours, which colour-blind readers tell apart. Nothing here needs matplotlib.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 COLUMN, PAGE = 3.5, 7.2
@@ -11,7 +12,12 @@ COLUMN, PAGE = 3.5, 7.2
 PALETTE = ("#404040", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#A0A0A0")
 AXIS_COLOURS = PALETTE[1:4]
 """Of the three axes."""
-HATCHES = ("", "////", "....")
+DARK_COLOURS = PALETTE[0], PALETTE[1], PALETTE[3], PALETTE[6]
+"""On which white is read; on the others black is."""
+MOST = 6
+"""Parts that have a colour of their own."""
+OTHERS = PALETTE[7]
+"""Colour of all other parts together."""
 GRID, RULE, FILL = "#e4e4e4", "#808080", "#d4d4d4"
 """Of lines behind the data, of a zero or a rim, and of what fills the rest."""
 DARK = {
@@ -37,6 +43,32 @@ STYLE: dict[Any, Any] = {
 }
 """Settings of matplotlib, for ``matplotlib.rc_context``: no figure touches the global ones."""
 NAMES = {"total": "total", "cg": "CG", "imu": "IMU", "r_cg": "r CG"}
+
+
+def largest(names: Sequence[str], sizes: Sequence[float]) -> tuple[list[int], list[int]]:
+    """Return the places of the parts that have a colour of their own, the largest first, and of those that share one.
+
+    Args:
+        names: of the parts.
+        sizes: of the parts, in any unit.
+    """
+    order = sorted(range(len(names)), key=lambda k: -sizes[k])
+    return (order, []) if len(order) <= MOST + 1 else (order[:MOST], order[MOST:])
+
+
+def others(places: Sequence[int]) -> str:
+    """Return what the parts that share a colour are called."""
+    return f"{len(places)} others"
+
+
+def columns(names: Sequence[str], width: float) -> int:
+    """Return how many columns of a legend fit a width [in]: a letter takes 0.07 in, what stands before a name 0.45."""
+    return max(1, int(width / (0.45 + 0.07 * max(map(len, names), default=1))))
+
+
+def on(colour: str) -> str:
+    """Return the colour in which a text on this colour is read."""
+    return "white" if colour in DARK_COLOURS else "#1a1a1a"
 
 
 def display_name(name: str) -> str:

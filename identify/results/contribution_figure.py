@@ -6,13 +6,15 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.figure_style import HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from identify.figure_style import OTHERS, PAGE, PALETTE, STYLE, columns, display_name, label, largest, others
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import decimals, fixed
 
 
 def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Figure:
     """Draw each part's share of the parts' variances together, with the standard uncertainty beside it.
+
+    The largest have a colour each, the others one together.
 
     Args:
         parts: contributions to the standard uncertainty by name [kg·m²], each of six components.
@@ -24,11 +26,12 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
         figure = Figure(figsize=(PAGE, 2.4), layout="constrained")
         axes = figure.subplots()
         base = np.zeros(len(COMPONENTS))
-        for k, (name, variance) in enumerate(zip(parts, variances, strict=True)):
-            width = 100 * variance / np.maximum(total, 1e-300)
-            colour, hatch = PALETTE[1:][k % 7], HATCHES[k // 7 % len(HATCHES)]
-            axes.barh(range(6), width, 0.72, left=base, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3,
-                      label=label(display_name(name)))  # fmt: skip
+        names, shares_of = list(parts), 100 * variances / np.maximum(total, 1e-300)
+        shown, rest = largest(names, shares_of.max(axis=1, initial=0.0).tolist())
+        stacks = [(label(display_name(names[k])), PALETTE[1 + n], shares_of[k]) for n, k in enumerate(shown)]
+        stacks += [(others(rest), OTHERS, shares_of[rest].sum(axis=0))] if rest else []
+        for name, colour, width in stacks:
+            axes.barh(range(6), width, 0.72, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
             base = base + width
         for k, value in enumerate(GRAM_METRE * standard_uncertainty):
             axes.annotate(
@@ -38,5 +41,7 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
         axes.invert_yaxis()
         axes.set(xlim=(0, 100), xlabel="share of the variance [%]")
         axes.tick_params(axis="y", length=0)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+        figure.legend(
+            *axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns([s[0] for s in stacks], PAGE)
+        )
     return figure

@@ -55,7 +55,7 @@ def coverage_drawings(runs: Sequence[RunEstimate], covariance: np.ndarray) -> It
 def run_drawings(
     runs: Sequence[RunEstimate], inertia: np.ndarray, interval95: np.ndarray, taken_off: np.ndarray
 ) -> Iterator[Drawing]:
-    """Yield the figures of each run's estimate and, where parts of runs were cut out, of those."""
+    """Yield the figures of each run's estimate, of two or more, and, where parts of runs were cut out, of those."""
 
     def draw_estimates():
         from identify.results.run_figures import estimates
@@ -67,7 +67,8 @@ def run_drawings(
 
         return parts(runs)
 
-    yield Drawing("runs", "Each component: each run alone, and all together.", draw_estimates)
+    if sum(run.alone for run in runs) > 1:
+        yield Drawing("runs", "Each component: each run alone, and all together.", draw_estimates)
     if any(run.overview is not None for run in runs):
         used = " ".join(f"{run.used}." for run in runs if run.used)
         yield Drawing("parts", f"The part of each run that counts. {used}", draw_parts)

@@ -58,7 +58,8 @@ def _in_frequency(axes: Axes, trace: Trace) -> None:
     for k in range(3):
         axes.loglog(trace.frequency, trace.residual_density[:, k], color=PALETTE[k + 1], label=f"residual of M{k + 1}")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=8))
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(LogLocator(subs=(1,) if high > 100 * low else (1, 2, 5), numticks=8))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("[N·m/Hz$^{1/2}$]")
@@ -89,7 +90,7 @@ def estimates(
             axes.errorbar(range(1, len(runs) + 1), values, bars, fmt="o", markersize=2.6, color=PALETTE[0],
                           elinewidth=0.7, capsize=1.4, label="each run, ±1.96 u")  # fmt: skip
             axes.set_ylabel(f"{COMPONENTS[k]} [g·m²]")
-            axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+            axes.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1))
             axes.set_xlim(0.4, len(runs) + 0.6)
             axes.ticklabel_format(useOffset=False)
             if np.isinf(interval95[k]).any():
@@ -109,16 +110,17 @@ def parts(runs: Sequence[RunEstimate]) -> Figure:
     """
     runs = [run for run in runs if run.overview is not None][:6]
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 0.5 + 1.3 * max(len(runs), 1)), layout="constrained")
+        figure = Figure(figsize=(PAGE, 0.8 + 0.85 * max(len(runs), 1)), layout="constrained")
+        handles = {}
         for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
             t, speed = np.asarray(run.overview).T
             axes.plot(t, speed, color=PALETTE[0], linewidth=0.5)
-            for k, (start, stop) in enumerate(run.segments):
-                label = ("found where it moves" if run.detected else "named") if k == 0 else None
-                axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0, label=label)
+            for start, stop in run.segments:
+                name = f"the part that counts, {'found where it moves' if run.detected else 'named'}"
+                handles[name] = axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0)
             axes.set_ylabel("|ω| [rad/s]")
-            axes.set_title(run.file, loc="left")
-            axes.legend(loc="upper right")
+            axes.set_title(label(run.file), loc="left")
             axes.set_xlim(t[0], t[-1])
         axes.set_xlabel("time from the run's start [s]")
+        figure.legend(handles.values(), handles, loc="outside upper center", ncols=2)
     return figure

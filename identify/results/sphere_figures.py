@@ -15,6 +15,9 @@ from identify.rigid_body.inertia import GRAM_METRE
 RIM = np.sqrt(2)
 """Radius of a half sphere's disc, in Lambert's azimuthal equal-area projection of the unit sphere."""
 
+GROUND = "#f6f6f6"
+"""Of a disc, in dark pages too: the darkest colours are the largest values."""
+
 
 def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Figure:
     """Draw the directions of angular velocity and acceleration, and acceleration and uncertainty about every axis.
@@ -43,6 +46,7 @@ def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Fi
 def _disc(panel: Axes) -> None:
     """The rim, the axes b1 and b2 on it, and circles 30° and 60° from b3."""
     turn = np.linspace(0, 2 * np.pi, 181)
+    panel.fill(RIM * np.cos(turn), RIM * np.sin(turn), color=GROUND, linewidth=0, zorder=0)
     for angle, width in ((90, 0.8), (60, 0.3), (30, 0.3)):
         radius = 2 * np.sin(np.deg2rad(angle) / 2)
         panel.plot(radius * np.cos(turn), radius * np.sin(turn), color=RULE, linewidth=width, zorder=3)

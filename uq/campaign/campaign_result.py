@@ -203,7 +203,7 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
 
     def drawings(self) -> list[Drawing]:
         """Return two figures of each breakdown: first all by group, then all by source."""
-        return [_drawings(self[pair], *pair)[k] for k in range(2) for pair in self.pairs()]
+        return breakdown_drawings({pair: self[pair] for pair in self.pairs()})
 
     def section(self) -> Section:
         """Return its part of a report."""
@@ -255,19 +255,25 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         return [*(self.breakdown_table(*pair) for pair in self.pairs()), *source_tables(self.provenance)]
 
 
-def _drawings(breakdown: Breakdown, trajectory: str, estimator: str) -> list[Drawing]:
-    def draw(cases: Mapping[str, Statistics]) -> "Figure":
-        from uq.campaign.campaign_figures import contributions
+def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown[Statistics]], how: str = "") -> list[Drawing]:
+    """Return two figures of each trajectory and estimator: first all by group, then all by source.
 
-        return contributions(cases)
+    Args:
+        breakdowns: by trajectory and estimator.
+        how: what their captions add, such as " by the law".
+    """
 
-    by_source = {"total": breakdown.total, **breakdown.sources}
-    caption = f"{trajectory}, {estimator}: 3σ and mean error of each component, all sources and each {{}} alone."
-    names = (trajectory, estimator)
-    return [
-        Drawing(stem("groups", *names), caption.format("group"), lambda: draw(breakdown.groups)),
-        Drawing(stem("sources", *names), caption.format("source"), lambda: draw(by_source)),
-    ]
+    def drawing(kind: str, pair: tuple[str, str], cases: Mapping[str, Statistics]) -> Drawing:
+        def draw() -> "Figure":
+            from uq.campaign.campaign_figures import contributions
+
+            return contributions(cases)
+
+        what = f"3σ and mean error of each component{how}, all sources and each {kind} alone."
+        return Drawing(stem(f"{kind}s", *pair), f"{', '.join(pair)}: {what}", draw)
+
+    by_group = [drawing("group", pair, of.groups) for pair, of in breakdowns.items()]
+    return [*by_group, *(drawing("source", pair, {"total": of.total, **of.sources}) for pair, of in breakdowns.items())]
 
 
 def _two_rows(names: tuple[str, ...], s: Statistics) -> list[list[str]]:

@@ -10,14 +10,14 @@ import numpy as np
 from identify.motion.leg_limits import effort, platform_motion
 from identify.reporting import Drawing
 from identify.results import measured_directions
-from uq.campaign.statistics import Breakdown, Statistics
+from uq.campaign.statistics import Breakdown
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
 from uq.excitation.platform_scene import FRAMES, Scene, scene
 from uq.experiment.experiment import Experiment
 from uq.planning.duration_figure import duration_drawing
 from uq.planning.required_duration import Duration
-from uq.propagation.law_result import LawStatistics
+from uq.propagation.law_result import LawStatistics, drawn
 
 SHOWN = 10.0
 """How much of the motion figures show, from its middle [s]."""
@@ -81,11 +81,7 @@ def design_drawings(
     def components():
         from uq.campaign.campaign_figures import contributions
 
-        exact = np.full(6, np.nan)  # the law has no standard errors
-        cases = {
-            name: Statistics(law.total.mean_error, exact, law.total.three_sigma, exact) for name, law in laws.items()
-        }
-        return contributions(cases)
+        return contributions({name: drawn(law).total for name, law in laws.items()})
 
     return [
         Drawing("platform", f"{view.seconds:g} s of the motion, as fast and as large; {VIEW}", platform, animated),
@@ -130,6 +126,4 @@ COVERAGE = (
 )
 LEGS = "The legs over the same seconds, each against its own limit; dashed: the limit."
 COMPONENTS_OF = "3σ and mean error of each component with each trajectory, all sources together."
-BUDGETS = (
-    "Average 3σ of moments and of products, all sources and each alone; dashed: what no motion can beat, if known."
-)
+BUDGETS = "Average 3σ of moments and of products, all sources and the largest alone; dashed: no motion can beat it."

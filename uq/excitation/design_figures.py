@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from identify.figure_style import AXIS_COLOURS, HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from identify.figure_style import AXIS_COLOURS, MOST, PAGE, PALETTE, STYLE, columns, display_name, label
 from identify.motion.leg_limits import Effort, Limits
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.campaign.statistics import Breakdown
@@ -78,25 +78,29 @@ def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> Figure:
 
 
 def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, float | None]) -> Figure:
-    """Draw the average 3σ of moments and products: all sources and each alone, a bar for each trajectory.
+    """Draw the average 3σ of moments and products: all sources and the largest alone, a bar for each trajectory.
 
     Args:
         laws: by trajectory, all with the same sources.
         bound: the least that any motion reaches, of ``moments`` and ``products`` [kg·m²]; None: not known.
     """
     first = next(iter(laws.values()))
-    names = ["total", *first.sources]
+    widths = {
+        name: max(case.three_sigma.max() for case in (law.sources[name] for law in laws.values()))
+        for name in first.sources
+    }
+    sources = sorted(widths, key=lambda name: -widths[name])[:MOST]
+    names = ["total", *sources]
     width = 0.8 / len(laws)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
         panels = figure.subplots(1, 2)
         for panel, goal in zip(panels, ("moments", "products"), strict=True):
             for k, (trajectory, law) in enumerate(laws.items()):
-                cases = [law.total, *law.sources.values()]
+                cases = [law.total, *(law.sources[name] for name in sources)]
                 values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
                 at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
-                colour, hatch = PALETTE[1:][k % 7], HATCHES[k // 7 % len(HATCHES)]
-                panel.bar(at, values, width, color=colour, hatch=hatch, label=label(trajectory))
+                panel.bar(at, values, width, color=PALETTE[1:][k % 7], label=label(trajectory))
             least = bound.get(goal)
             if least is not None:
                 panel.plot([-0.5, 0.5], [GRAM_METRE * least] * 2, color=PALETTE[0], linestyle="--", label="bound")
@@ -104,5 +108,6 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
             panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
             panel.set_title(goal)
         panels[0].set_ylabel("average 3σ [g·m²]")
-        panels[1].legend()
+        number = columns(["bound", *laws], PAGE)
+        figure.legend(*panels[1].get_legend_handles_labels(), loc="outside upper center", ncols=number)
     return figure

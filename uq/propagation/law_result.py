@@ -8,14 +8,14 @@ import numpy as np
 import scipy
 
 from identify.floating_point import MESSAGE
-from identify.reporting import Result, Section, Shown
+from identify.reporting import Drawing, Result, Section, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import fixed, rounded, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.by_trajectory import ByTrajectory
-from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.campaign_result import MonteCarloResult, breakdown_drawings
 from uq.campaign.result_coverage import by_component
-from uq.campaign.statistics import Breakdown, verdict_on_mean_errors
+from uq.campaign.statistics import Breakdown, Statistics, verdict_on_mean_errors
 from uq.report.input_tables import source_tables
 
 
@@ -155,13 +155,17 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
         """Return the summary, and what each group and source does alone."""
         return [Table("", *self.rows()), Table("", *self.source_rows(), long=True)]
 
+    def drawings(self) -> list[Drawing]:
+        """Return two figures of each breakdown, named as the Monte Carlo's, which shows the same."""
+        return breakdown_drawings({pair: drawn(self[pair]) for pair in self.pairs()}, " by the law")
+
     def section(self) -> Section:
         """Return its part of a report, with a table of sources whose figures can be changed in the page."""
         summary, alone = self.tables()
         details = [replace(alone, caption="Each group and source alone, by the law"), *source_tables(self.provenance)]
         return Section(
             self.title(), [COMPUTED], [f"By the law of propagation: {text}" for text in self.warnings],
-            [replace(summary, caption=self.title())], [], details, [ASSUMPTION], self.provenance,
+            [replace(summary, caption=self.title())], self.drawings(), details, [ASSUMPTION], self.provenance,
             adjustable=[] if self.adjustable is None else [self.adjustable()],
             verdict=verdict_on_mean_errors({pair: self[pair].total for pair in self.pairs()}),
         )  # fmt: skip
@@ -173,6 +177,16 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
             for trajectory, estimator in self.pairs()
             for record in self[trajectory, estimator].records()
         ]
+
+
+def drawn(breakdown: Breakdown[LawStatistics]) -> Breakdown[Statistics]:
+    """Return the law's results as figures take them: they have no standard errors."""
+    exact = np.full(len(COMPONENTS), np.nan)
+    groups, sources = (
+        {name: Statistics(case.mean_error, exact, case.three_sigma, exact) for name, case in cases.items()}
+        for cases in (breakdown.groups, breakdown.sources)
+    )
+    return Breakdown(groups, sources)
 
 
 COMPUTED = (

@@ -1,13 +1,26 @@
 """Figures of a budget: who causes how much of the variance, and how much of the mean square is bias."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.figure_style import FILL, GRID, HATCHES, PAGE, PALETTE, STYLE, display_name, label
+from identify.figure_style import (
+    FILL,
+    GRID,
+    OTHERS,
+    PAGE,
+    PALETTE,
+    STYLE,
+    columns,
+    display_name,
+    label,
+    largest,
+    on,
+    others,
+)  # fmt: skip
 from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 
 BIAS, DISPERSION = PALETTE[0], FILL
@@ -27,13 +40,26 @@ def shares(b: SourceBudget) -> Figure:
         top, bottom = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
         _stacks(top, b)
         _split(bottom, b)
-        _tensor(figure.add_subplot(grid[:, 1]), b)
+        right = figure.add_subplot(grid[:, 1])
+        _tensor(right, b)
         figure.align_ylabels([top, bottom])
+        handles, names = (
+            [*a, *b] for a, b in zip(*(axes.get_legend_handles_labels() for axes in (bottom, right)), strict=True)
+        )
+        figure.legend(handles, names, loc="outside lower center", ncols=5)
     return figure
 
 
-def _colour(k: int) -> tuple[str, str]:
-    return PALETTE[1:][k % (len(PALETTE) - 1)], HATCHES[k // (len(PALETTE) - 1) % len(HATCHES)]
+def _parts(names: Sequence[str], shares_of: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
+    """Name, colour and shares of the largest sources, and of all others together.
+
+    Args:
+        names: of the sources.
+        shares_of: in each column, (sources, columns).
+    """
+    shown, rest = largest(names, shares_of.max(axis=1).tolist())
+    parts = [(label(display_name(names[k])), PALETTE[1 + n], shares_of[k]) for n, k in enumerate(shown)]
+    return [*parts, *([(others(rest), OTHERS, shares_of[rest].sum(axis=0))] if rest else [])]
 
 
 def _stacks(axes: Axes, b: SourceBudget) -> None:
@@ -41,13 +67,13 @@ def _stacks(axes: Axes, b: SourceBudget) -> None:
     shapley = b.sources.shapley
     values = 100 * np.column_stack([shapley.value, shapley.generalised])
     x, base = np.arange(len(COLUMNS)), np.zeros(len(COLUMNS))
-    for k in range(len(b.sources.players)):
-        colour, hatch = _colour(k)
-        axes.bar(x, values[k], 0.8, bottom=base, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3)
-        for place, (value, below) in enumerate(zip(values[k], base, strict=True)):
+    for _, colour, heights in _parts(b.sources.players, values):
+        axes.bar(x, heights, 0.8, bottom=base, color=colour, edgecolor="white", linewidth=0.3)
+        for place, (value, below) in enumerate(zip(heights, base, strict=True)):
             if value > 9:
-                axes.text(place, below + value / 2, f"{value:.0f}", ha="center", va="center", color="white", fontsize=7)
-        base = base + values[k]
+                at = (place, below + value / 2)
+                axes.text(*at, f"{value:.0f}", ha="center", va="center", color=on(colour), fontsize=7)
+        base = base + heights
     axes.set(ylim=(0, 100), ylabel="Shapley share of the variance [%]", title="who causes the dispersion")
     axes.set_xticks(x, COLUMNS)
     axes.tick_params(axis="x", length=0)
@@ -63,16 +89,17 @@ def _split(axes: Axes, b: SourceBudget) -> None:
     axes.set(ylim=(0, 100), ylabel="share of the\nmean square [%]")
     axes.set_xticks(x, COLUMNS)
     axes.tick_params(axis="x", length=0)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
 def _tensor(axes: Axes, b: SourceBudget) -> None:
     """The whole tensor: each source's Shapley share as a bar between its first order and its total."""
-    e, y = b.sources, np.arange(len(b.sources.players))
-    for k in range(len(y)):
-        colour, hatch = _colour(k)
-        axes.barh(k, 100 * e.shapley.generalised[k], 0.62, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3)
-    values, errors = 100 * e.shapley.generalised, 100 * e.shapley.generalised_standard_error
+    e, of_tensor = b.sources, 100 * b.sources.shapley.generalised
+    shapley = 100 * np.column_stack([e.shapley.value, e.shapley.generalised])
+    parts, (shown, _) = _parts(e.players, shapley), largest(e.players, shapley.max(axis=1).tolist())
+    for k, (_, colour, shares_of) in enumerate(parts):
+        axes.barh(k, shares_of[-1], 0.62, color=colour, edgecolor="white", linewidth=0.3)
+    y = np.arange(len(shown))
+    values, errors = of_tensor[shown], 100 * e.shapley.generalised_standard_error[shown]
     axes.errorbar(
         values,
         y,
@@ -83,29 +110,28 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
         capsize=1.6,
         label="Shapley ± standard error",
     )
-    axes.plot(100 * e.first.generalised, y - 0.22, "|", color="black", markersize=5, label="first order")
-    axes.plot(100 * e.total.generalised, y + 0.22, "ko", markersize=3, markerfacecolor="white", label="total")
-    axes.set_yticks(y, [label(display_name(name)) for name in e.players])
+    axes.plot(100 * e.first.generalised[shown], y - 0.22, "|", color="black", markersize=5, label="first order")
+    axes.plot(100 * e.total.generalised[shown], y + 0.22, "ko", markersize=3, markerfacecolor="white", label="total")
+    axes.set_yticks(range(len(parts)), [name for name, *_ in parts])
     axes.tick_params(axis="y", length=0)
     axes.invert_yaxis()
     axes.set(xlabel="share of the tensor's variance [%]", title="the whole tensor")
     axes.set_xlim(left=min(0, float(np.nanmin(100 * e.first.generalised, initial=0))))
     axes.grid(axis="x", color=GRID, linewidth=0.5)
-    axes.legend(loc="lower right")
 
 
 def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> Figure:
     """Draw the whole tensor of every trajectory and estimator: Shapley shares, and how much of the error is bias."""
     pairs = list(budgets)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 1.1 + 0.24 * len(pairs)), layout="constrained")
+        figure = Figure(figsize=(PAGE, 1.2 + 0.24 * len(pairs)), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         base = np.zeros(len(pairs))
-        for k, name in enumerate(budgets[pairs[0]].sources.players):
-            width = np.array([100 * budgets[pair].sources.shapley.generalised[k] for pair in pairs])
-            colour, hatch = _colour(k)
-            left.barh(range(len(pairs)), width, 0.7, left=base, color=colour, hatch=hatch, edgecolor="white",
-                      linewidth=0.3, label=label(display_name(name)))  # fmt: skip
+        shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])
+        for name, colour, width in _parts(budgets[pairs[0]].sources.players, shares_of):
+            left.barh(
+                range(len(pairs)), width, 0.7, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name
+            )
             base = base + width
         bias = 100 * np.clip([budgets[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
         right.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
@@ -118,5 +144,5 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> Figure:
             axes.tick_params(axis="y", length=0)
         handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
         labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
-        figure.legend(handles, labels, loc="outside upper center", ncols=5)
+        figure.legend(handles, labels, loc="outside upper center", ncols=columns(labels, PAGE))
     return figure

@@ -15,7 +15,7 @@ from uq import barreto2016_figures as plots
 from uq.barreto2016 import PRINTED
 from uq.campaign.averages import average
 from uq.campaign.campaign import Breakdown, MonteCarloResult, Statistics
-from uq.campaign.campaign_figures import contributions
+from uq.campaign.campaign_figures import LINES, contributions
 from uq.experiment.experiment import Experiment
 
 
@@ -37,9 +37,8 @@ def statistics(mean, sigma):
     return Statistics(*(1e-3 * np.broadcast_to(np.asarray(v, float), 6) for v in (mean, 0.1, sigma, 0.2)))
 
 
-@pytest.mark.parametrize("kind", ["groups", "sources"])
-def test_contributions_carry_the_statistics(kind):
-    cases = getattr(campaign()["T1", "central"], kind)
+def test_contributions_carry_the_statistics():
+    cases = campaign()["T1", "central"].groups
     top, bottom = contributions(cases).axes
     assert list(heights(top)) == [display_name(name) for name in cases]
     for k, (name, s) in enumerate(cases.items()):
@@ -48,6 +47,37 @@ def test_contributions_carry_the_statistics(kind):
         np.testing.assert_allclose(markers(bottom)[k], 1e3 * s.mean_error)
         np.testing.assert_allclose(half_lengths(bottom)[k], 1e3 * s.mean_error_standard_error, atol=1e-12)
     assert [label.get_text() for label in bottom.get_xticklabels()] == list(COMPONENTS)
+
+
+def test_many_cases_have_a_line_each_the_largest_first():
+    cases = {"total": statistics(0, 9)} | {f"s{k}": statistics(-0.1 * k, k) for k in range(20)}
+    figure = contributions(cases)
+    names = ["total", *(f"s{k}" for k in range(19, 19 - LINES, -1))]
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == names
+    for k, (top, bottom) in enumerate(zip(figure.axes[:6], figure.axes[6:], strict=True)):
+        bars = next(c for c in top.containers if isinstance(c, BarContainer))
+        shown = [cases[name] for name in names]
+        np.testing.assert_allclose([bar.get_width() for bar in bars], [1e3 * s.three_sigma[k] for s in shown])
+        (points,) = (c for c in bottom.containers if not isinstance(c, BarContainer))
+        np.testing.assert_allclose(points.lines[0].get_xdata(), [1e3 * s.mean_error[k] for s in shown])
+        assert top.get_title() == COMPONENTS[k]
+
+
+@pytest.mark.parametrize("count", [4, 5, 24])
+def test_nothing_is_clipped_and_no_labels_collide(count):
+    figure = contributions({f"a_rather_long_name_{k}": statistics(-40.0 * (k == 0), k + 1) for k in range(count)})
+    figure.draw_without_rendering()
+    legends = [text for legend in figure.legends for text in legend.get_texts()]
+    for axes in figure.axes:
+        low, high = axes.get_xlim()
+        labels = [text for text in axes.get_xticklabels() if text.get_text() and low <= text.get_position()[0] <= high]
+        boxes = [text.get_window_extent() for text in labels]
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :]), axes.get_title()
+        legends += labels
+    for text in legends:
+        box = text.get_window_extent()
+        assert figure.bbox.containsx(box.x0), text
+        assert figure.bbox.containsx(box.x1), text
 
 
 def test_a_mean_error_beyond_its_dispersion_is_written_out():

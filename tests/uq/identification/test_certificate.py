@@ -289,6 +289,23 @@ def test_every_item_stands_on_the_page_and_nothing_is_lost(full):
     assert [row[3] for row in of_tensor(full, factor=2.0).rows(1e3)] == ["2.00"] * 6
 
 
+def test_figures_of_runs_have_whole_numbers_and_labels_apart(plain):
+    figures = plain.figures()
+    runs, spectrum = figures["runs"].axes, figures["residuals"].axes[1]
+    for figure in (figures["runs"], figures["residuals"]):
+        figure.draw_without_rendering()
+    assert all(float(text.get_text()).is_integer() for axes in runs for text in axes.get_xticklabels())
+    for axis in (spectrum.xaxis, spectrum.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+        boxes = [tick.label1.get_window_extent() for tick in ticks if tick.label1.get_text()]
+        assert len(boxes) > 1
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :])
+    assert [len(legend.get_texts()) for legend in figures["parts"].legends] == [1]
+    assert not any(axes.get_legend() for axes in figures["parts"].axes)
+    assert "runs" not in dataclasses.replace(plain, runs=plain.runs[:1]).figures()
+
+
 def test_what_is_missing_is_not_stated(plain):
     text = Reader(report(plain)).text
     assert text.count("not stated") >= 12

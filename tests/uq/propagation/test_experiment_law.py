@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from identify.estimators.gram import N_FEATURES
+from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import text_table
 from tests.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
@@ -66,6 +67,12 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(short, prepared):
     ]
     assert predicted.to_dict()["warnings"] == list(predicted.warnings)
     assert predicted.notes() == [f"attention: {text}" for text in predicted.warnings]
+    total = predicted["T1", "central"].total
+    figures = predicted.figures()
+    bars, points = figures["sources-T1-central"].axes[:: len(COMPONENTS)]
+    assert bars.patches[0].get_width() == pytest.approx(1e3 * total.three_sigma[0])
+    assert points.lines[-1].get_xdata()[0] == pytest.approx(1e3 * total.mean_error[0])
+    assert next(iter(figures)) == "groups-T1-central"
     quiet = tuple(
         eqx.tree_at(lambda s: s.sigma, s, 0.1 * s.sigma) if s.name == "omega_precision" else s for s in short.sources
     )

@@ -11,6 +11,7 @@ import pytest
 
 import uq.report.report_files
 from identify.figure_style import DARK
+from identify.reporting import Drawing, Section
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import with_uncertainty
 from tests.browser import Reader, drawn
@@ -18,6 +19,7 @@ from tests.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
 from uq.report.input_tables import inferred
+from uq.report.page import joined
 from uq.report.report_files import report, write
 
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
@@ -111,6 +113,13 @@ def test_json_warns_of_the_same_pairs(html):
     assert beyond == {f"{name}, central" for name in ("T1", "T2", "T3", "T4")}
     assert {text.partition(":")[0] for text in content["warnings"]} == beyond
     assert paper_result().to_dict()["warnings"] == content["warnings"]
+
+
+def test_a_figure_that_two_results_share_is_shown_once():
+    """The first's: the campaign's has standard errors where the law's has none."""
+    drawings = [[Drawing(name, which, None) for name in names] for which, names in (("a", "xy"), ("b", "zxw"))]
+    sections = [Section("", drawings=some) for some in drawings]
+    assert [(d.name, d.caption) for d in joined(*sections).drawings] == [("x", "a"), ("y", "a"), ("z", "b"), ("w", "b")]
 
 
 def test_hostile_names_are_text():

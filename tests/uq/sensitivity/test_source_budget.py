@@ -315,7 +315,7 @@ def test_a_finding_when_the_shares_do_not_add_up(result):
 def test_figures_show_every_source(result):
     figure = result.figures()["budget-T1-central"]
     stacks, tensor = figure.axes[0], figure.axes[2]
-    assert [t.get_text() for t in tensor.get_yticklabels()][:2] == ["F precision", "F bias"]
+    assert [t.get_text() for t in tensor.get_yticklabels()][:2] == ["M precision", "F precision"]
     assert len(stacks.patches) == 7 * len(COLUMNS)
     heights = np.reshape([p.get_height() for p in stacks.patches], (7, len(COLUMNS)))
     np.testing.assert_allclose(heights.sum(0), 100)
