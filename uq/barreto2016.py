@@ -11,10 +11,11 @@ from identify.exceptions import explains_names
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from identify.text_tables import Table
-from uq.campaign.campaign import GRAM_METRE, MonteCarloResult, Progress, Shown, Statistics, montecarlo
+from uq.campaign.campaign import GRAM_METRE, MonteCarloResult, Shown, Statistics, montecarlo
 from uq.campaign.campaign_result import ASSUMPTIONS, INDEX
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.trials.checkpoint import Checkpoint
+from uq.trials.progress_bar import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -231,7 +232,7 @@ def paper(
     trials: int = 10_000,
     seed: int = 0,
     dtype: str = "float64",
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     checkpoint: Checkpoint | str | Path | None = None,
     shown: Shown | None = None,
 ) -> PaperResult:

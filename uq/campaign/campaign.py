@@ -26,6 +26,7 @@ from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.checkpoint import Checkpoint, code_digest
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engines import AnySetup, default_batch, how_computed, with_sobol_points
+from uq.trials.progress_bar import Progress, progress_of
 
 __all__ = [
     "GRAM_METRE",
@@ -48,9 +49,6 @@ EARLY = 200
 Shown = Callable[[str, int, Mapping[str, Breakdown[Statistics]]], None]
 """Called with the trajectory's name, the trials done and the breakdowns by estimator."""
 
-Progress = Callable[[str, int, int], None]
-"""Called with the trajectory's name, the trials done and the trials asked for."""
-
 
 @explains_names
 def montecarlo(
@@ -68,7 +66,7 @@ def montecarlo(
     tolerance: float | None = None,
     batch: int | None = None,
     devices: Sequence[jax.Device] | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     checkpoint: Checkpoint | str | Path | None = None,
     shown: Shown | None = None,
 ) -> MonteCarloResult:
@@ -100,7 +98,7 @@ def montecarlo(
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
         batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 500 if collapsed.
         devices: devices to spread the trials over; None for all.
-        progress: called after each segment of trials.
+        progress: called after each segment of trials; True: a bar.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.
         shown: called as a trajectory's figures come: early, after 200 trials, and when it is done; not if adaptive.
 
@@ -111,6 +109,7 @@ def montecarlo(
         ExperimentError: no trials, no such trajectory or estimator, nothing to estimate from, a goal that cannot be,
             sources that ``sampling`` cannot draw, or a checkpoint that is damaged or of another campaign.
     """
+    progress = progress_of(progress)
     trials = (MOST_TRIALS if adaptive else TRIALS) if trials is None else trials
     goal = _goal(digits, tolerance, trials) if adaptive else None
     if trials < 1:

@@ -4,7 +4,7 @@ The centre of gravity is determined once, before all runs: its error is one draw
 trajectories share. Everything else is drawn anew in each run, alike for all trajectories (common random numbers).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -26,6 +26,7 @@ from uq.gram_sums.setup import Case
 from uq.sources.draws import draw_constants
 from uq.sources.random_normals import Index
 from uq.sources.source import Source
+from uq.trials.progress_bar import Progress, progress_of
 from uq.trials.samplewise import SampledSetup, prepare_samples, sampled_trial
 from uq.trials.trial_loop import all_trials
 
@@ -172,7 +173,7 @@ def emulated_tables(
     estimator: str = "smoothed",
     trajectories: Sequence[str] = ("T1", "T2", "T3", "T4"),
     imperfections: Imperfections = Imperfections(),  # noqa: B008
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> EmulatedTables:
     """Emulate the source's experiment: runs of each trajectory that share the error of the centre of gravity.
 
@@ -184,7 +185,7 @@ def emulated_tables(
         estimator: its name.
         trajectories: their names.
         imperfections: what the rig does besides the experiment's sources.
-        progress: called with a trajectory's name, repeats done and asked for.
+        progress: called with a trajectory's name, repeats done and asked for; True: a bar.
 
     Raises:
         ExperimentError: no repeats or runs, no such trajectory or estimator, or no source of r_cg.
@@ -194,9 +195,10 @@ def emulated_tables(
         raise ExperimentError(f"{repeats} repeats of {runs} runs: ask for one or more of each")
     warned = check_precision("float64")
     errors = {}
+    tell = progress_of(progress, "repeats")
     for name in trajectories:
         rig = _prepared(experiment, name, estimator, imperfections, runs)
-        report = None if progress is None else lambda done, _, name=name: progress(name, done // runs, repeats)
+        report = None if tell is None else lambda done, _, name=name: tell(name, done // runs, repeats)
         inertia = all_trials(_emulated_runs, rig, repeats * runs, seed, segment=runs, progress=report)
         errors[name] = inertia.reshape(repeats, runs, 6) - np.asarray(experiment.body.inertia)
     record = provenance(**experiment.inputs(), repeats=repeats, runs=runs, seed=seed, estimator=estimator)

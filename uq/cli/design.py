@@ -11,7 +11,7 @@ from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.planning.motion_export import MotionExport, export_motion
 from uq.planning.pose_plan import POSES, plan_poses
-from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, start_jax, whole_number
+from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, start_jax, whole_number
 from uq.terminal.sources import add_without_option, shares_named
 from uq.tracking.achieved_motion import achieved
 
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.achieved is not None:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
-        with ProgressBar(unit="steps") as bar, shares_named(experiment, out):
+        with TerminalBar(unit="steps") as bar, shares_named(experiment, out):
             given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
             designed = design(experiment, duration=duration, progress=bar, **given)

@@ -12,7 +12,7 @@ from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.source_budget import budget
-from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, say, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.trials.checkpoint import Checkpoint
@@ -116,7 +116,7 @@ def _campaign(
     goal: dict,
     speaks: bool,
 ) -> MonteCarloResult:
-    with ProgressBar(silent=not speaks) as bar:
+    with TerminalBar(silent=not speaks) as bar:
         return montecarlo(
             experiment,
             trials=arguments.trials,
@@ -151,7 +151,7 @@ def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) ->
     """The budget, if it is asked for."""
     if arguments.budget is None:
         return []
-    with ProgressBar() as bar:
+    with TerminalBar() as bar:
         result = budget(
             experiment,
             trials=arguments.budget,

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from uq.barreto2016 import paper, row
 from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
-from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, say, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     with together(arguments) as speaks, output_folder(arguments.out) as out:
         checkpoint = None if out is None else checkpoint_of(checkpoint_folder(out), say)
-        with ProgressBar(silent=not speaks) as progress:
+        with TerminalBar(silent=not speaks) as progress:
 
             def show(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:
                 for estimator, breakdown in breakdowns.items() if speaks else ():

@@ -9,7 +9,7 @@ from uq.files.units import UnitError, quantity
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import GOALS
 from uq.planning.sensor_worth import BOTH
-from uq.terminal.common import ERRORS, ProgressBar, finish, output_folder, start_jax
+from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, start_jax
 from uq.terminal.sources import add_without_option, shares_named
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     experiment = leave_out(Experiment.load(arguments.experiment), arguments.without)
     with output_folder(arguments.out) as out:
-        with ProgressBar(unit="steps") as bar, shares_named(experiment, out):
+        with TerminalBar(unit="steps") as bar, shares_named(experiment, out):
             plan = plan_measurement(
                 experiment, targets, goals=goals, trajectory=arguments.trajectory, estimator=arguments.estimator,
                 progress=bar,

@@ -9,7 +9,7 @@ from identify.motion.leg_limits import Limits, Peak
 from rig.exceptions import listed, quoted
 from uq.excitation.design_bound import DesignBound, design_bound
 from uq.excitation.design_goal import GOALS, OBJECTIVES, Measure, goal_of
-from uq.excitation.design_search import GRID, Progress, searches
+from uq.excitation.design_search import GRID, searches
 from uq.excitation.designed_experiment import NAME
 from uq.excitation.reference_trajectory import (
     PredictedTrajectory,
@@ -23,6 +23,7 @@ from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
 from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.propagation.prepared_run import prepared_run
+from uq.trials.progress_bar import Progress, progress_of
 
 FINER = 10
 """Times as many at which the limits are checked in the end."""
@@ -107,7 +108,7 @@ def design(
     period: float = 5.0,
     rounds: int = 14,
     steps: int = 150,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Design:
     """Find the motion of least predicted uncertainty that a platform can run.
 
@@ -132,14 +133,14 @@ def design(
         period: of the motions that are not in stages [s].
         rounds: of the minimisation from each start.
         steps: in each round, at most.
-        progress: called with what is being done, the steps done and the steps in all.
+        progress: called with what is being done, the steps done and the steps in all; True: a bar.
 
     Raises:
         ExperimentError: limits missing or exceeded at home, an unknown goal, objective or trajectory, a number that
             cannot be, a sample rate at which a motion of the bandwidth cannot be differentiated.
     """
     _check(goal, objective, starts, period, duration)
-    tell = progress or (lambda *_: None)
+    tell = progress_of(progress, "steps") or (lambda *_: None)
     reference, given = experiment.select(reference)
     _check_rate(experiment, reference, given)
     _check_sources(experiment, given)

@@ -1,7 +1,7 @@
 """The report of a design, computed: its budget beside known trajectories, sensors, durations, files."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -16,15 +16,15 @@ from uq.files.provenance import provenance
 from uq.planning.required_duration import average, growth_of, required_duration
 from uq.planning.sensor_worth import sensor_worth
 from uq.propagation.experiment_law import law
+from uq.trials.progress_bar import Progress, progress_of
 
 BESIDE = ("T1", "T2", "T4")
 """Trajectories of the experiment that stand beside the design, where there are such."""
-Progress = Callable[[str, int, int], None]
 
 
 @explains_names
 def design_report(
-    design: Design, *, goal: str = "all", targets: Sequence[float] = (), progress: Progress | None = None
+    design: Design, *, goal: str = "all", targets: Sequence[float] = (), progress: Progress | bool | None = None
 ) -> DesignReport:
     """Say everything of a design: budgets by the law, sensors, durations, files.
 
@@ -32,12 +32,12 @@ def design_report(
         design: by :func:`uq.excitation.design.design`.
         goal: what it was designed for.
         targets: average 3σ of moments and of products whose durations are wanted [kg·m²]; none: half of the design's.
-        progress: called with what is being done, the steps done and the steps in all.
+        progress: called with what is being done, the steps done and the steps in all; True: a bar.
 
     Raises:
         ExperimentError: a source that the law cannot take, or an experiment that is of no file.
     """
-    tell = progress or (lambda *_: None)
+    tell = progress_of(progress, "steps") or (lambda *_: None)
     experiment = design.experiment
     files = designed_files(experiment, design.spec, design.band)
     beside = {name: experiment.trajectories[name] for name in BESIDE if name in experiment.trajectories}

@@ -18,6 +18,7 @@ from uq.excitation.rig_limits import largest_size, largest_use
 from uq.excitation.search_starts import patterns_for, staged
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.propagation.prediction import Prediction
+from uq.trials.progress_bar import Progress
 
 GRID = 16
 """Instants of the optimiser in a period of the highest frequency."""
@@ -25,8 +26,6 @@ RAMP = 6.0
 """Time in which a stage starts or stops, in periods of the highest frequency."""
 FINAL = 8
 """Looks at the finer grid before a design is given up."""
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, the steps done and the steps in all."""
 Start = Callable[[np.random.Generator], np.ndarray]
 """Gives the unknowns from which a search starts."""
 

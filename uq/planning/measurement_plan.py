@@ -1,6 +1,6 @@
 """Which sensor is worth improving, and how long must I measure? Both questions to one trajectory and estimator."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,9 +26,7 @@ from uq.planning.required_duration import (
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
 from uq.propagation.experiment_law import law
 from uq.report.input_tables import source_tables
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, the steps done and the steps in all."""
+from uq.trials.progress_bar import Progress, progress_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -125,7 +123,7 @@ def plan_measurement(
     goals: Sequence[str] = BOTH,
     trajectory: str | None = None,
     estimator: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> MeasurementPlan:
     """Return what each source is worth, and how long each target takes, by the law of propagation.
 
@@ -135,12 +133,12 @@ def plan_measurement(
         goals: whose average: ``moments``, ``products``, components.
         trajectory: its name; None for the first.
         estimator: its name; None for the recording's, or the first.
-        progress: called with what is being done, the steps done and the steps in all.
+        progress: called with what is being done, the steps done and the steps in all; True: a bar.
 
     Raises:
         ExperimentError: a target that is not above zero, an unknown name, sources that the law cannot take.
     """
-    tell = progress or (lambda *_: None)
+    tell = progress_of(progress, "steps") or (lambda *_: None)
     name, _ = experiment.select(trajectory)
     chosen = experiment.estimator(estimator).name
     tell("law", 0, 1)

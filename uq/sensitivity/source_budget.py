@@ -15,7 +15,7 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
-from uq.campaign.campaign import Progress, Statistics, distinct
+from uq.campaign.campaign import Statistics, distinct
 from uq.campaign.trial_setup import prepare_setup
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
@@ -25,6 +25,7 @@ from uq.sensitivity.budget_shares import Effects, MeanSquare, SourceBudget
 from uq.sensitivity.effects import Design, PairEffects
 from uq.sensitivity.variance_shares import mean, plain_variance, ratio
 from uq.trials.engines import default_batch, run_trials
+from uq.trials.progress_bar import Progress, progress_of
 from uq.trials.samplewise import SampledSetup
 from uq.trials.trial_loop import finite_trials
 
@@ -45,7 +46,7 @@ def budget(
     dtype: str = "float64",
     batch: int | None = None,
     devices: Sequence[jax.Device] | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> BudgetResult:
     """Return first-order, total and Shapley shares of the variance, and the mean error, of every source and group.
 
@@ -63,7 +64,7 @@ def budget(
         dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
         batch: pairs that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
         devices: devices to spread the pairs over; None for all.
-        progress: called after each segment of pairs.
+        progress: called after each segment of pairs; True: a bar.
 
     Raises:
         ExperimentError: too few trials, no source, no such trajectory or estimator.
@@ -80,6 +81,7 @@ def budget(
     if not chosen:
         raise ExperimentError("no [[estimator]] in the experiment: add one")
     budgets: dict[str, dict[str, SourceBudget]] = {}
+    tell = progress_of(progress, "pairs")
     for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
         setup = prepare_setup(experiment, spec, chosen, dtype=dtype)
@@ -87,7 +89,7 @@ def budget(
             setup = prepare_setup(experiment, spec, chosen, dtype=dtype, sampling="samples")
         assert isinstance(setup, AnySetup)  # noqa: S101
         twins = twinned(setup)
-        report = None if progress is None else lambda done, asked, name=name: progress(f"{name} budget", done, asked)
+        report = None if tell is None else lambda done, asked, name=name: tell(f"{name} budget", done, asked)
         estimates = run_trials(twins.setup, trials, seed, devices, batch, report)
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}

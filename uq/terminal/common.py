@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import jax
@@ -18,6 +17,7 @@ from identify.signals.run import RunError
 from rig.exceptions import RigError, quoted
 from uq.experiment.experiment import ExperimentError
 from uq.files.compilation_cache import keep_compiled
+from uq.trials.progress_bar import ProgressBar
 
 ERRORS = (ExperimentError, RunError, RigError)
 
@@ -113,40 +113,17 @@ def say(line: str) -> None:
     print(line, file=sys.stderr)
 
 
-class ProgressBar:
-    """A progress bar on a terminal, nothing elsewhere: a context manager to be called with name, done, asked."""
+class TerminalBar(ProgressBar):
+    """A progress bar on a terminal, nothing elsewhere."""
 
     def __init__(self, *, silent: bool = False, unit: str = "trials") -> None:
         """Name what shows no bar, ``silent`` or no terminal; and what is counted."""
-        self.bar: tqdm | None = None
-        self.unit = f" {unit}"
-        self.silent = silent or not sys.stderr.isatty()
+        super().__init__(silent=silent or not sys.stderr.isatty(), unit=unit)
+
+    def __enter__(self) -> "TerminalBar":
+        return self
 
     def print(self, line: str) -> None:
         """Print a line of results above the bar, at once."""
         tqdm.write(line, file=sys.stdout)
         sys.stdout.flush()
-
-    def __call__(self, name: str, done: int, asked: int) -> None:
-        """Show how many trials of a trajectory are done."""
-        if self.silent:
-            return
-        if self.bar is None or self.bar.desc != name:
-            self.close()
-            self.bar = tqdm(desc=name, total=asked, unit=self.unit, leave=False)
-            self.bar.desc = name
-            self.bar.initial = self.bar.n = self.bar.last_print_n = done  # what is resumed took no time
-        self.bar.total = asked
-        self.bar.update(done - self.bar.n)
-
-    def close(self) -> None:
-        """End the line of the bar."""
-        if self.bar is not None:
-            self.bar.close()
-            self.bar = None
-
-    def __enter__(self) -> "ProgressBar":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()

@@ -74,14 +74,14 @@ def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
 
 
 def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
-    class Interrupted(command.ProgressBar):
+    class Interrupted(command.TerminalBar):
         def __call__(self, name, done, asked):
             if done == 384:
                 raise KeyboardInterrupt
 
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(command, "ProgressBar", Interrupted)
+        patch.setattr(command, "TerminalBar", Interrupted)
         assert main(arguments(experiment, "--trials", 500, "--out", out)) == 130
     assert capsys.readouterr().err == "error: interrupted; the same command goes on from there\n"
     assert main(arguments(experiment, "--trials", 500, "--seed", 1, "--out", out)) == 2
