@@ -1,10 +1,16 @@
 """How figures look: sizes, colours, names. Drawn at the width of a journal's column or page (3.5 and 7.2 in).
 
-In Okabe and Ito's colours, which colour-blind readers tell apart. Nothing here needs matplotlib.
+In Okabe and Ito's colours, which colour-blind readers tell apart. Matplotlib is imported when a figure is drawn.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, FigureBase, SubFigure
 
 COLUMN, PAGE = 3.5, 7.2
 """Width of a column and of a page [in]."""
@@ -69,6 +75,40 @@ def columns(names: Sequence[str], width: float) -> int:
 def on(colour: str) -> str:
     """Return the colour in which a text on this colour is read."""
     return "white" if colour in DARK_COLOURS else "#1a1a1a"
+
+
+_PLACE: ContextVar[Any] = ContextVar("place", default=None)
+
+
+def new_figure(width: float, height: float, **options: Any) -> "FigureBase":
+    """Return an empty figure of this size [in], or what :func:`drawn_in` names in its place."""
+    from matplotlib.figure import Figure
+
+    place = _PLACE.get()
+    return Figure(figsize=(width, height), **options) if place is None else place
+
+
+def width_of(figure: Any) -> float:
+    """Return the width of a figure, or of a part of one [in]."""
+    return float(figure.bbox.width / figure.dpi)
+
+
+@contextmanager
+def drawn_in(place: "Axes | SubFigure | Figure") -> Iterator[Any]:
+    """Let what is drawn meanwhile fill a figure, a part of one, or the place of an empty axes, which is removed."""
+    from matplotlib.axes import Axes
+
+    if isinstance(place, Axes):
+        spec, whole = place.get_subplotspec(), place.figure
+        if spec is None:
+            raise ValueError("Argument `ax` must be an axes of a grid, as plt.subplots makes them, but stands freely.")
+        place.remove()
+        place = whole.add_subfigure(spec)
+    before = _PLACE.set(place)
+    try:
+        yield place
+    finally:
+        _PLACE.reset(before)
 
 
 def display_name(name: str) -> str:

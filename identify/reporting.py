@@ -10,16 +10,18 @@ from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 from urllib.parse import quote
 
 import numpy as np
 
 from identify.exceptions import UnknownNameError
+from identify.figure_style import drawn_in
 from identify.text_tables import Table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, FigureBase, SubFigure
     from pandas import DataFrame
 
 
@@ -34,7 +36,7 @@ class Drawing:
     name: str
     """Stem of its files; unique in a result."""
     caption: str
-    draw: Callable[[], "Figure"]
+    draw: Callable[[], "FigureBase"]
     animate: Callable[[], bytes] | None = None
     """Makes an SVG that moves, which a page shows in place of the figure; None: the figure stands for itself."""
 
@@ -49,7 +51,21 @@ class Figures(Mapping):  # without type arguments, since a runtime type checker 
     def __getitem__(self, name: str) -> "Figure":
         if name not in self.drawings:
             raise UnknownNameError(name, self.drawings)
-        return self._draw(name)
+        return cast("Figure", self._draw(name))
+
+    def draw(self, name: str, ax: "Axes | SubFigure | Figure") -> "FigureBase":
+        """Draw a figure into another one: in the place of an empty axes, or in a subfigure; return that subfigure.
+
+        ``figure, (left, right) = plt.subplots(1, 2, layout="constrained"); figures.draw("residuals", ax=left)``.
+
+        Raises:
+            KeyError: there is none of this name; the message names those that there are.
+            ValueError: the axes is no part of a grid.
+        """
+        if name not in self.drawings:
+            raise UnknownNameError(name, self.drawings)
+        with drawn_in(ax):
+            return self.drawings[name].draw()
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.drawings)

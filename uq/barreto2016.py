@@ -18,7 +18,7 @@ from uq.trials.checkpoint import Checkpoint
 from uq.trials.progress_bar import Progress
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 
@@ -165,13 +165,13 @@ class PaperResult(Result):
             *(self._averages(name) for name in self.estimators),
         ]
 
-    def _spheres(self) -> "Figure":
+    def _spheres(self) -> "FigureBase":
         from uq.barreto2016_figures import rates, spheres
 
         _, omega, alpha = rates(self._trajectory("T1"))
         return spheres(omega, alpha)
 
-    def _simple_motions(self) -> "Figure":
+    def _simple_motions(self) -> "FigureBase":
         from uq.barreto2016_figures import angular_velocity, rates
 
         t, omega, _ = rates(self._trajectory("T3"))
@@ -181,7 +181,7 @@ class PaperResult(Result):
         return Experiment.from_dict(self.campaign.provenance["experiment"]).trajectories[name]
 
     def _groups(self, estimator: str) -> Drawing:
-        def draw() -> "Figure":
+        def draw() -> "FigureBase":
             from uq.campaign.campaign_figures import contributions
 
             return contributions(self.campaign["T1", estimator].groups)
@@ -190,7 +190,7 @@ class PaperResult(Result):
         return Drawing(stem("figure3", "groups", "T1", estimator), caption, draw)
 
     def _averages(self, estimator: str) -> Drawing:
-        def draw() -> "Figure":
+        def draw() -> "FigureBase":
             from uq.barreto2016_figures import averages
 
             return averages(self.campaign, estimator, PRINTED)

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
-from identify.figure_style import COLUMN, GRID, PALETTE, RULE, STYLE, label
+from identify.figure_style import COLUMN, GRID, PALETTE, RULE, STYLE, label, new_figure
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from uq.campaign.averages import average
 from uq.campaign.campaign import MonteCarloResult
@@ -24,7 +24,7 @@ POINTS = 8000
 """Most samples of a motion that a figure draws."""
 
 
-def spheres(omega: np.ndarray, alpha: np.ndarray) -> Figure:
+def spheres(omega: np.ndarray, alpha: np.ndarray) -> FigureBase:
     """Draw the paths of angular velocity and angular acceleration in the body frame: the source's figures 2 and 7.
 
     Args:
@@ -32,13 +32,15 @@ def spheres(omega: np.ndarray, alpha: np.ndarray) -> Figure:
         alpha: angular acceleration in B, (3, n) [rad/s²].
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN, 5.8))
+        figure = new_figure(COLUMN, 5.8)
         _path(figure, (0.0, 0.55, 0.94, 0.43), np.asarray(omega), "(a) angular velocity", "ω{} [rad/s]")
         _path(figure, (0.0, 0.055, 0.94, 0.43), np.asarray(alpha), "(b) angular acceleration", "α{} [rad/s²]")
     return figure
 
 
-def _path(figure: Figure, place: tuple[float, float, float, float], path: np.ndarray, title: str, label: str) -> None:
+def _path(
+    figure: FigureBase, place: tuple[float, float, float, float], path: np.ndarray, title: str, label: str
+) -> None:
     """Draw one path in 3-D with equal axes, the near side darker than the far side."""
     axes: Any = figure.add_axes(place, projection="3d", proj_type="ortho")
     axes.set_title(title, y=1.0)
@@ -62,7 +64,7 @@ def _path(figure: Figure, place: tuple[float, float, float, float], path: np.nda
     axes.add_collection3d(lines, autolim=False)
 
 
-def angular_velocity(t: np.ndarray, omega: np.ndarray) -> Figure:
+def angular_velocity(t: np.ndarray, omega: np.ndarray) -> FigureBase:
     """Draw the three components of the angular velocity against time: the source's figure 4.
 
     Args:
@@ -70,7 +72,7 @@ def angular_velocity(t: np.ndarray, omega: np.ndarray) -> Figure:
         omega: angular velocity in B, component first, (3, n) [rad/s].
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN, 2.9), layout="constrained")
+        figure = new_figure(COLUMN, 2.9, layout="constrained")
         panels = figure.subplots(3, 1, sharex=True, sharey=True)
         for number, (axes, values) in enumerate(zip(panels, np.asarray(omega), strict=True), 1):
             axes.axhline(0, color=RULE, linewidth=0.5)
@@ -93,7 +95,7 @@ def rates(spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def averages(
     result: MonteCarloResult, estimator: str, printed: Mapping[str, Mapping[str, float]] | None = None
-) -> Figure:
+) -> FigureBase:
     """Draw the average 3σ of the moments and of the products by trajectory: the source's figure 5.
 
     The second panel holds the average magnitude of the mean errors. Error bars are standard errors.
@@ -105,7 +107,7 @@ def averages(
     """
     names = list(result.breakdowns)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN, 3.6), layout="constrained")
+        figure = new_figure(COLUMN, 3.6, layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         x = np.arange(len(names))
         for k, (kind, components) in enumerate({"moments": MOMENTS, "products": PRODUCTS}.items()):

@@ -4,14 +4,25 @@ from collections.abc import Mapping
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
-from identify.figure_style import OTHERS, PAGE, PALETTE, STYLE, columns, display_name, label, largest, others
+from identify.figure_style import (
+    OTHERS,
+    PAGE,
+    PALETTE,
+    STYLE,
+    columns,
+    display_name,
+    label,
+    largest,
+    new_figure,
+    others,
+)
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import decimals, fixed
 
 
-def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Figure:
+def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> FigureBase:
     """Draw each part's share of the parts' variances together, with the standard uncertainty beside it.
 
     The largest have a colour each, the others one together.
@@ -23,7 +34,7 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
     variances = np.nan_to_num([np.square(values) for values in parts.values()], posinf=0.0)
     total = variances.sum(axis=0)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.4), layout="constrained")
+        figure = new_figure(PAGE, 2.4, layout="constrained")
         axes = figure.subplots()
         base = np.zeros(len(COMPONENTS))
         names, shares_of = list(parts), 100 * variances / np.maximum(total, 1e-300)

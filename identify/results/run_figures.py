@@ -5,23 +5,23 @@ from collections.abc import Sequence
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from identify.estimators.residual_trace import Trace
-from identify.figure_style import PAGE, PALETTE, STYLE, label
+from identify.figure_style import PAGE, PALETTE, STYLE, label, new_figure
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 
 
-def residuals(runs: Sequence[RunEstimate]) -> Figure:
+def residuals(runs: Sequence[RunEstimate]) -> FigureBase:
     """Draw the residual moment about the centre of gravity, as bands over time and as amplitude density.
 
     Args:
         runs: one or more that kept their residuals.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 0.6 + 1.25 * len(runs)), layout="constrained")
+        figure = new_figure(PAGE, 0.6 + 1.25 * len(runs), layout="constrained")
         panels = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 2))
         for (left, right), run in zip(panels, runs, strict=True):
             assert run.trace is not None  # noqa: S101
@@ -67,7 +67,7 @@ def _in_frequency(axes: Axes, trace: Trace) -> None:
 
 def estimates(
     runs: Sequence[RunEstimate], inertia: np.ndarray, interval95: np.ndarray, taken_off: np.ndarray
-) -> Figure:
+) -> FigureBase:
     """Draw each component as each run alone gives it, with its 95 % interval, and the interval of all runs together.
 
     Args:
@@ -79,7 +79,7 @@ def estimates(
     runs = [run for run in runs if run.alone]
     beyond = 10 * float(np.abs(inertia).max())
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 3.6), layout="constrained")
+        figure = new_figure(PAGE, 3.6, layout="constrained")
         for k, axes in enumerate(figure.subplots(2, 3).flat):
             # an end that nothing bounds lies beyond the axis
             low, high = GRAM_METRE * np.nan_to_num(interval95[k], posinf=beyond, neginf=-beyond)
@@ -102,7 +102,7 @@ def estimates(
     return figure
 
 
-def parts(runs: Sequence[RunEstimate]) -> Figure:
+def parts(runs: Sequence[RunEstimate]) -> FigureBase:
     """Draw each run's angular velocity and which parts of it were used, at most six runs.
 
     Args:
@@ -110,7 +110,7 @@ def parts(runs: Sequence[RunEstimate]) -> Figure:
     """
     runs = [run for run in runs if run.overview is not None][:6]
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 0.8 + 0.85 * max(len(runs), 1)), layout="constrained")
+        figure = new_figure(PAGE, 0.8 + 0.85 * max(len(runs), 1), layout="constrained")
         handles = {}
         for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
             t, speed = np.asarray(run.overview).T

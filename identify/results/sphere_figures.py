@@ -5,10 +5,10 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.tri import Triangulation
 
-from identify.figure_style import PAGE, PALETTE, RULE, STYLE
+from identify.figure_style import PAGE, PALETTE, RULE, STYLE, new_figure
 from identify.results.measured_directions import AxisValues, rms_about, uncertainty_about
 from identify.rigid_body.inertia import GRAM_METRE
 
@@ -19,7 +19,7 @@ GROUND = "#f6f6f6"
 """Of a disc, in dark pages too: the darkest colours are the largest values."""
 
 
-def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Figure:
+def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> FigureBase:
     """Draw the directions of angular velocity and acceleration, and acceleration and uncertainty about every axis.
 
     Args:
@@ -28,7 +28,7 @@ def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Fi
         covariance: of the packed tensor [(kg·m²)²].
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
+        figure = new_figure(PAGE, 4.4, layout="constrained")
         panels = figure.subplots(2, 3, width_ratios=(1, 1, 1.12))
         for row, path, name in zip(panels, (omega, alpha), ("ω [rad/s]", "α [rad/s²]"), strict=True):
             drawn = [_directions(panel, path, side) for panel, side in zip(row[:2], (1, -1), strict=True)]
@@ -74,7 +74,7 @@ def _directions(panel: Axes, path: np.ndarray, side: int) -> Any:
                          rasterized=True)  # fmt: skip
 
 
-def _about(figure: Figure, panel: Axes, values: AxisValues, title: str, label: str, *, weak: str) -> None:
+def _about(figure: FigureBase, panel: Axes, values: AxisValues, title: str, label: str, *, weak: str) -> None:
     """A map of a figure of every axis, the weakest marked; empty where one is not determined."""
     _disc(panel)
     panel.set_title(title)

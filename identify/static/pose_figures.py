@@ -2,20 +2,20 @@
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator
 
-from identify.figure_style import COLUMN, PALETTE, STYLE
+from identify.figure_style import COLUMN, PALETTE, STYLE, new_figure
 
 
-def pose_residuals(residuals: np.ndarray) -> Figure:
+def pose_residuals(residuals: np.ndarray) -> FigureBase:
     """Draw the residual force and moment of each pose, by axis.
 
     Args:
         residuals: measured less fitted wrench of each pose, (n, 6) [N, N·m].
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN, 3.6), layout="constrained")
+        figure = new_figure(COLUMN, 3.6, layout="constrained")
         panels = figure.subplots(2, 1, sharex=True)
         pose = np.arange(1, len(residuals) + 1)
         shown = {"force [N]": residuals[:, :3], "moment [mN·m]": 1e3 * residuals[:, 3:]}

@@ -70,6 +70,31 @@ def test_figures_are_drawn_once_and_only_when_asked_for(weighed):
     assert len(Figures([])) == 0
 
 
+def test_a_figure_is_drawn_into_another_one():
+    """In the place of an axes, or in a subfigure: the same panels with the same curves as the figure of its own."""
+    figures = campaign().figures()
+    panels = [len(axes.containers) for axes in figures["groups-T1-central"].axes]
+    whole = Figure(layout="constrained")
+    left, right = whole.subplots(1, 2)
+    right.plot([0, 1])
+    drawn = figures.draw("groups-T1-central", ax=left)
+    assert [len(axes.containers) for axes in drawn.axes] == panels
+    assert whole.axes == [right, *drawn.axes]  # the empty axes made room
+    whole.draw_without_rendering()
+    assert max(axes.get_window_extent().x1 for axes in drawn.axes) < right.get_window_extent().x0
+    top, _ = Figure(layout="constrained").subfigures(2, 1)
+    assert figures.draw("groups-T1-central", ax=top) is top
+    assert [len(axes.containers) for axes in top.axes] == panels
+    assert isinstance(figures["sources-T1-central"], Figure)  # again one of its own
+
+
+def test_a_place_or_name_that_cannot_be_is_named(weighed):
+    with pytest.raises(ValueError, match=r"^Argument `ax` must be an axes of a grid, as plt\.subplots makes them"):
+        weighed.figures().draw("mass", ax=Figure().add_axes((0, 0, 1, 1)))
+    with pytest.raises(KeyError, match=r"^no 'weight': choose one of 'mass'$"):
+        weighed.figures().draw("weight", ax=Figure())
+
+
 def test_every_result_has_a_section_even_if_it_says_nothing_more(weighed):
     section = weighed.section()
     assert (section.title, section.findings, section.front) == ("One <weighing>", ("it moved",), None)

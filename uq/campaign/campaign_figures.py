@@ -9,10 +9,22 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
-from identify.figure_style import COLUMN, GRID, PAGE, PALETTE, RULE, STYLE, columns, display_name, label
+from identify.figure_style import (
+    COLUMN,
+    GRID,
+    PAGE,
+    PALETTE,
+    RULE,
+    STYLE,
+    columns,
+    display_name,
+    label,
+    new_figure,
+    width_of,
+)
 from identify.rigid_body.inertia import COMPONENTS
 from uq.campaign.statistics import GRAM_METRE, Statistics
 
@@ -22,7 +34,7 @@ LINES = 12
 """Most lines of a figure below the first."""
 
 
-def contributions(cases: Mapping[str, Statistics]) -> Figure:
+def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
     """Draw what each case does to each component: the source's figure 3, with the mean error in a second panel.
 
     Error bars are standard errors. A mean error that exceeds its own 3σ is written beside its marker when it belongs
@@ -35,7 +47,7 @@ def contributions(cases: Mapping[str, Statistics]) -> Figure:
     if len(cases) > BESIDE:
         return _line_by_line(cases)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE if len(cases) > 4 else COLUMN, 3.6), layout="constrained")
+        figure = new_figure(PAGE if len(cases) > 4 else COLUMN, 3.6, layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         width = 0.84 / max(len(cases), 1)
         for k, (name, s) in enumerate(cases.items()):
@@ -48,20 +60,20 @@ def contributions(cases: Mapping[str, Statistics]) -> Figure:
         bottom.set_xticks(range(len(COMPONENTS)), COMPONENTS)
         for edge in np.arange(len(COMPONENTS) - 1) + 0.5:
             bottom.axvline(edge, color=GRID, linewidth=0.5, zorder=0)
-        number = columns(list(map(display_name, cases)), figure.get_figwidth())
+        number = columns(list(map(display_name, cases)), width_of(figure))
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=number)
         figure.align_ylabels()
     return figure
 
 
-def _line_by_line(cases: Mapping[str, Statistics]) -> Figure:
+def _line_by_line(cases: Mapping[str, Statistics]) -> FigureBase:
     """A panel for each component, 3σ above and mean error below; a line for each case, the largest first."""
     first, *others = cases
     size = {name: float(np.nanmean(np.hypot(cases[name].three_sigma, 3 * cases[name].mean_error))) for name in others}
     names = [first, *sorted(others, key=lambda name: -np.nan_to_num(size[name]))[:LINES]]
     shown = [cases[name] for name in names]
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 1.1 + 0.3 * len(names)), layout="constrained")
+        figure = new_figure(PAGE, 1.1 + 0.3 * len(names), layout="constrained")
         panels = figure.subplots(2, len(COMPONENTS), sharex="row", sharey=True)
         y = np.arange(len(names))
         for k, (top, bottom) in enumerate(panels.T):

@@ -20,7 +20,7 @@ from uq.report.input_tables import source_tables
 from uq.sources.quasi_random import Points
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
     from xarray import DataArray
 
 
@@ -264,7 +264,7 @@ def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown[Statistics
     """
 
     def drawing(kind: str, pair: tuple[str, str], cases: Mapping[str, Statistics]) -> Drawing:
-        def draw() -> "Figure":
+        def draw() -> "FigureBase":
             from uq.campaign.campaign_figures import contributions
 
             return contributions(cases)

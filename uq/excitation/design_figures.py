@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import matplotlib
 import numpy as np
 from jaxtyping import Float
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
-from identify.figure_style import AXIS_COLOURS, MOST, PAGE, PALETTE, STYLE, columns, display_name, label
+from identify.figure_style import AXIS_COLOURS, MOST, PAGE, PALETTE, STYLE, columns, display_name, label, new_figure
 from identify.motion.leg_limits import Effort, Limits
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.campaign.statistics import Breakdown
@@ -19,7 +19,7 @@ LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
 
 def motion(
     t: Float[np.ndarray, " n"], omega: np.ndarray, alpha: np.ndarray, position: np.ndarray, names: Sequence[str] = ()
-) -> Figure:
+) -> FigureBase:
     """Draw angular velocity, angular acceleration and the platform's displacement over a segment of time.
 
     Args:
@@ -31,7 +31,7 @@ def motion(
     """
     rows = ((omega, "ω [rad/s]"), (alpha, "α [rad/s²]"), (1e3 * position, "displacement [mm]"))
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
+        figure = new_figure(PAGE, 4.2, layout="constrained")
         panels = figure.subplots(3, 1, sharex=True)
         for panel, (values, quantity) in zip(panels, rows, strict=True):
             for k in range(3):
@@ -43,7 +43,7 @@ def motion(
     return figure
 
 
-def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> Figure:
+def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> FigureBase:
     """Draw the legs' lengths, speeds, accelerations and forces over a segment of time, in parts of each leg's limit.
 
     Args:
@@ -61,7 +61,7 @@ def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> Figure:
         "force": np.asarray(asked.force) / limits.force,
     }
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 4.4), layout="constrained")
+        figure = new_figure(PAGE, 4.4, layout="constrained")
         panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
         for panel, (name, shares) in zip(panels, rows.items(), strict=True):
             for k in range(6):
@@ -77,7 +77,7 @@ def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> Figure:
     return figure
 
 
-def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, float | None]) -> Figure:
+def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, float | None]) -> FigureBase:
     """Draw the average 3σ of moments and products: all sources and the largest alone, a bar for each trajectory.
 
     Args:
@@ -93,7 +93,7 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
     names = ["total", *sources]
     width = 0.8 / len(laws)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
+        figure = new_figure(PAGE, 2.9, layout="constrained")
         panels = figure.subplots(1, 2)
         for panel, goal in zip(panels, ("moments", "products"), strict=True):
             for k, (trajectory, law) in enumerate(laws.items()):

@@ -9,9 +9,9 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
-from identify.figure_style import COLUMN, PALETTE, STYLE
+from identify.figure_style import COLUMN, PALETTE, STYLE, new_figure
 from uq.excitation.platform_scene import Scene
 
 SIZE = 460
@@ -58,10 +58,10 @@ def _animate(name: str, values: str, seconds: float) -> str:
     return f'<animate attributeName="{name}" dur="{seconds:g}s" repeatCount="indefinite" values="{values}"/>'
 
 
-def still(of: Scene) -> Figure:
+def still(of: Scene) -> FigureBase:
     """Return the drawing's first instant as a figure."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN, COLUMN))
+        figure = new_figure(COLUMN, COLUMN)
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set_axis_off()
         axes.set(xlim=(0, 1), ylim=(1, 0), aspect="equal")

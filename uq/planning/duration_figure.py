@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import ScalarFormatter
 
-from identify.figure_style import PAGE, PALETTE, STYLE, display_name, label
+from identify.figure_style import PAGE, PALETTE, STYLE, display_name, label, new_figure
 from identify.reporting import Drawing
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.planning.required_duration import Duration, Growth, average
@@ -16,7 +16,7 @@ from uq.planning.required_duration import Duration, Growth, average
 def duration_drawing(durations: Sequence[Duration]) -> Drawing:
     """Return the figure of durations that targets take, all of one growth."""
 
-    def draw() -> Figure:
+    def draw() -> FigureBase:
         asked: dict[str, list[float]] = {}
         for duration in durations:
             asked.setdefault(duration.goal, []).append(duration.target)
@@ -25,7 +25,7 @@ def duration_drawing(durations: Sequence[Duration]) -> Drawing:
     return Drawing("durations", CAPTION, draw)
 
 
-def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Figure:
+def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> FigureBase:
     """Draw the average 3σ over the duration, all sources and each alone.
 
     Args:
@@ -37,7 +37,7 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
     )
     variances = growth.at(t)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
+        figure = new_figure(PAGE, 2.9, layout="constrained")
         goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
         panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
         for panel, goal in zip(panels, goals, strict=True):

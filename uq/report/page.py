@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -62,7 +62,7 @@ def drawn(drawings: Sequence[Drawing]) -> list[Drawn]:
 
 
 def _drawn(drawing: Drawing, number: int) -> Drawn:
-    figure = drawing.draw()
+    figure = cast("Figure", drawing.draw())
     moving = None if drawing.animate is None else drawing.animate()
     forms = [rendered(figure, "page"), *([] if moving is None else [moving])]
     pictures = tuple(inline(svg, number + k, drawing.caption) for k, svg in enumerate(forms))

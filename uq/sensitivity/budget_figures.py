@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from identify.figure_style import (
     FILL,
@@ -18,6 +18,7 @@ from identify.figure_style import (
     display_name,
     label,
     largest,
+    new_figure,
     on,
     others,
 )  # fmt: skip
@@ -26,7 +27,7 @@ from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 BIAS, DISPERSION = PALETTE[0], FILL
 
 
-def shares(b: SourceBudget) -> Figure:
+def shares(b: SourceBudget) -> FigureBase:
     """Draw one budget: Shapley shares of every component, of the tensor with first order and total, and the bias.
 
     Error bars are standard errors. The third panel splits the mean squared error into bias and dispersion.
@@ -35,7 +36,7 @@ def shares(b: SourceBudget) -> Figure:
         b: the budget of one estimator on one trajectory.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
+        figure = new_figure(PAGE, 4.2, layout="constrained")
         grid = figure.add_gridspec(2, 2, width_ratios=(3, 2), height_ratios=(5, 2))
         top, bottom = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
         _stacks(top, b)
@@ -120,11 +121,11 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     axes.grid(axis="x", color=GRID, linewidth=0.5)
 
 
-def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> Figure:
+def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
     """Draw the whole tensor of every trajectory and estimator: Shapley shares, and how much of the error is bias."""
     pairs = list(budgets)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 1.2 + 0.24 * len(pairs)), layout="constrained")
+        figure = new_figure(PAGE, 1.2 + 0.24 * len(pairs), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         base = np.zeros(len(pairs))
         shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])

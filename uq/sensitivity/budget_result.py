@@ -13,7 +13,7 @@ from uq.report.input_tables import source_tables
 from uq.sensitivity.budget_shares import SourceBudget
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
 
 @dataclass(frozen=True, repr=False)
@@ -131,7 +131,7 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
     def drawings(self) -> list[Drawing]:
         """Return the whole tensor of every pair, then each budget by component."""
 
-        def overview() -> "Figure":
+        def overview() -> "FigureBase":
             from uq.sensitivity.budget_figures import overview
 
             return overview({pair: self[pair] for pair in self.pairs()})
@@ -140,7 +140,7 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
         return [Drawing("budget", caption, overview), *map(self._shares, self.pairs())]
 
     def _shares(self, pair: tuple[str, str]) -> Drawing:
-        def draw() -> "Figure":
+        def draw() -> "FigureBase":
             from uq.sensitivity.budget_figures import shares
 
             return shares(self[pair])

@@ -30,7 +30,7 @@ from uq.tracking.measured_trajectory import measured_trajectory
 from uq.tracking.stillness import SLOWEST, Stillness, stillness_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,7 +108,7 @@ class Achieved(Result):
     def drawings(self) -> list[Drawing]:
         """Return planned and measured angular velocity over some seconds."""
 
-        def draw() -> "Figure":
+        def draw() -> "FigureBase":
             from uq.tracking.followed_figure import followed
 
             return followed(*self.trace)

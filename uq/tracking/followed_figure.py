@@ -3,12 +3,12 @@
 import matplotlib
 import numpy as np
 from jaxtyping import Float
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
-from identify.figure_style import AXIS_COLOURS, PAGE, PALETTE, STYLE
+from identify.figure_style import AXIS_COLOURS, PAGE, PALETTE, STYLE, new_figure
 
 
-def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray) -> Figure:
+def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray) -> FigureBase:
     """Draw planned and measured angular velocity on each axis.
 
     Args:
@@ -17,7 +17,7 @@ def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray)
         measured: in the same order.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
+        figure = new_figure(PAGE, 4.2, layout="constrained")
         panels = figure.subplots(3, 1, sharex=True)
         for k, panel in enumerate(panels):
             panel.plot(t, measured[:, k], color=AXIS_COLOURS[k], linewidth=1.2, label="measured")
