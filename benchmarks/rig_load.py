@@ -1,9 +1,11 @@
-"""Load on the recorder: two sensors at 1 kHz and one at 4 kHz. ``python -m benchmarks.rig_load [SECONDS]``.
+"""Load on the recorder: ``python -m benchmarks.rig_load [SECONDS] [--robot]``.
 
-Prints samples lost and out of order, processor time of the recorder in percent of one core, its resident memory over
-time, and how long the command takes from its start to being ready.
+Two sensors at 1 kHz and one at 4 kHz on serial lines; with ``--robot`` an ATI Net F/T at 1 kHz over UDP, a robot at 500
+Hz over TCP and an Xsens at 400 Hz. Prints samples lost and out of order, processor time of the recorder in percent of
+one core, its resident memory over time, and how long the command takes from its start to being ready.
 """
 
+import argparse
 import json
 import os
 import signal
@@ -17,6 +19,9 @@ import numpy as np
 
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
+from rig.mcap.message_fields import IMU, JOINTS, WRENCH
+
+FACTS = ("samples", "missing", "reordered", "failures", "overflow_bytes", "complete", "clock_skew_ppm")
 
 RIG = """
 [[device]]
@@ -40,6 +45,33 @@ port = "emulator:run.mcap?loop=1&rate=4000"
 baudrate = 4000000
 topic = "/imu_fast"
 options = { rate = 4000 }
+"""
+
+
+ROBOT = """
+[[device]]
+name = "cell"
+kind = "ati-net-ft"
+port = "emulator:run.mcap?loop=1"
+wrench = "on_body"
+options = { rate = 1000 }
+
+[[device]]
+name = "robot"
+kind = "ur-rtde"
+port = "emulator:run.mcap?loop=1"
+topic = "/robot_wrench"
+wrench = "on_sensor"
+wrench_frame = "base"
+compensated = "none"
+options = { rate = 500, wrench_variable = "actual_TCP_force" }
+
+[[device]]
+name = "imu"
+kind = "xsens"
+port = "emulator:run.mcap?loop=1"
+baudrate = 921600
+options = { rate = 400 }
 """
 
 
@@ -84,16 +116,20 @@ def record(folder: Path, seconds: float) -> dict:
 
 def main() -> None:
     """Run and print."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
+    arguments = argparse.ArgumentParser(prog="benchmarks.rig_load", description="Load on the recorder.")
+    arguments.add_argument("seconds", nargs="?", type=float, default=600.0, help="how long to record")
+    arguments.add_argument("--robot", action="store_true", help="sensors and a robot on the network")
+    given = arguments.parse_args()
+    seconds, rig = given.seconds, ROBOT if given.robot else RIG
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "rig.toml").write_text(RIG)
+        (folder / "rig.toml").write_text(rig)
         write_run(folder / "run.mcap")
         result = record(folder, seconds)
         for device, facts in result.pop("summary")["devices"].items():
-            print(device, {k: facts[k] for k in ("samples", "missing", "failures", "overflow_bytes", "complete")})
+            print(device, {key: facts[key] for key in FACTS})
         print(result)
-        contents = runs.load(folder / "out.mcap")
+        contents = runs.load(folder / "out.mcap", only={WRENCH: None, IMU: None, JOINTS: None})
         for topic, pieces in contents.topics.items():
             columns = pieces.arrays()
             print(

@@ -13,6 +13,9 @@ import numpy as np
 
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
+from rig.mcap import message_definitions
+from rig.mcap.cdr_encode import JointsEncoder, WrenchEncoder
+from rig.mcap.writer import new_writer, register
 
 RIG = """
 [[device]]
@@ -39,6 +42,28 @@ def ramp_run(path, seconds, rate=800.0):
     wrench = WrenchChannel("/wrench", "body", time_, time_, rows, rows[:, ::-1].copy())
     imu = ImuChannel("/imu", "body", time_, time_, rows, rows[:, ::-1].copy())
     runs.write(path, wrench=wrench, imu=imu)
+
+
+JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+
+
+def joints_run(path, seconds=2.0):
+    """A ramp of forces, and joints that move: position k sin t, velocity k cos t."""
+    t = np.arange(round(500 * seconds) + 1) / 500
+    stamps = (10**9 + np.round(t * 1e9)).astype(np.int64).tolist()
+    turns = np.arange(1, 7)
+    with path.open("wb") as stream:
+        writer = new_writer(stream)
+        numbers = [register(writer, message_definitions.WRENCH, "/wrench")]
+        numbers += [register(writer, message_definitions.VALUES, "/joint_states")]
+        wrench, joints = WrenchEncoder("body"), JointsEncoder("", JOINTS)
+        for k, (time_, stamp) in enumerate(zip(t, stamps, strict=True)):
+            moved = tuple(np.concatenate([turns * np.sin(time_), turns * np.cos(time_)]).tolist())
+            for number, data in zip(
+                numbers, (wrench(stamp, time_, -time_, 2 * time_, 1, 2, 3), joints(stamp, moved)), strict=True
+            ):
+                writer.add_message(number, stamp, data, stamp, k)
+        writer.finish()
 
 
 @cache

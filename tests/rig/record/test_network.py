@@ -12,14 +12,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from rig import runs
 from rig.exceptions import RigError
-from rig.mcap import message_definitions
-from rig.mcap.cdr_encode import JointsEncoder, WrenchEncoder
-from rig.mcap.writer import new_writer, register
 from rig.record import port
 from rig.record.port import Address, PortLostError, open_port
 from rig.record.rig_file import load_rig
 from rig.record.session import Emulators
-from tests.rig_lab import Recording, ramp_run, refused
+from tests.rig_lab import JOINTS, Recording, joints_run, ramp_run, refused
 from uq.cli.main import main
 
 ATI = """
@@ -85,11 +82,15 @@ def test_a_sensor_that_was_restarted_is_found_again(folder):
     assert len(runs.load(folder / "run.mcap").topics["/wrench"].arrays()["stamp"]) > 500
 
 
-def test_a_device_is_listed_by_its_address(folder, capsys):
-    with playing(folder, ATI.format(port="emulator:ramp.mcap?loop=1")) as (_, rig):
-        (entry,) = load_rig(rig).entries
-        assert main(["record", "--list", entry.port]) == 0
-    assert "kind 'ati-net-ft': Net F/T-emulated serial FT00001 firmware 0.0.0" in capsys.readouterr().out
+def test_devices_are_listed_by_their_addresses(folder, capsys):
+    with playing(folder, ATI.format(port="emulator:ramp.mcap?loop=1") + UR.format(port="emulator:ramp.mcap")) as (
+        _,
+        rig,
+    ):
+        assert main(["record", "--list", *(entry.port for entry in load_rig(rig).entries)]) == 0
+    cell, robot = capsys.readouterr().out.splitlines()
+    assert "kind 'ati-net-ft': Net F/T-emulated serial FT00001 firmware 0.0.0" in cell
+    assert "kind 'ur-rtde': UR-emulated serial 20260000000 firmware 5.0.0.0" in robot
 
 
 @contextlib.contextmanager
@@ -200,32 +201,13 @@ UR = """
 name = "robot"
 kind = "ur-rtde"
 port = "{port}"
+topic = "/wrist"
 wrench = "on_sensor"
 wrench_frame = "base"
 compensated = "gravity"
 rotation_to_body = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
 options = {{ wrench_variable = "actual_TCP_force", values = ["actual_tool_accelerometer"] }}
 """
-JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
-
-
-def joints_run(path, seconds=2.0):
-    """A ramp of forces, and joints that move: position k sin t, velocity k cos t."""
-    t = np.arange(round(500 * seconds) + 1) / 500
-    stamps = (10**9 + np.round(t * 1e9)).astype(np.int64).tolist()
-    turns = np.arange(1, 7)
-    with path.open("wb") as stream:
-        writer = new_writer(stream)
-        numbers = [register(writer, message_definitions.WRENCH, "/wrench")]
-        numbers += [register(writer, message_definitions.VALUES, "/joint_states")]
-        wrench, joints = WrenchEncoder("body"), JointsEncoder("", JOINTS)
-        for k, (time_, stamp) in enumerate(zip(t, stamps, strict=True)):
-            moved = tuple(np.concatenate([turns * np.sin(time_), turns * np.cos(time_)]).tolist())
-            for number, data in zip(
-                numbers, (wrench(stamp, time_, -time_, 2 * time_, 1, 2, 3), joints(stamp, moved)), strict=True
-            ):
-                writer.add_message(number, stamp, data, stamp, k)
-        writer.finish()
 
 
 @pytest.fixture
@@ -239,7 +221,7 @@ def test_a_robots_wrench_and_joints_are_recorded_together(arm):
     (arm / "rig.toml").write_text(UR.format(port="emulator:arm.mcap"))
     status, summary, messages = Recording(arm / "rig.toml", "-o", arm / "run.mcap").end()
     assert (status, summary["devices"]["robot"]["missing"]) == (0, 0), messages
-    run = runs.read_any(arm / "run.mcap")
+    run = runs.read_any(arm / "run.mcap", wrench="/wrist")
     assert (run.motion.topic, list(run.motion.names)) == ("/joint_states", JOINTS)
     t = np.arange(1001) / 500
     assert run.wrench.force.shape == run.motion.position[:, :3].shape == (1001, 3)

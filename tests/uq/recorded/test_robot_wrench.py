@@ -7,6 +7,7 @@ import pytest
 
 from identify.signals.run import RunError
 from rig import runs
+from tests.rig_lab import JOINTS, joints_run
 from tests.rig_samples import imu_channel, wrench_channel
 from uq.experiment.recording_table import Recording
 from uq.recorded.load_run import load_run
@@ -43,3 +44,24 @@ def test_a_removed_weight_that_is_declared_is_read(tmp_path):
     load_run(written(tmp_path / "run.mcap", metadata=ROBOT), Recording(compensated="gravity"))
     other = ROBOT | {"robot.compensated": "none"}
     load_run(written(tmp_path / "other.mcap", metadata=other))
+
+
+def coaxial(path):
+    """An arm whose joints, named as a robot's, all turn about one vertical axis."""
+    links = "".join(f'<link name="link{k}"/>' for k in range(7))
+    joint = (
+        '<joint name="{name}" type="revolute"><parent link="link{k}"/><child link="link{next}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-9" upper="9" effort="1" velocity="9"/></joint>'
+    )
+    joints = "".join(joint.format(name=name, k=k, next=k + 1) for k, name in enumerate(JOINTS))
+    path.write_text(f'<robot name="coaxial">{links}{joints}</robot>')
+    return path
+
+
+def test_the_joints_of_a_recorded_robot_tell_the_angular_velocity(tmp_path):
+    """Joint k turns with k cos t, so the tool with 21 cos t."""
+    joints_run(tmp_path / "run.mcap")
+    urdf = coaxial(tmp_path / "arm.urdf")
+    run = load_run(tmp_path / "run.mcap", Recording(urdf=str(urdf), urdf_frame="link6"))
+    np.testing.assert_allclose(run.omega[:, 2], 21 * np.cos(run.t), atol=1e-9)
+    np.testing.assert_allclose(run.omega[:, :2], 0, atol=1e-9)
