@@ -25,6 +25,13 @@ FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with T
 STATUS = 1.0  # seconds between two status messages
 TRIM = 10.0  # seconds between two returns of free memory
 DELAY_SAMPLES = 60_000  # samples kept for the delay between a command and the IMU
+MEANING = {
+    "wrench": "on_body",
+    "wrench_meaning": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
+    "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
+    "log_time": "arrival at the host; header.stamp: device time in host time, or arrival less transmission",
+}
+"""What a recording's numbers are, as its metadata ``rig.run`` says."""
 
 
 @dataclass
@@ -318,11 +325,8 @@ class Recorder:
             "rig_file": self._rig.path.read_text(encoding="utf-8"),
             "host": platform.platform(),
             "epoch_minus_monotonic_ns": str(self._epoch),
-            "wrench": "on_body",
-            "wrench_meaning": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
-            "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
+            **MEANING,
             "values_topics": json.dumps(self._values_topics),
-            "log_time": "arrival at the host; header.stamp: device time in host time, or arrival less transmission",
         }
         for source in session.sources:
             name, identity = source.entry.name, source.identity

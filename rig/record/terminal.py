@@ -1,4 +1,4 @@
-"""The terminal of a recording: progress on one line, messages above it, keys or lines of input as marks."""
+"""The terminal of a recording: progress in a block of lines, messages above it, keys or lines of input as marks."""
 
 import contextlib
 import importlib
@@ -6,7 +6,7 @@ import os
 import select
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from io import TextIOBase
 from typing import Any, TextIO
 
@@ -17,28 +17,45 @@ POSIX = hasattr(os, "tcgetpgrp")
 
 
 class Terminal:
-    """Progress and messages on a stream; without a terminal that can rewrite a line only the messages."""
+    """Progress and messages on a stream; without a terminal that can rewrite a line only the messages.
+
+    Attributes:
+        live: whether the stream is such a terminal.
+    """
 
     def __init__(self, stream: TextIO | TextIOBase) -> None:
-        self._stream, self._live = stream, stream.isatty() and os.environ.get("TERM") != "dumb"
+        self._stream = stream
+        self.live = stream.isatty() and os.environ.get("TERM") != "dumb"
+        self._height = 0
         self._last: dict[str, tuple[float, int]] = {}
 
     def say(self, text: str) -> None:
         """One message on a line of its own."""
-        self._stream.write(f"\r\x1b[K{text}\n" if self._live else f"{text}\n")
+        self._stream.write(f"{self._clear()}{text}\n" if self.live else f"{text}\n")
         self._stream.flush()
 
-    def progress(self, progress: Progress) -> None:
-        """The line that is always rewritten."""
-        if self._live:
-            self._stream.write("\r\x1b[K" + self.line(progress)[: self._width() - 1])
+    def progress(self, progress: Progress, more: Sequence[str] = ()) -> None:
+        """The block that is always rewritten: a line of the recording, and more lines."""
+        if self.live:
+            columns, rows = self._size()
+            lines = [text[: columns - 1] for text in (self.line(progress), *more)][: max(rows - 1, 1)]
+            self._stream.write(self._clear() + "\n".join(lines))
             self._stream.flush()
+            self._height = len(lines)
 
-    def _width(self) -> int:
-        """Columns of the terminal: a line that wraps cannot be rewritten."""
+    def _clear(self) -> str:
+        """What takes the block off the screen, and the cursor to where it began."""
+        up = f"\x1b[{self._height - 1}A" if self._height > 1 else ""
+        self._height = 0
+        return f"\r{up}\x1b[J" if up else "\r\x1b[K"
+
+    def _size(self) -> tuple[int, int]:
+        """Columns and rows of the terminal: what wraps or scrolls cannot be rewritten."""
+        usual = shutil.get_terminal_size()
         with contextlib.suppress(OSError, ValueError):
-            return os.get_terminal_size(self._stream.fileno()).columns or shutil.get_terminal_size().columns
-        return shutil.get_terminal_size().columns
+            size = os.get_terminal_size(self._stream.fileno())
+            return size.columns or usual.columns, size.lines or usual.lines
+        return usual.columns, usual.lines
 
     def line(self, progress: Progress) -> str:
         """Elapsed time, file size, and per device rate, missing samples and checksum failures."""
@@ -54,13 +71,14 @@ class Terminal:
 
     def begin(self) -> None:
         """Say, to somebody at a terminal, what the keys do."""
-        if self._live:
+        if self.live:
             self.say("Ctrl-C ends the recording, any other key marks an instant")
 
     def done(self) -> None:
-        """Leave the progress line standing."""
-        if self._live:
+        """Leave the block standing."""
+        if self.live:
             self._stream.write("\n")
+            self._height = 0
 
 
 def summary_lines(summary: Summary) -> Iterator[str]:

@@ -6,8 +6,14 @@ import json
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rig.exceptions import RigError
+from rig.exceptions import RigError, on_one_line, quoted
+
+if TYPE_CHECKING:
+    from rig.record.recorder import Progress
+    from uq.live.second_process import SecondProcess
 
 ERRORS = (RigError,)
 
@@ -20,6 +26,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--note", default="", help="a note for the file's metadata")
     parser.add_argument("--list", nargs="*", metavar="PORT", help="show ports and which device answers on them")
     parser.add_argument("--watch", action="store_true", help="show live values, write nothing")
+    parser.add_argument("--identify", metavar="E.toml", help="identify while recording, by this experiment file")
+    parser.add_argument(
+        "--until",
+        metavar='"5 g*m^2"',
+        help="with --identify: end when half the interval of 95 %% of every component is no more than this",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -30,11 +42,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise RigError("no rig file given: write one as docs/how-to/rig.md shows, or use --list")
     if arguments.seconds is not None and not arguments.seconds > 0:
         raise RigError(f"--seconds is {arguments.seconds:g}: give a positive number")
+    target = _target(arguments)
     if arguments.watch:
         return _watch(arguments)
     if arguments.output is None:
         raise RigError("no output given: name it with -o RUN.mcap or -o DIR/")
-    return _record(arguments)
+    return _record(arguments, target)
 
 
 @contextlib.contextmanager
@@ -50,24 +63,93 @@ def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _record(arguments: argparse.Namespace) -> int:
+def _target(arguments: argparse.Namespace) -> float | None:
+    """What ``--until`` asks for [kg·m²]."""
+    if arguments.identify is not None and arguments.watch:
+        raise RigError("--identify reads the file, and --watch writes none: leave one of them out")
+    if arguments.until is None:
+        return None
+    if arguments.identify is None:
+        raise RigError("--until needs --identify E.toml, which tells the uncertainty")
+    from uq.files.units import UnitError, quantity
+
+    try:
+        target = quantity(arguments.until, "kg*m^2")
+    except UnitError as error:
+        raise RigError(f"--until {error}, or in g*m^2") from None
+    if not target > 0:
+        raise RigError(f"--until is {quoted(arguments.until)}: give an uncertainty above zero")
+    return target
+
+
+def _record(arguments: argparse.Namespace, target: float | None) -> int:
     from rig.record import memory, rig_file
     from rig.record.recorder import Recorder
     from rig.record.recording_file import run_path
     from rig.record.terminal import Keys, Terminal, summary_lines
 
     memory.share_one_arena()
-    rig = rig_file.load_rig(arguments.rig)
+    rig, path = rig_file.load_rig(arguments.rig), run_path(arguments.output)
     terminal = Terminal(sys.stderr)
-    recorder = Recorder(rig, run_path(arguments.output), note=arguments.note, say=terminal.say)
-    with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
-        terminal.begin()
-        summary = recorder.run(arguments.seconds, progress=terminal.progress)
-        terminal.done()
-        at_terminal = sys.stdout is not None and sys.stdout.isatty()
-        lines = summary_lines(summary) if at_terminal else [json.dumps(summary.to_dict())]
-        print(*lines, sep="\n", flush=True)
-    return 0 if summary.complete else 1
+    recorder = Recorder(rig, path, note=arguments.note, say=terminal.say)
+    with _beside(arguments, path, target, recorder.stop) as beside:
+
+        def tell() -> None:
+            while beside is not None and beside.messages:
+                terminal.say(beside.messages.popleft())
+
+        def show(progress: "Progress") -> None:
+            tell()
+            if beside is not None and not terminal.live and (line := beside.line()):
+                terminal.say(line)
+            terminal.progress(progress, () if beside is None else beside.block)
+
+        with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
+            terminal.begin()
+            summary = recorder.run(arguments.seconds, progress=show)
+            terminal.done()
+            tell()
+            at_terminal = sys.stdout is not None and sys.stdout.isatty()
+            lines = summary_lines(summary) if at_terminal else [json.dumps(summary.to_dict())]
+            print(*lines, sep="\n", flush=True)
+    identified = arguments.identify is None or _identified(path, arguments.identify, terminal.say)
+    return 0 if summary.complete and identified else 1
+
+
+@contextlib.contextmanager
+def _beside(
+    arguments: argparse.Namespace, path: Path, target: float | None, reached: Callable[[], None]
+) -> "Iterator[SecondProcess | None]":
+    """The second process, where it is asked for."""
+    if arguments.identify is None:
+        yield None
+        return
+    from uq.live.second_process import SecondProcess
+
+    process = SecondProcess(arguments.rig, arguments.identify, str(path), target, reached)
+    try:
+        yield process
+    finally:
+        process.close()
+
+
+def _identified(path: Path, experiment: str, say: Callable[[str], None]) -> bool:
+    """Print what ``inertia identify`` says of the file; whether it could."""
+    from uq.experiment.experiment import Experiment
+    from uq.identification.certificate import Certificate
+    from uq.identification.identify_files import identify_files
+    from uq.terminal.common import ERRORS as NOT_IDENTIFIED
+    from uq.terminal.common import finish, start_jax
+
+    start_jax()
+    try:
+        result = identify_files([str(path)], Experiment.load(experiment))
+    except NOT_IDENTIFIED as error:
+        say(f"error: {path} is recorded, but cannot be identified: {on_one_line(str(error))}")
+        return False
+    print()
+    finish(Certificate(result), None)
+    return True
 
 
 def _watch(arguments: argparse.Namespace) -> int:

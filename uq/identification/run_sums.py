@@ -37,7 +37,7 @@ NODES = 7
 """Delays at which the sums are taken; between them they are interpolated by a polynomial."""
 REACH = 5.0
 """Standard deviations of a delay that the nodes span."""
-_FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
+FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
 """Where the thirteen features stand among the elements."""
 
 
@@ -86,7 +86,7 @@ def run_sums(
         RunError: the delays take more than half of the run.
     """
     lost = int(np.ceil(np.abs(delays).max() * run.rate))
-    plain = _elements(run, run.omega, estimator)
+    plain = elements_of(run, run.omega, estimator)
     keep = usable_rows(run, plain.shape[1])
     reached = (keep >= lost) & (keep < plain.shape[1] - lost)
     inside = keep[reached]
@@ -106,7 +106,7 @@ def run_sums(
     gram, with_wrench = [], []
     for delay in delays:
         shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
-        elements = _elements(run, shifted, estimator)[:, span]
+        elements = elements_of(run, shifted, estimator)[:, span]
         if offsets == "estimate":
             elements = elements - elements.mean(axis=1, keepdims=True)
         left = elements if fixed is None else fixed
@@ -168,17 +168,27 @@ def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Fl
     return jnp.prod(jnp.where(same, 1.0, (inside - nodes)[None] / apart), axis=1)
 
 
-def _elements(run: Run, omega: np.ndarray, estimator: EstimatorSpec) -> Float[np.ndarray, "18 m"]:
-    """The elements of an angular velocity, with the estimator's derivative, through its filter."""
+def elements_of(
+    run: Run, omega: np.ndarray, estimator: EstimatorSpec, begin: float | None = None
+) -> Float[np.ndarray, "18 m"]:
+    """Return the elements of an angular velocity at the run's instants, with the estimator's derivative, filtered.
+
+    Args:
+        run: whose instants count.
+        omega: angular velocity at them [rad/s].
+        estimator: its differentiator and filter.
+        begin: from when the elements' time counts [s]; None: from the run's first instant.
+    """
     taps = estimator.taps(run.rate)
     alpha = apply(omega.T, np.concatenate([-taps[::-1], [0.0], taps])[::-1])
     inner = slice(len(taps), len(run.t) - len(taps))
-    w, t = omega[inner].T, (run.t[inner] - run.t[0])[None]
+    w, t = omega[inner].T, (run.t[inner] - (run.t[0] if begin is None else begin))[None]
     products = np.stack([w[i] * w[j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
-    return _filtered(np.concatenate([np.ones_like(t), w, products, t, t * w, t * t, alpha]), run, estimator)
+    return smoothed(np.concatenate([np.ones_like(t), w, products, t, t * w, t * t, alpha]), run, estimator)
 
 
-def _filtered(signals: np.ndarray, run: Run, estimator: EstimatorSpec) -> np.ndarray:
+def smoothed(signals: Float[np.ndarray, "k n"], run: Run, estimator: EstimatorSpec) -> Float[np.ndarray, "k m"]:
+    """Return signals through an estimator's filter."""
     taps = estimator.filter_taps(run.rate)
     return signals if len(taps) == 1 else apply(signals, taps)
 
@@ -195,13 +205,13 @@ def _columns(
     """The fitted run's wrench, then the other functions of time, through the estimator's filter."""
     half = len(estimator.taps(run.rate))
     inner = slice(half, len(run.t) - half)
-    force = _filtered(run.force[inner].T, run, estimator)
+    force = smoothed(run.force[inner].T, run, estimator)
     if offsets == "still":
         force = force - resting(run).force[:, None]
-    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, elements[_FEATURES])
+    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, elements[FEATURES])
     moment = np.cross(r_cg, force.T).T + (rows @ inertia).T
     parts = [force, moment, *([elements[10:11]] if columns.time else [])]
     if columns.motion:
-        up = _filtered(upward_by_force(run, r_cg)[inner].T, run, estimator)
+        up = smoothed(upward_by_force(run, r_cg)[inner].T, run, estimator)
         parts += [elements[4:10], elements[15:18], np.zeros((6, up.shape[1])), up]
     return np.concatenate(parts)

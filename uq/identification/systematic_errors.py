@@ -163,7 +163,11 @@ def propagate_constants(
     seed: int = 0,
 ) -> Systematic:
     """Return the errors that draws of constant sources make of a pooled tensor; see :func:`with_declared_sources`."""
-    problem = problem_of(result, runs, experiment, redrawn=redrawn)
+    return propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials, seed=seed)
+
+
+def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Systematic:
+    """Return the errors that draws of a problem's sources make of its tensor."""
     if not problem.sources:
         zero = np.zeros((trials, 6))
         return Systematic((), zero, zero, {})
@@ -185,7 +189,7 @@ def problem_of(
     labels = [run.mounting for run in runs]
     mountings = list(dict.fromkeys(labels))
     _check_redrawn(redrawn, experiment.sources, mixing)
-    nodes = _nodes(sources)
+    nodes = nodes_of(sources)
     columns = Columns.of(sources)
     sums = [
         run_sums(
@@ -259,7 +263,8 @@ def _check_redrawn(redrawn: Collection[str], sources: Sequence[Source], mixing: 
             )
 
 
-def _nodes(sources: Sequence[Source]) -> np.ndarray:
+def nodes_of(sources: Sequence[Source]) -> np.ndarray:
+    """Return the delays [s] at which the sums are taken for these sources."""
     delays = [source for source in sources if source.perturbs == "gyro_delay"]
     mean = float(sum(np.sum(source.mean) for source in delays))
     sigma = float(np.sqrt(sum(np.sum(np.square(source.standard_deviation)) for source in delays)))

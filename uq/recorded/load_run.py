@@ -62,6 +62,25 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
         RigError, RunError: see :func:`load_run`.
     """
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    ours = "log_time" in bag.metadata.get("rig.run", {})
+    return of_channels(bag, recording, read_marks(path) if marks or ours else Notes((), ()), band=band)
+
+
+def of_channels(
+    bag: channels.Recording, recording: Recording, extra: Notes, *, band: float | None = None, start: int | None = None
+) -> Recorded:
+    """Turn the channels of a run, or of a part of it, into the run in B.
+
+    Args:
+        bag: its channels and metadata.
+        recording: what its channels mean.
+        extra: its marks, and when a sensor said that it was out of range.
+        band: highest frequency of the motion [Hz], where declared.
+        start: when the run began, on the clock of its samples [ns]; None: with the first of these samples.
+
+    Raises:
+        RigError, RunError: see :func:`load_run`.
+    """
     times, time_notes = instants((bag.wrench, bag.motion), recording.time)
     source = motion(bag, recording, times[1], band=band)
     posed = (times[1], upward(bag.motion))
@@ -69,13 +88,11 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
         bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
     rig = declared(bag, recording)
-    start = min(int(times[0][0]), int(times[1][0]))
+    start = min(int(times[0][0]), int(times[1][0])) if start is None else start
     seconds = [(stamp - start) * 1e-9 for stamp in times]
-    ours = "log_time" in bag.metadata.get("rig.run", {})
-    extra = read_marks(path) if marks or ours else Notes((), ())
-    channels = _Channels(bag, rig, seconds, extra)
-    _check_rates(channels, band)
-    run = channels.run()
+    common = _Channels(bag, rig, seconds, extra)
+    _check_rates(common, band)
+    run = common.run()
     return Recorded(
         replace(
             run,

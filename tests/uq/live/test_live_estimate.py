@@ -1,0 +1,147 @@
+"""The estimate from sums over blocks: that of the whole run, as ``inertia identify`` has it."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identify.identification import identify
+from rig.bags.growing_file import GrowingFile
+from rig.mcap.message_fields import IMU, WRENCH
+from tests import recordings
+from uq.campaign.simulation import simulate
+from uq.experiment.experiment import Experiment
+from uq.identification.systematic_errors import propagate_constants
+from uq.live.estimate_lines import block_of, line_of
+from uq.live.growing_run import GrowingRun
+from uq.live.live_estimate import LiveEstimate, estimated, fit, nodes_of, sources_in
+from uq.live.running_sums import RunningSums
+from uq.recorded.load_run import load_run
+
+
+@pytest.fixture(scope="module")
+def ten_seconds():
+    return Experiment.load(Path(__file__).parents[3] / "docs" / "experiments" / "t1-10s.toml")
+
+
+@pytest.fixture(scope="module")
+def signals(ten_seconds):
+    return recordings.Signals.of(simulate(ten_seconds, seed=3))
+
+
+def sums_of(path, experiment, pieces=1):
+    """The sums of a file that is handed over in so many pieces."""
+    growing = GrowingFile(path, {WRENCH: None, IMU: None})
+    estimator, nodes = experiment.estimator(), nodes_of(sources_in(experiment))
+    delay = float(abs(nodes).max())
+    run = GrowingRun(Path(path), experiment.recording, estimator, ("/wrench", "/imu"), delay=delay)
+    sums, data = RunningSums(estimator, nodes), Path(path).read_bytes()
+    growing.path = Path(f"{path}.growing")
+    for k in range(1, pieces + 1):
+        growing.path.write_bytes(data[: len(data) * k // pieces])
+        run.add(growing.take())
+        for block in run.blocks(growing.definitions.metadata, ended=growing.ended):
+            sums.add(block)
+    assert growing.ended
+    assert run.troubles == []
+    return sums
+
+
+@pytest.fixture(scope="module")
+def common(tmp_path_factory, signals):
+    return recordings.write(tmp_path_factory.mktemp("common") / "run.mcap", signals)
+
+
+def test_blocks_join_without_a_seam(ten_seconds, common):
+    """Common, uniform instants: the same numbers as least squares on all samples, but for rounding."""
+    sums = sums_of(common, ten_seconds, pieces=7)
+    run = load_run(common)
+    spec = ten_seconds.estimator()
+    expected = whole(run, ten_seconds)
+    assert sums.products[0, 0] == len(run.t) - spec.lost(run.rate)
+    assert sums.lines.sum() == sums.products[0, 0]
+    np.testing.assert_allclose(
+        fit(sums, ten_seconds.r_cg_from_q).inertia, expected.inertia, rtol=0, atol=1e-12 * expected.inertia.max()
+    )
+
+
+def test_the_uncertainty_is_about_that_of_the_whole_run(ten_seconds, common):
+    """Other windows of frequency, at some 30 degrees of freedom; fewer draws of the sources, a delay among them."""
+    delay = {"name": "delay", "target": "omega", "kind": "delay", "sigma": "2 ms", "group": "imu"}
+    document = dict(ten_seconds.document)
+    experiment = Experiment.from_dict({**document, "source": [*document["source"], delay]})
+    live = estimated(sums_of(common, experiment), experiment)
+    final, sources = declared(common, experiment)
+    np.testing.assert_allclose(live.type_a, final.pooling.half_width, rtol=0.15)
+    np.testing.assert_allclose(live.of_sources, sources, rtol=0.08)
+    half = np.hypot(final.pooling.half_width, sources)
+    np.testing.assert_allclose(live.half_width, half, rtol=0.15)
+    assert not live.undetermined
+    assert {"delay", "r_cg"} <= set(live.largest_source)
+
+
+def test_sensors_of_two_rates(ten_seconds, signals, tmp_path):
+    """A low-pass and splines beyond each block's ends: the same but for the grid, a hundredth of the uncertainty."""
+    path = recordings.write(tmp_path / "run.mcap", signals, every=2)
+    final = whole(load_run(path), ten_seconds)
+    live = fit(sums_of(path, ten_seconds), ten_seconds.r_cg_from_q)
+    error = (live.inertia - final.inertia) / np.sqrt(np.diag(final.covariance))
+    assert np.abs(error).max() < 0.01
+
+
+def test_a_gap_is_left_out(ten_seconds, signals, tmp_path):
+    """By rounding of an instant at the gap's edge a row more or less counts, 1/√4000 of what all rows scatter."""
+    lost = (signals.t < 4.4) | (signals.t > 4.7)
+    part = recordings.Signals(*(getattr(signals, f.name)[lost] for f in dataclasses.fields(signals)))
+    path = recordings.write(tmp_path / "run.mcap", part)
+    sums = sums_of(path, ten_seconds)
+    final = whole(load_run(path), ten_seconds)
+    live = fit(sums, ten_seconds.r_cg_from_q)
+    error = (live.inertia - final.inertia) / np.sqrt(np.diag(final.covariance))
+    assert np.abs(error).max() < 0.05
+    assert any("gap" in text for text in sums.left_out)
+    assert any("gap" in text for text in sums.warnings)
+
+
+def declared(path, experiment):
+    """The whole run's estimate, and half the interval that the declared sources alone leave, each part by itself."""
+    run = load_run(path)
+    result = dataclasses.replace(whole(run, experiment), admissible=None)  # its covariance would hold the centre's
+    errors = propagate_constants(result, [run], experiment, trials=4000).common
+    return result, (np.quantile(errors, 0.975, axis=0) - np.quantile(errors, 0.025, axis=0)) / 2
+
+
+def whole(run, experiment):
+    return identify(
+        run, r_cg=experiment.r_cg_from_q, sigma_r_cg=experiment.sigma_r_cg, estimator=experiment.estimator()
+    )
+
+
+def of(type_a, of_sources, undetermined=()):
+    half = np.hypot(type_a, of_sources)
+    return LiveEstimate(
+        40.0, np.ones(6), half / 2, np.stack([1 - half, 1 + half], axis=1), type_a, of_sources, ("r_cg",) * 6,
+        undetermined,
+    )  # fmt: skip
+
+
+def test_noise_falls_with_the_root_of_time_and_sources_stay():
+    """Half 5 from noise, 3 from sources: a target of 4 leaves √7 to noise, which takes 25/7 of the time."""
+    estimate = of(np.full(6, 5e-3), np.full(6, 3e-3))
+    assert estimate.seconds_to(4e-3) == pytest.approx(40.0 * (25 / 7 - 1))
+    assert estimate.seconds_to(6e-3) == 0.0
+    assert estimate.forbids(4e-3) is None
+    assert estimate.forbids(2.9e-3) == ("r_cg", "I11", 3e-3)
+    assert estimate.seconds_to(2.9e-3) == np.inf
+    assert "about 103 s more" in line_of(estimate, 4e-3)
+    assert "no time reaches it" in line_of(estimate, 2.9e-3)
+    assert "r_cg" in block_of(estimate, 2.9e-3, [])[-1]
+    assert "reached" in line_of(estimate, 6e-3)
+
+
+def test_what_the_motion_does_not_determine_has_no_figure():
+    estimate = of(np.full(6, 5e-3), np.zeros(6), ("I33",))
+    assert np.isinf(estimate.half_width).all()
+    assert estimate.seconds_to(1.0) == np.inf
+    assert "does not determine I33" in line_of(estimate, None)

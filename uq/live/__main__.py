@@ -1,0 +1,72 @@
+"""The second process of ``inertia record --identify``: ``python -m uq.live RIG E RUN [TARGET]``.
+
+Prints a line of JSON when it is ready, or why it cannot be, and one for each estimate. It ends when its standard input
+does: the recording is over, or its process is gone.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from typing import Any
+
+PAUSE = 0.25
+"""Seconds between two looks at the file."""
+NICE = 5
+"""How far the recorder goes before it."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run until the recording is over."""
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # the terminal's signals are for the recording
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_recording, daemon=True).start()
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    rig, experiment, run = arguments[:3]
+    target = float(arguments[3]) if len(arguments) > 3 else None
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from identify.exceptions import RunError
+    from rig.exceptions import RigError
+    from uq.files.compilation_cache import keep_compiled
+    from uq.files.document import ExperimentError
+    from uq.live.estimator import LiveEstimator
+
+    keep_compiled()
+    try:
+        estimator = LiveEstimator(rig, experiment, run, target)
+    except (ExperimentError, RunError, RigError) as error:
+        _say({"refused": str(error)})
+        return 2
+    except OSError as error:
+        _say({"refused": f"{error.strerror or error} {error.filename}: check the path and its permissions"})
+        return 2
+    _say({"ready": True})
+    while not estimator.ended:
+        time.sleep(PAUSE)
+        estimate = estimator.step()
+        if estimate is not None:
+            _say(estimator.message(estimate))
+    return 0
+
+
+def _end_with_the_recording() -> None:
+    with contextlib.suppress(OSError, ValueError):
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+    os._exit(0)
+
+
+def _say(message: dict[str, Any]) -> None:
+    sys.stdout.write(f"{json.dumps(message)}\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,67 @@
+"""A live estimate in words: a block of lines for a terminal, one line elsewhere."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import significant, with_uncertainty
+from uq.live.live_estimate import LiveEstimate
+
+MOST_WARNINGS = 3
+
+
+def block_of(estimate: LiveEstimate, target: float | None, warnings: Sequence[str]) -> list[str]:
+    """Return the tensor with its standard uncertainty and interval, a line a component; target; warnings."""
+    lines = [f"{f'{estimate.seconds:.0f} s of motion, g·m²':<29}95 %"]
+    if estimate.undetermined:
+        lines = [_undetermined(estimate)]
+    else:
+        for k, name in enumerate(COMPONENTS):
+            value = with_uncertainty(GRAM_METRE * estimate.inertia[k], GRAM_METRE * estimate.standard_uncertainty[k])
+            half = GRAM_METRE * estimate.half_width[k]
+            lines.append(f"  {name}  {value:<20} ± {significant(half, 2)}{_share(estimate, k)}")
+    if target is not None and not estimate.undetermined:
+        lines.append(about_target(estimate, target))
+    return [*lines, *(f"warning: {text}" for text in list(warnings)[:MOST_WARNINGS])]
+
+
+def line_of(estimate: LiveEstimate, target: float | None) -> str:
+    """Return the same in one line."""
+    if estimate.undetermined:
+        return _undetermined(estimate)
+    pairs = zip(COMPONENTS, estimate.inertia, estimate.standard_uncertainty, strict=True)
+    values = ", ".join(f"{name} {with_uncertainty(GRAM_METRE * v, GRAM_METRE * u)}" for name, v, u in pairs)
+    aim = "" if target is None else f"; {about_target(estimate, target)}"
+    return f"{estimate.seconds:.0f} s of motion: {values} g·m²{aim}"
+
+
+def about_target(estimate: LiveEstimate, target: float) -> str:
+    """Return how far the target is, or what forbids it."""
+    worst = int(np.argmax(estimate.half_width))
+    largest = f"{COMPONENTS[worst]} has ± {significant(GRAM_METRE * estimate.half_width[worst], 2)}"
+    wanted = f"target ± {significant(GRAM_METRE * target, 2)} g·m² at 95 %"
+    forbids = estimate.forbids(target)
+    if forbids is not None:
+        source, name, left = forbids
+        return (
+            f"{wanted}: no time reaches it, the declared sources, {source} first, leave ± "
+            f"{significant(GRAM_METRE * left, 2)} of {name}"
+        )
+    if estimate.half_width[worst] <= target:
+        return f"{wanted}: reached, {largest}"
+    seconds = estimate.seconds_to(target)
+    return f"{wanted}: {largest}, about {math.ceil(seconds)} s more"
+
+
+def _share(estimate: LiveEstimate, k: int) -> str:
+    """The declared source that contributes most, where sources matter more than noise."""
+    if not estimate.of_sources[k] > estimate.type_a[k]:
+        return ""
+    return f"    ± {significant(GRAM_METRE * estimate.of_sources[k], 2)} from {estimate.largest_source[k]} and others"
+
+
+def _undetermined(estimate: LiveEstimate) -> str:
+    names = ", ".join(estimate.undetermined)
+    return f"{estimate.seconds:.0f} s of motion: it does not determine {names} yet"

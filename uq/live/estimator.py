@@ -1,0 +1,99 @@
+"""The second process's work: reads a growing recording and says, block by block, what the run tells of the tensor."""
+
+from pathlib import Path
+from typing import Any
+
+from identify.rigid_body.inertia import COMPONENTS
+from identify.signals.run import RunError
+from rig.bags.growing_file import GrowingFile
+from rig.mcap.message_fields import IMU, WRENCH
+from rig.record.rig_file import load_rig
+from uq.experiment.experiment import Experiment
+from uq.live.estimate_lines import block_of, line_of
+from uq.live.growing_run import GrowingRun
+from uq.live.live_estimate import LiveEstimate, estimated, nodes_of, sources_in
+from uq.live.rig_check import topics_of
+from uq.live.running_sums import RunningSums
+
+CONFIRMED = 2
+"""Estimates in a row that must reach a target: one alone may do so by chance."""
+
+
+class LiveEstimator:
+    """Reads what has come and estimates anew when a block is whole.
+
+    Attributes:
+        reached: whether the target is reached.
+    """
+
+    def __init__(self, rig: str | Path, experiment: str | Path, run: str | Path, target: float | None = None) -> None:
+        """Check that experiment and rig fit together; the run's file may not exist yet.
+
+        Args:
+            rig: the rig file.
+            experiment: the experiment file, or the name of a preset.
+            run: the file that the recording grows in.
+            target: half the interval of 95 % that every component is to have at most [kg·m²]; None: none.
+
+        Raises:
+            ExperimentError, RigError, RunError: one of the files cannot be used, or they contradict each other.
+        """
+        self._experiment, self._target = Experiment.load(experiment), target
+        estimator = self._experiment.estimator()
+        self._experiment.stated_r_cg  # noqa: B018 - says at once where there is none
+        topics = topics_of(load_rig(rig), self._experiment, Path(run))
+        nodes = nodes_of(sources_in(self._experiment))
+        self._file = GrowingFile(run, {WRENCH: topics[0], IMU: topics[1]})
+        delay = float(abs(nodes).max())
+        self._run = GrowingRun(Path(run), self._experiment.recording, estimator, topics, delay=delay)
+        self._sums = RunningSums(estimator, nodes)
+        self._in_a_row = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the recorder has finished the file."""
+        return self._file.ended
+
+    @property
+    def reached(self) -> bool:
+        """Whether the target has been reached, ``CONFIRMED`` times in a row."""
+        return self._in_a_row >= CONFIRMED
+
+    def step(self) -> LiveEstimate | None:
+        """Take what has come; return the estimate where a block is whole, else None.
+
+        Raises:
+            RigError: the file is damaged.
+            OSError: it cannot be read.
+        """
+        self._run.add(self._file.take())
+        new = False
+        for block in self._run.blocks(self._file.definitions.metadata, ended=self._file.ended):
+            try:
+                self._sums.add(block)
+            except (RunError, ValueError) as error:
+                self._run.troubles.append(str(error))
+            new = True
+        if not new or not self._sums.products[0, 0]:
+            return None
+        estimate = estimated(self._sums, self._experiment)
+        below = self._target is not None and bool((estimate.half_width <= self._target).all())
+        self._in_a_row = self._in_a_row + 1 if below else 0
+        return estimate
+
+    def warnings(self) -> list[str]:
+        """Return what a reader of the estimate should know."""
+        left_out = [f"{count:,} samples {reason} are left out" for reason, count in self._sums.left_out.items()]
+        return [*self._run.troubles[-1:], *left_out, *list(self._sums.warnings)[-1:]]
+
+    def message(self, estimate: LiveEstimate) -> dict[str, Any]:
+        """Return an estimate for the recording's process: lines, numbers in SI, whether the target is reached."""
+        return {
+            "block": block_of(estimate, self._target, self.warnings()),
+            "line": line_of(estimate, self._target),
+            "reached": self.reached,
+            "seconds": estimate.seconds,
+            "inertia": dict(zip(COMPONENTS, estimate.inertia.tolist(), strict=True)),
+            "standard_uncertainty": dict(zip(COMPONENTS, estimate.standard_uncertainty.tolist(), strict=True)),
+            "half_width": dict(zip(COMPONENTS, estimate.half_width.tolist(), strict=True)),
+        }

@@ -1,0 +1,198 @@
+"""The tensor, its uncertainty and what forbids a smaller one, from the sums of a run that is still being recorded.
+
+The estimate is (10) by ordinary least squares, constant offsets estimated along. Type A comes from the residuals'
+spectrum, a covariance across the axes for each band of frequency; what the declared sources do is drawn as
+``inertia identify`` draws it, but less often. Causes that need all samples (conventions, resonances, the admissible
+range, generalised least squares, the joint estimate) are left to ``inertia identify``.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.estimators.gram import Sums, normal_equations
+from identify.estimators.least_squares import Excitation, excitation
+from identify.estimators.type_a import Pooling
+from identify.rigid_body.inertia import COMPONENTS, Body
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
+from uq.experiment.experiment import Experiment
+from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
+from uq.identification.combined_uncertainty import Systematic, combined_interval
+from uq.identification.run_sums import ELEMENTS, FEATURES, RunSums
+from uq.identification.systematic_errors import Problem, nodes_of, propagated
+from uq.live.running_sums import FORCE, MOMENT, RunningSums
+from uq.sources.source import Source
+
+TRIALS = 2000
+"""Draws of the declared sources."""
+WRENCH = np.arange(ELEMENTS, ELEMENTS + 6)
+UNKNOWNS = 9
+"""The tensor, and a constant moment."""
+
+
+class Fit(NamedTuple):
+    """Least squares on the sums so far."""
+
+    inertia: Float[np.ndarray, "6"]
+    """Packed tensor [kg·m²]; of least norm where directions are not excited."""
+    covariance: Float[np.ndarray, "6 6"]
+    """Type A."""
+    degrees_of_freedom: Float[np.ndarray, "6"]
+    excitation: Excitation
+
+
+@dataclass(frozen=True)
+class LiveEstimate:
+    """What the blocks so far say. SI units."""
+
+    seconds: float
+    """Of motion."""
+    inertia: Float[np.ndarray, "6"]
+    """Packed tensor [kg·m²]."""
+    standard_uncertainty: Float[np.ndarray, "6"]
+    """Type A and declared sources together [kg·m²]."""
+    interval95: Float[np.ndarray, "6 2"]
+    type_a: Float[np.ndarray, "6"]
+    """Half the interval of 95 % from the residuals alone [kg·m²]."""
+    of_sources: Float[np.ndarray, "6"]
+    """Half the interval of 95 % from the declared sources alone, which no time averages away [kg·m²]."""
+    largest_source: tuple[str | None, ...]
+    """By component, the declared source that contributes most."""
+    undetermined: tuple[str, ...] = ()
+    """Components that the motion so far does not determine."""
+
+    @property
+    def half_width(self) -> Float[np.ndarray, "6"]:
+        """Half the interval of 95 % [kg·m²]; infinite where the motion does not determine the tensor yet."""
+        half = (self.interval95[:, 1] - self.interval95[:, 0]) / 2
+        return np.full(6, np.inf) if self.undetermined else half
+
+    def seconds_to(self, target: float) -> float:
+        """Return how much more motion of this kind the target takes [s]; infinite: no time reaches it."""
+        if self.undetermined or self.forbids(target) is not None:
+            return np.inf
+        left = np.maximum(target**2 - self.of_sources**2, 1e-300)
+        needed = np.where(self.half_width > target, self.type_a**2 / left, 1.0)
+        return float(max(self.seconds * (needed.max() - 1.0), 0.0))
+
+    def forbids(self, target: float) -> tuple[str, str, float] | None:
+        """Return what stands in the way of a half-width [kg·m²] for good: source, component, and what it leaves."""
+        if self.undetermined:
+            return None
+        k = int(np.argmax(self.of_sources))
+        source = self.largest_source[k]
+        return None if source is None or self.of_sources[k] < target else (source, COMPONENTS[k], self.of_sources[k])
+
+
+def sources_in(experiment: Experiment) -> tuple[Source, ...]:
+    """Return the constant sources that a live estimate holds: all that ``inertia identify`` has but for air's."""
+    return tuple(s for s in experiment.sources if s.constant and s.perturbs not in OF_THE_RIG)
+
+
+def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
+    """Return the estimate from the sums so far; of a run with at least one row."""
+    of_fit = fit(sums, experiment.stated_r_cg)
+    undetermined = _undetermined(of_fit.excitation)
+    zero = np.zeros(6)
+    together = Pooling(
+        1, 0, of_fit.covariance, of_fit.degrees_of_freedom, None, np.sqrt(np.diag(of_fit.covariance)), None, None, 0, 0,
+        zero,
+    )  # fmt: skip
+    if undetermined:
+        nothing = np.full(6, np.nan)
+        return LiveEstimate(
+            sums.seconds, of_fit.inertia, nothing, np.full((6, 2), np.nan), together.half_width, nothing, (None,) * 6,
+            undetermined,
+        )  # fmt: skip
+    systematic = propagated(_problem(sums, of_fit.inertia, experiment), trials=TRIALS)
+    low, high = combined_interval(together, systematic.common, 0)
+    ends = np.quantile(systematic.common, [0.025, 0.975], axis=0)
+    return LiveEstimate(
+        sums.seconds,
+        of_fit.inertia,
+        np.sqrt(np.diag(of_fit.covariance) + systematic.common.var(axis=0)),
+        of_fit.inertia[:, None] - np.stack([high, low], axis=1),
+        together.half_width,
+        (ends[1] - ends[0]) / 2,
+        _largest(systematic),
+    )
+
+
+def fit(sums: RunningSums, r_cg: Float[np.ndarray, "3"]) -> Fit:
+    """Return the tensor with its type A covariance, from sums alone."""
+    centred = sums.products - np.outer(sums.products[0], sums.products[0]) / sums.products[0, 0]
+    normal, right = normal_equations(_sums(centred), r_cg)
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    inertia = inverse @ right
+    mean = sums.products[0] / sums.products[0, 0]
+    of_axes = np.swapaxes(OMEGA_R_OF_FEATURES, 0, 1)  # axis, feature, component
+    constant = mean[MOMENT] - np.cross(r_cg, mean[FORCE]) - np.einsum("afi,f,i->a", of_axes, mean[FEATURES], inertia)
+    rows = np.zeros((3, UNKNOWNS, len(FEATURES)))  # of the regression, from the features
+    rows[:, :6] = np.swapaxes(of_axes, 1, 2)
+    rows[np.arange(3), 6 + np.arange(3), 0] = 1.0
+    residual = np.hstack([-np.einsum("auf,u->af", rows, np.append(inertia, constant)), -cross_matrix(r_cg), np.eye(3)])
+    features = sums.products[np.ix_(FEATURES, FEATURES)]
+    spread = np.linalg.pinv(np.einsum("auf,fg,avg->uv", rows, features, rows), hermitian=True)
+    covariance, freedom = _type_a(sums, rows, residual, spread)
+    return Fit(inertia, covariance[:6, :6], freedom[:6], excitation(normal, sums.noise))
+
+
+def _type_a(
+    sums: RunningSums, rows: np.ndarray, residual: np.ndarray, spread: np.ndarray
+) -> tuple[Float[np.ndarray, "9 9"], Float[np.ndarray, "9"]]:
+    """Covariance of the unknowns from the residuals' spectrum, and its degrees of freedom (GUM G.4)."""
+    filled = sums.lines > 0
+    count, spectra = sums.lines[filled], sums.spectra[filled]
+    of_features = spectra[:, : rows.shape[2], : rows.shape[2]]
+    products = np.einsum("auf,bfg,cvg->bacuv", rows, of_features, rows, optimize=True)
+    leverage = np.einsum("baauv,uv->ba", products, spread)
+    free = np.maximum(count[:, None] - leverage, 1.0)
+    root = np.sqrt(free)
+    errors = np.einsum("ak,bkl,cl->bac", residual, spectra, residual) / (root[:, :, None] * root[:, None, :])
+    scores = np.einsum("bac,bacuv->uv", errors, products)
+    diagonal = np.einsum("uv,baavw,wu,baa->bau", spread, products, spread, errors, optimize=True)
+    total = np.maximum(diagonal.sum(axis=(0, 1)), 1e-300)
+    freedom = total**2 / np.maximum((diagonal**2 / free[:, :, None]).sum(axis=(0, 1)), 1e-300)
+    return spread @ scores @ spread, np.clip(freedom, 1.0, 1e9)
+
+
+def _sums(products: np.ndarray) -> Sums:
+    rows = products[FEATURES]
+    return Sums(rows[:, FEATURES], rows[:, FORCE], rows[:, MOMENT])
+
+
+def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> Problem:
+    """What the draws of the declared sources need, from the sums."""
+    sources = sources_in(experiment)
+    names = {source.name for source in sources}
+    columns, r_cg = Columns.of(sources), experiment.stated_r_cg
+    centred = sums.delayed - sums.delayed[:, :, :1] * sums.delayed[:, :1] / sums.delayed[:, :1, :1]
+    undelayed = centred[:, :, ELEMENTS:]
+    force = undelayed[:, :, FORCE]
+    moment = (
+        np.cross(r_cg, force) + np.einsum("dlf,fai->dlai", undelayed[:, :, FEATURES], OMEGA_R_OF_FEATURES) @ inertia
+    )
+    wrench = np.concatenate([force, moment, *([undelayed[:, :, 10:11]] if columns.time else [])], axis=2)
+    mass = experiment.mass if experiment.scale is None else experiment.scale[0]
+    return Problem(
+        (RunSums(centred[:, :, :ELEMENTS], wrench),), Body(np.asarray(mass or 0.0), r_cg, inertia),
+        Platform(np.array(experiment.gravity), np.zeros(3)), sources,
+        tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes_of(sources), columns, {}, frozenset(),
+        "estimate", False,
+    )  # fmt: skip
+
+
+def _largest(systematic: Systematic) -> tuple[str | None, ...]:
+    if not systematic.alone:
+        return (None,) * 6
+    names = list(systematic.alone)
+    spread = np.array([systematic.alone[name].std(axis=0) for name in names])
+    return tuple(names[k] if spread[k, c] > 0 else None for c, k in enumerate(spread.argmax(axis=0)))
+
+
+def _undetermined(verdict: Excitation) -> tuple[str, ...]:
+    if verdict.identifiable.all():
+        return ()
+    return verdict.unidentifiable or tuple(COMPONENTS)

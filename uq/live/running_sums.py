@@ -1,0 +1,128 @@
+"""What is kept of a run while it is recorded: sums over samples, added block by block, of a size that never grows.
+
+Three kinds of them. Products of features, force and moment give the normal equations. Products of the elements of
+:mod:`uq.identification.run_sums`, at several delays, give what declared errors do. Products of the cosine transform of
+each block, summed over bands of frequency, give the residuals' spectrum of any fit, and with it the standard
+uncertainty that they show (type A): the residuals are linear in the tensor, so no sample is looked at twice.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.estimators.regressor_rows import unbroken, usable_rows
+from identify.estimators.run_information import alpha_noise
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
+from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.segments import PART_OF_MOTION, SLOWEST
+from identify.signals.spectrum import Lines
+from uq.identification.run_sums import ELEMENTS, FEATURES, elements_of, smoothed
+from uq.live.growing_run import BLOCK, Block
+
+FORCE, MOMENT = slice(ELEMENTS, ELEMENTS + 3), slice(ELEMENTS + 3, ELEMENTS + 6)
+SIGNALS = ELEMENTS + 6
+REGRESSED = np.concatenate([FEATURES, np.arange(ELEMENTS, SIGNALS)])
+"""Features, force and moment among the signals."""
+BANDS = 24
+"""Bands of frequency, each twice as wide as the one below: the lines 0, 1, 2 and 3, 4 to 7, …"""
+SHORTEST = 16
+"""Samples without a gap whose spectrum is taken."""
+
+
+class RunningSums:
+    """Sums over the blocks so far.
+
+    Attributes:
+        products: of the elements, force and moment with themselves, (24, 24); entry [0, 0] is the number of samples.
+        delayed: for each delay, of the delayed elements with themselves, the elements, force and moment, (d, 18, 42).
+        spectra: for each band, of the cosine transforms of features, force and moment, (bands, 19, 19).
+        lines: how many lines of the transform each band holds.
+        noise: what the gyro's noise adds to the normal equations, expected, (6, 6).
+        seconds: of motion.
+        left_out: samples that were left out, by reason.
+        warnings: what the blocks' runs say of themselves.
+    """
+
+    def __init__(self, estimator: EstimatorSpec, delays: Sequence[float] | np.ndarray = (0.0,)) -> None:
+        """Begin with nothing: for an estimator, with sums at these delays of the angular velocity [s]."""
+        self.estimator, self.delays = estimator, np.asarray(delays, float)
+        self.products = np.zeros((SIGNALS, SIGNALS))
+        self.delayed = np.zeros((len(self.delays), ELEMENTS, ELEMENTS + SIGNALS))
+        self.spectra = np.zeros((BANDS, len(REGRESSED), len(REGRESSED)))
+        self.lines = np.zeros(BANDS)
+        self.noise = np.zeros((6, 6))
+        self.seconds = 0.0
+        self.left_out: dict[str, int] = {}
+        self.warnings: dict[str, int] = {}
+        self._fastest = 0.0
+
+    def add(self, block: Block) -> None:
+        """Add a block, if the body moves in it; at rest it tells nothing of the tensor.
+
+        Raises:
+            RunError, ValueError: the block is too short for the estimator, or its rate too low for the band.
+        """
+        run, estimator = block.run, self.estimator
+        t = run.t + 0.5 / run.rate  # so that rounding of an instant at a seam neither loses nor doubles it
+        inside = (t >= block.begin) & (t < block.end)
+        if not inside.any() or not self._moves(run.omega[inside], run.rate):
+            return
+        plain = elements_of(run, run.omega, estimator, begin=0.0)
+        half, n = (len(run.t) - plain.shape[1]) // 2, plain.shape[1]
+        keep = usable_rows(run, n)
+        keep = keep[inside[half : half + n][keep]]
+        inner = slice(len(estimator.taps(run.rate)), len(run.t) - len(estimator.taps(run.rate)))
+        wrench = smoothed(np.hstack([run.force, run.moment])[inner].T, run, estimator)
+        signals = np.concatenate([plain, wrench])
+        self._count(block, inside)
+        if not len(keep):
+            return
+        rows = signals[:, keep]
+        self.products += rows @ rows.T
+        self._add_delayed(block, rows, keep)
+        self._add_spectra(rows[REGRESSED].T, keep, run.rate)
+        sigma = alpha_noise(run, estimator)
+        of_axes = OMEGA_R_OF_FEATURES[ALPHA]
+        self.noise += len(keep) * np.einsum("k,kji,kje->ie", sigma**2, of_axes, of_axes)
+        self.seconds += len(keep) / run.rate
+
+    def _moves(self, omega: np.ndarray, rate: float) -> bool:
+        """Whether the angular velocity, smoothed over 0.1 s, is above that of rest."""
+        smooth = scipy.ndimage.uniform_filter1d(omega, max(round(0.1 * rate), 1), axis=0)
+        speed = float(np.sqrt((smooth**2).sum(axis=1).mean()))
+        self._fastest = max(self._fastest, speed)
+        return speed > max(SLOWEST, PART_OF_MOTION * self._fastest)
+
+    def _count(self, block: Block, inside: np.ndarray) -> None:
+        if block.run.missing is not None and (lost := int(block.run.missing[inside].sum())):
+            self.left_out["in gaps or beside bad samples"] = (
+                self.left_out.get("in gaps or beside bad samples", 0) + lost
+            )
+        for text in block.run.warnings:
+            self.warnings[text] = self.warnings.get(text, 0) + 1
+
+    def _add_delayed(self, block: Block, rows: np.ndarray, keep: np.ndarray) -> None:
+        run, others = block.run, rows
+        spline = scipy.interpolate.CubicSpline(run.t, run.omega) if len(self.delays) > 1 else None
+        for number, delay in enumerate(self.delays):
+            left = rows[:ELEMENTS]
+            if spline is not None:
+                shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
+                left = elements_of(run, shifted, self.estimator, begin=0.0)[:, keep]
+            self.delayed[number] += left @ np.concatenate([left, others]).T
+
+    def _add_spectra(self, rows: Float[np.ndarray, "m 19"], keep: np.ndarray, rate: float) -> None:
+        for segment in unbroken(keep):
+            if segment.stop - segment.start < SHORTEST:
+                continue
+            lines = Lines.of([slice(0, segment.stop - segment.start)], rate)
+            transformed = lines.transform(rows[segment])
+            number = np.round(2 * BLOCK * lines.frequency).astype(int)  # of a whole block's line at this frequency
+            band = np.minimum(np.ceil(np.log2(number + 1)).astype(int), BANDS - 1)
+            edges = np.searchsorted(band, np.arange(BANDS + 1))
+            for b in np.unique(band):
+                part = transformed[edges[b] : edges[b + 1]]
+                self.spectra[b] += part.T @ part
+                self.lines[b] += len(part)
