@@ -160,13 +160,18 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
 
     def share_table(self) -> Table:
         """Return the breakdown in short: each group's and source's 3σ alone over the total's, per cent."""
-        first = self[self.pairs()[0]]
-        names = [name for name in (*first.groups, *first.sources) if name != "total"]
-        rows = []
-        for trajectory, estimator in self.pairs():
-            shares = [_percent(self[trajectory, estimator].share(name)) for name in names]
-            rows.append([trajectory, estimator, *shares])
-        return Table("", ["3σ alone, % of total", "", *(name.replace("_", " ") for name in names)], rows)
+        breakdowns = [self[pair] for pair in self.pairs()]
+        rows, small = [], 0
+        for label, names in (("group ", breakdowns[0].groups), ("", breakdowns[0].sources)):
+            shares = {name: [b.share(name) for b in breakdowns] for name in names if name != "total"}
+            for name in sorted(shares, key=lambda name: -np.nanmax([*shares[name], 0.0])):
+                if not label and np.nanmax(np.abs([*shares[name], 0.0])) < SMALL:
+                    small += 1
+                    continue
+                rows.append([label + name.replace("_", " "), *map(_percent, shares[name])])
+        if small:
+            rows.append([f"{small} more, below {100 * SMALL:g} each", *("" for _ in breakdowns)])
+        return Table("", ["3σ alone, % of total", *map(", ".join, self.pairs())], rows)
 
     def interval_table(self) -> Table:
         """Return the 95 % coverage intervals of the errors with standard errors, in g·m²."""
@@ -291,6 +296,8 @@ def _plain(value: float) -> str:
     return f"{value:.6g}".replace("-", "−")
 
 
+SMALL = 1e-3
+"""Share of the 3σ below which a terminal counts sources together; a report shows all of them."""
 HEAD = ("trajectory", "estimator", "g·m²")
 FEW = 4
 """Trajectories with an estimator of which each has a table of its own on a page."""

@@ -99,13 +99,19 @@ class SourceBudget(Shown):
         return [self.verdict]
 
     def tensor_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the shares of the whole tensor's variance, in per cent."""
+        """Return head and rows of the shares of the whole tensor's variance, in per cent, the largest first."""
         rows = []
         for label, effects in self._kinds():
             kinds = (effects.first, effects.total, effects.shapley)
-            for p, name in enumerate(effects.players):
+            small = 0
+            for p in _by_size(effects):
+                if not label and max(abs(i.generalised[p]) for i in kinds) < SMALL:
+                    small += 1
+                    continue
                 cells = [_percent(i.generalised[p], i.generalised_standard_error[p]) for i in kinds]
-                rows.append([f"{label}{_name(name)}", *cells])
+                rows.append([f"{label}{_name(effects.players[p])}", *cells])
+            if small:
+                rows.append([f"{small} more, below {100 * SMALL:g} each", "", "", ""])
             if not label:
                 rows.append(["sum of sources", *(_percent(i.sum[1], np.nan) for i in kinds)])
         return ["% of the tensor's variance", "first order", "total", "Shapley"], rows
@@ -115,9 +121,9 @@ class SourceBudget(Shown):
         rows = []
         for label, effects in self._kinds():
             indices = getattr(effects, quantity)
-            for p, name in enumerate(effects.players):
+            for p in _by_size(effects):
                 cells = map(_percent, indices.value[p], indices.standard_error[p])
-                rows.append([f"{label}{_name(name)}", *cells])
+                rows.append([f"{label}{_name(effects.players[p])}", *cells])
             if not label:
                 rows.append(["sum of sources", *(_percent(value, np.nan) for value in indices.sum[0])])
         rows.append(["closure", *map(_percent, self.closure, self.closure_standard_error)])
@@ -176,8 +182,17 @@ class SourceBudget(Shown):
         yield "all", "all", TENSOR, "bias_share", m.tensor_bias_share, m.tensor_bias_share_standard_error, "1"
 
 
+def _by_size(effects: Effects) -> list[int]:
+    """Numbers of the players, the one with the largest share of the tensor's variance first."""
+    return sorted(range(len(effects.players)), key=lambda p: -effects.shapley.generalised[p])
+
+
 def _name(name: str) -> str:
     return name.replace("_", " ").replace("omega", "ω").replace("r cg", "r CG")
+
+
+SMALL = 5e-4
+"""Share of the tensor's variance below which sources are counted together; budget.csv holds all."""
 
 
 def _percent(value: float, standard_error: float) -> str:

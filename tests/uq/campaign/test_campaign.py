@@ -339,6 +339,13 @@ def test_the_result_is_the_contract(short):
     assert content["provenance"]["sampling"] == "conditioned"
     assert "T2" in repr(result)
     assert "<table>" in result._repr_html_()
+    table = result.share_table()
+    assert table.head == ["3σ alone, % of total", "T2, smoothed"]
+    shares = [float(row[1] or 0) for row in table.rows]
+    assert [row[0] for row in table.rows[:1]] == ["group load cell"]
+    assert shares[:3] == sorted(shares[:3], reverse=True)
+    assert shares[3:] == sorted(shares[3:], reverse=True)
+    assert max(map(len, repr(table).splitlines())) < 60
 
 
 @pytest.mark.parametrize("trials", [0, -3])

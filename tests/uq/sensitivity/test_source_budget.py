@@ -20,7 +20,7 @@ from uq.campaign.trial_setup import prepare_setup, true_motion
 from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.report.report_files import files, report
-from uq.sensitivity.budget_shares import COLUMNS
+from uq.sensitivity.budget_shares import COLUMNS, _name
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
@@ -294,6 +294,22 @@ def test_tables_and_csv_hold_every_source_group_and_component(result):
         np.testing.assert_allclose(sum(of_column), 1)
     assert all(r["standard_error"] for r in records)
     assert {r["component"] for r in records if r["quantity"] == "closure"} == set(COMPONENTS)
+
+
+def test_the_largest_share_comes_first_and_small_ones_share_a_row(result):
+    """Of the tensor; by component all sources stay, in the same order."""
+    b = result["T1", "central"]
+    shares = dict(zip(b.sources.players, b.sources.shapley.generalised, strict=True))
+    first, *_, rest, total = (row[0] for row in b.tensor_rows()[1][:-3])
+    small = [
+        name
+        for name, p in zip(b.sources.players, range(7), strict=True)
+        if max(abs(i.generalised[p]) for i in (b.sources.first, b.sources.total, b.sources.shapley)) < 5e-4
+    ]
+    assert (first, rest, total) == ("M precision", f"{len(small)} more, below 0.05 each", "sum of sources")
+    assert len(b.tensor_rows()[1]) == 7 - len(small) + 1 + 1 + 3
+    order = [row[0] for row in b.component_rows()[1][:7]]
+    assert order == [_name(name) for name in sorted(shares, key=shares.get, reverse=True)]
 
 
 def test_the_report_and_files_of_a_budget(result):
