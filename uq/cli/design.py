@@ -49,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (T1)")
     parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
     parser.add_argument(
-        "--starts", type=whole_number, metavar="N", help="motions to start from, the first in stages (6)"
+        "--starts", type=whole_number, metavar="N", help="motions to start from, minutes each; the first in stages (1)"
     )
     parser.add_argument("--seed", type=whole_number, metavar="N", help="seed of the starts (0)")
     parser.add_argument(

@@ -131,6 +131,8 @@ def _run(argv: list[str], by_itself: bool) -> int:
     if "--no-cache" in rest:
         rest.remove("--no-cache")
         os.environ["INERTIA_CACHE"] = "off"
+    # XLA reports on stderr that it compiles for long, as the search for a motion does; what fails raises an exception.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     # Matrices are small here: two threads of BLAS would wait for each other, and starting them takes 0.05 s.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with _leaving_at_once() if by_itself else contextlib.nullcontext():

@@ -7,18 +7,23 @@ from typing import Any
 import numpy as np
 
 from identify.reporting import Drawing, Result, Section, plain
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import fixed
 from identify.text_tables import Table
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
+from uq.experiment.left_out import left_out_note
 from uq.planning.required_duration import Duration, average, duration_table
 from uq.planning.sensor_worth import SensorWorth
 from uq.propagation.law_result import LawStatistics
 from uq.report.input_tables import source_tables
 
 GOALS = ("moments", "products")
+RULES = 0.5
+"""Part of the variance from which on the load cell's noise, which alone the bound counts, makes the bound tell."""
+OF_THE_CELL = (0, 1)
+"""Signals of the load cell, force and moment, as ``Source.signal`` numbers them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,9 +100,12 @@ class DesignReport(Result):
                 head = ["", text, ""] if k else [name, text, f"{self.bands[name]:.3g}"]
                 last = ["", "", "", ""] if objective is None else self._against_reference(name, objective)
                 rows.append([*head, *map(_figure, values), *last])
-        pairs = [(least, self.averages("reference")[goal]) for goal, least in self.bound.items() if least is not None]
-        if pairs:
-            cells = [cell for pair in pairs for cell in (_figure(pair[0]), _change(*pair))]
+        base, cells = self.averages("reference"), []
+        for goal, least in self.bound.items():
+            if least is not None:
+                comparable = self.noise_share(goal) >= RULES
+                cells += [_figure(least), _change(least, base[goal]) if comparable else ""]
+        if cells:
             rows.append(["bound", "3σ", "", *("" for _ in COMPONENTS), *cells])
         head = ["g·m²", "", "band, Hz", *COMPONENTS, "moments", "change, %", "products", "change, %"]
         return Table("Predicted 3σ and mean error of each trajectory, g·m²", head, rows, BUDGET_NOTE)
@@ -135,12 +143,32 @@ class DesignReport(Result):
             sentences.append("No design beat the reference: the reference itself is returned.")
         names = sorted({peak.quantity.replace("_", " ") for peak in self.design.active})
         sentences.append(f"What limits it: {', '.join(names)}." if names else "No limit is used up.")
-        if self.design.bound is not None:
-            bounds = [
-                f"{GRAM_METRE * least:.3g} g·m² ({goal})" for goal, least in self.bound.items() if least is not None
-            ]
-            sentences.append(f"No motion under these limits promises a 3σ of less than {' and '.join(bounds)}.")
+        return [*sentences, *self._bound_in_words()]
+
+    def _bound_in_words(self) -> list[str]:
+        """Say what no motion can beat, where the noise that the bound counts rules; else which source rules."""
+        told = {goal: f"{_figure(least)} g·m²" for goal, least in self.bound.items() if least is not None}
+        ruled = [f"{figure} ({goal})" for goal, figure in told.items() if self.noise_share(goal) >= RULES]
+        sentences = [f"No motion under these limits promises a 3σ of less than {' and '.join(ruled)}."] if ruled else []
+        for goal, figure in told.items():
+            if self.noise_share(goal) < RULES:
+                shares = self._shares(goal)
+                name = max(shares, key=lambda source: shares[source])
+                rules = f"{name.replace('_', ' ')} makes {100 * shares[name]:.0f} % of the variance"
+                counts = f"The bound of the {goal}, {figure}, counts the load cell's noise alone"
+                sentences.append(f"{counts}, but {rules}: it says little.")
         return sentences
+
+    def noise_share(self, goal: str) -> float:
+        """Return the part of the design's variance that the load cell's white noise makes, which the bound counts."""
+        shares = self._shares(goal)
+        return sum(shares[s.name] for s in self.design.experiment.sources if s.white and s.signal in OF_THE_CELL)
+
+    def _shares(self, goal: str) -> dict[str, float]:
+        """Each source's part in the sum of the goal's variances, of the design."""
+        law, components = self.laws[NAME], list(MOMENTS if goal == "moments" else PRODUCTS)
+        total = np.diag(law.total.covariance)[components].sum()
+        return {name: np.diag(s.covariance)[components].sum() / total for name, s in law.sources.items()}
 
     def _averages_in_words(self, objective: str) -> str:
         cells = self._against_reference(NAME, objective)
@@ -149,16 +177,21 @@ class DesignReport(Result):
     def findings(self) -> list[str]:
         """Return what a reader must not miss: mean errors of design and reference that exceed their 3σ, and of what."""
         excess = [text for name in (NAME, "reference") for text in large_mean_error(name, self.laws[name].total)]
+        left_out = left_out_note(self.design.experiment)
         if not excess:
-            return []
+            return left_out
         sources = {name: np.abs(case.mean_error).max() for name, case in self.laws[NAME].sources.items()}
         most = max(sources, key=lambda name: sources[name]).replace("_", " ")
         cure = "" if self.design.objective == "rms" else " The objective rms designs against it."
-        return [*excess, f"Most of the mean error is that of {most}, which a longer run does not reduce.{cure}"]
+        return [
+            *left_out,
+            *excess,
+            f"Most of the mean error is that of {most}, which a longer run does not reduce.{cure}",
+        ]
 
     def notes(self) -> list[str]:
-        """Return the findings, a line each."""
-        return [f"attention: {text}" for text in self.findings()]
+        """Return the findings, a line each, and where less of a source makes the 3σ larger."""
+        return [*(f"attention: {text}" for text in self.findings()), *self.sensors.notes()]
 
     def files(self) -> dict[str, bytes]:
         """Return the files' bytes by name."""
@@ -214,6 +247,7 @@ class DesignReport(Result):
             [*self.verdicts()[1:], COMPUTED],
             [
                 *self.findings(),
+                *self.sensors.remarks,
                 *([] if design.improved else [stayed]),
                 *(f"A limit is exceeded: {peak}." for peak in design.peaks if peak.share > 1 + 1e-6),
             ],

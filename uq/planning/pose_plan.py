@@ -123,6 +123,20 @@ class PosePlan(Result):
         """Return the poses, then what they promise."""
         return [replace(table, caption="") for table in (self.pose_table(), *self.tables())]
 
+    def repeats(self) -> list[list[int]]:
+        """Return the numbers of poses that are the same, from 1 on, a list for each pose that comes more than once."""
+        same: dict[bytes, list[int]] = {}
+        for number, pose in enumerate(np.hstack([self.position, self.rotation.reshape(-1, 9)]), start=1):
+            same.setdefault(np.round(pose, 9).tobytes(), []).append(number)
+        return [numbers for numbers in same.values() if len(numbers) > 1]
+
+    def notes(self) -> list[str]:
+        """Return which poses are the same, and why."""
+        if not (repeats := self.repeats()):
+            return []
+        sets = "; ".join(f"{', '.join(map(str, numbers[:-1]))} and {numbers[-1]}" for numbers in repeats)
+        return [f"note: poses {sets} are the same: {REPEATED}"]
+
     def records(self) -> list[dict[str, Any]]:
         """Return predicted standard uncertainties of the ten parameters, in SI, designed and naive."""
         columns = (PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty)
@@ -134,6 +148,7 @@ class PosePlan(Result):
         averaged = "Force and moment of a static pose are averaged; its noise is white and its constant offsets are"
         return Section(
             "Static poses",
+            findings=[text.removeprefix("note: ") for text in self.notes()],
             tables=self.tables(),
             details=[self.pose_table()],
             assumptions=[f"{averaged} estimated."],
@@ -282,6 +297,9 @@ def _worst(experiment: Experiment, limits: Limits) -> str:
     return str(peaks(asked, limits, jnp.zeros(1))[0])
 
 
+REPEATED = (
+    "few directions determine mass and centre best, and repeating them does more than others would. Go to each anew."
+)
 POSE_NOTE = (
     "naive: as many poses level and along ±x, ±y. The list, poses.csv, is read by inertia centre once the mean force "
     "and moment of each pose are filled in."

@@ -296,3 +296,14 @@ def test_a_usual_experiment_is_read_without_the_library_of_units():
     code = "import sys; from uq.experiment.experiment import Experiment; Experiment.load('barreto2016'); "
     code += "sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_xla_tells_no_user_that_it_compiles_slowly(monkeypatch, capsys):
+    """Its alarm after two minutes is an error to XLA's log, which level 3 leaves out; who wants the log says so."""
+    for stated, used in ((None, "3"), ("0", "0")):
+        monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+        if stated:
+            monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", stated)
+        assert main(["schema", "map"]) == 0
+        assert os.environ["TF_CPP_MIN_LOG_LEVEL"] == used
+    capsys.readouterr()

@@ -195,7 +195,7 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(report, objective, cure):
     assert re.fullmatch(r"designed: the mean error exceeds 3σ: I33 −[\d.]+ g·m² \(2 × 3σ\)\.", first)
     assert second == f"Most of the mean error is that of omega precision, which a longer run does not reduce.{cure}"
     assert changed.to_dict()["warnings"] == list(changed.section().findings[:2]) == [first, second]
-    assert changed.notes() == [f"attention: {first}", f"attention: {second}"]
+    assert changed.notes() == [f"attention: {first}", f"attention: {second}", *report.sensors.notes()]
     quiet = {name: dataclasses.replace(law, groups={"total": total}) for name, law in laws.items()}
     assert dataclasses.replace(report, laws=quiet).findings() == []
 
@@ -203,12 +203,32 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(report, objective, cure):
 def test_the_report_says_what_was_asked(content, report):
     text = " ".join(Reader(content["report.html"].decode()).text)
     for words in ("What each limit is used to", "Which sensor should I buy?", "How long must I measure?",
-                  "out of reach: r_cg", "Static poses to run", "Exported motion", "Average 3σ of the moments"):  # fmt: skip
+                  "out of reach: r cg", "Static poses to run", "Exported motion", "Average 3σ of the moments"):  # fmt: skip
         assert words in text, words
     assert text.count("change, %") >= 3
     assert "No motion under these limits promises a 3σ of less than 1 g·m² (moments) and 0.5 g·m² (products)." in text
     assert "The bound leaves out: ramps take no time." in text
     assert report.trajectory_table().rows[-1][0] == "bound"
+
+
+def test_where_a_constant_source_rules_the_bound_is_no_promise(report):
+    """r_cg a hundred times as large: what counts the cell's noise alone says little, and is set against nothing."""
+    law = report.laws["designed"]
+    assert report.noise_share("moments") == pytest.approx(
+        sum(np.diag(law.sources[name].covariance)[[0, 3, 5]].sum() for name in ("F_precision", "M_precision"))
+        / np.diag(law.total.covariance)[[0, 3, 5]].sum()
+    )  # fmt: skip
+    large = dataclasses.replace(law.sources["r_cg"], covariance=np.eye(6))
+    total = dataclasses.replace(law.total, covariance=law.total.covariance + np.eye(6))
+    changed = dataclasses.replace(law, groups={**law.groups, "total": total}, sources={**law.sources, "r_cg": large})
+    ruled = dataclasses.replace(report, laws={**report.laws, "designed": changed})
+    said = " ".join(ruled.verdicts())
+    assert (
+        "The bound of the moments, 1 g·m², counts the load cell's noise alone, but r cg makes 100 % of the variance"
+        in said
+    )
+    assert "No motion" not in said
+    assert ruled.trajectory_table().rows[-1][-4:] == ["1", "", "0.5", ""]
 
 
 def test_the_page_loads_nothing_and_its_platform_moves(content):

@@ -103,6 +103,20 @@ def test_the_plan_beats_the_naive_poses(plan):
     assert designed[:4].prod() < 0.4 * naive[:4].prod()
 
 
+def test_equal_poses_are_told(plan):
+    """Of twelve planned poses and of the same with the first three times."""
+    position, rotation = (np.concatenate([each[:1], each[:1], each]) for each in (plan.position, plan.rotation))
+    repeated = dataclasses.replace(
+        plan, position=position, rotation=rotation, length=np.resize(plan.length, (len(position), 6))
+    )
+    assert [1, 2, 3] in [numbers[:3] for numbers in repeated.repeats()]
+    (note,) = repeated.notes()
+    assert note.startswith("note: poses 1, 2")
+    assert " are the same: " in note
+    distinct = np.unique(np.round(np.hstack([plan.position, plan.rotation.reshape(-1, 9)]), 9), axis=0)
+    assert len(plan.position) - len(distinct) == sum(len(numbers) - 1 for numbers in plan.repeats())
+
+
 def test_the_plan_is_within_the_limits_and_uses_them(plan, limits):
     low, high = limits.length.T
     assert (plan.length >= low - 1e-9).all()
