@@ -24,6 +24,9 @@ HEAD = struct.Struct(">HB")
 VERSION, CONTROLLER, TEXT, OUTPUTS, START, PAUSE, DATA = b"VvMOSPU"
 SIZES = {VERSION: 4, CONTROLLER: 19, START: 4, PAUSE: 4}  # of the robot's answers
 WRENCHES = ("ft_raw_wrench", "actual_TCP_force")
+BY_THE_GUIDE = {"ft_raw_wrench": ("sensor", "none"), "actual_TCP_force": ("base", "gravity")}
+"""Axes of each wrench, and what is removed from it."""
+SLOW = 125  # Hz, of robots before the e-Series, whose software is older than 5
 WIDTH = {
     **dict.fromkeys(("timestamp", "speed_scaling", "payload"), 1),
     **dict.fromkeys(("actual_tool_accelerometer", "payload_cog"), 3),
@@ -194,6 +197,9 @@ class UrRtde(Device):
         if accepted != b"\1":
             raise RigError("the robot does not speak version 2 of RTDE: update its software to 3.10, 5.4 or later")
         version = yield from _ask(CONTROLLER)
+        major = int.from_bytes(version[:4], "big")
+        if major < 5 and self.rate > SLOW:
+            raise RigError(f"a robot with software {major} sends at most {SLOW} Hz: set its option `rate` to {SLOW}")
         said, _ = yield Inquire(DASHBOARD, WHO)
         recipe = yield from _ask(OUTPUTS, struct.pack(">d", self.rate) + ",".join(self.outputs).encode())
         self._take_recipe(recipe)
@@ -206,7 +212,15 @@ class UrRtde(Device):
             serial=serial,
             firmware=".".join(str(number) for (number,) in struct.iter_unpack(">I", version[: len(version) // 4 * 4])),
             settings={"outputs": ",".join(self.outputs), "rate_hz": f"{self.rate:g}"},
+            warnings=tuple(self._doubts()),
         )
+
+    def _doubts(self) -> Iterator[str]:
+        """What the rig file declares against the maker's own documents."""
+        name = str(self.options["wrench_variable"])
+        for key, expected in zip(("wrench_frame", "compensated"), BY_THE_GUIDE[name], strict=True):
+            if self.options[key] not in ("", expected):
+                yield f"{key} of {name} is '{expected}' by the maker's documents, '{self.options[key]}' in the rig file"
 
     def _take_recipe(self, answer: bytes) -> None:
         types = answer[1:].decode("ascii", "replace").split(",")

@@ -24,6 +24,7 @@ TICK = 0.01  # seconds between two looks at the queues
 FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
 STATUS = 1.0  # seconds between two status messages
 TRIM = 10.0  # seconds between two returns of free memory
+ODD_SKEW = 0.005  # no crystal is so far off: the device counts something else than it says
 DELAY_SAMPLES = 60_000  # samples kept for the delay between a command and the IMU
 MEANING = {
     "wrench": "on_body",
@@ -269,6 +270,8 @@ class Recorder:
             for measurement in source.finish(now):
                 self._write(self._outputs[name], measurement)
             summary.devices[name] = self._device_summary(source)
+            if abs(skew := source.clock.fit.skew) > ODD_SKEW:
+                self._say_all([f"{name}: its clock and this computer's differ by {abs(skew):.1%}: verify its rate"])
         self._report_troubles(session)
         self._status(session, now)
         self._estimate_delays(session)

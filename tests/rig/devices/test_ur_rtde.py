@@ -137,11 +137,30 @@ OTHER = b"\1DOUBLE,VECTOR6D,VECTOR6D,VECTOR6INT32,VECTOR3D"
         ({"O": ur_rtde.package(79, UNKNOWN)}, "no output actual_TCP_force: choose others"),
         ({"O": ur_rtde.package(79, OTHER)}, "VECTOR6INT32"),
         ({"S": bytes.fromhex("0004 53 00")}, "does not start its data"),
+        ({"v": bytes.fromhex("0013 76 00000003 0000000f 00000007 00000065")}, "software 3 sends at most 125 Hz"),
     ],
 )
 def test_what_the_robot_refuses_is_one_line(changed, words):
     with pytest.raises(RigError, match=words):
         converse(robot(), answers(changed))
+
+
+@pytest.mark.parametrize(
+    ("declared", "doubts"),
+    [
+        (("actual_TCP_force", "base", "gravity"), []),
+        (("ft_raw_wrench", "sensor", "none"), []),
+        (("actual_TCP_force", "sensor", "none"), ["wrench_frame of actual_TCP_force is 'base'", "compensated of"]),
+        (("ft_raw_wrench", "base", "none"), ["wrench_frame of ft_raw_wrench is 'sensor'"]),
+    ],
+)
+def test_a_declaration_against_the_makers_documents_is_a_warning(declared, doubts):
+    name, frame, compensated = declared
+    device = robot(wrench_variable=name, wrench_frame=frame, compensated=compensated)
+    types = ",".join(ur_rtde.TYPES[ur_rtde.WIDTH[output]] for output in device.outputs).encode()
+    identity, _ = converse(device, answers({"O": ur_rtde.package(79, b"\1" + types)}))
+    assert len(identity.warnings) == len(doubts)
+    assert all(text.startswith(doubt) for text, doubt in zip(identity.warnings, doubts, strict=True))
 
 
 def test_another_service_at_the_address_is_no_robot():

@@ -68,6 +68,13 @@ def test_lost_and_reordered_datagrams_of_a_recording_are_counted_exactly(folder)
     np.testing.assert_allclose(np.diff(wrench["force"][:, 0]), 0.001 * np.diff(numbers), atol=2e-6)
 
 
+def test_a_clock_that_counts_something_else_is_said(folder):
+    """One that runs five per cent slow, as if the sensor's internal rate were not the one on its page."""
+    (folder / "rig.toml").write_text(ATI.format(port="emulator:ramp.mcap?loop=1&skew_ppm=-50000"))
+    _, _, messages = Recording(folder / "rig.toml", "-o", folder / "run.mcap", "--seconds", "2.6").end()
+    assert "warning: cell: its clock and this computer's differ by 5." in messages
+
+
 def test_a_sensor_that_was_restarted_is_found_again(folder):
     with playing(folder, ATI.format(port="emulator:ramp.mcap?loop=1")) as (emulators, rig):
         recording = Recording(rig, "-o", folder / "run.mcap")
