@@ -143,6 +143,8 @@ def test_no_result_shows_itself_in_a_way_of_its_own():
         assert kind._repr_html_ is Result._repr_html_, kind
         assert kind.tables is not Result.tables, kind
         assert "Example: ``" in (kind.__doc__ or ""), kind
+        # figures of a frame are numbers: only the table of exported files has none
+        assert kind.records is not Result.records or kind.__name__ == "Exported", kind
 
 
 def test_no_matplotlib_and_no_pandas_until_a_figure_or_frame_is_asked_for():

@@ -120,7 +120,7 @@ def _counts(of_verdicts: Sequence[Verdict]) -> str:
 class LawValidation(Result):
     """The law beside a Monte Carlo of the same experiment, and the verdict of JCGM 101, clause 8, on both laws.
 
-    Example: ``validate_law(law(experiment), montecarlo(experiment, 2000)).to_dict()``.
+    Example: ``validate_law(law(experiment), montecarlo(experiment, trials=2000)).to_frame()``.
     """
 
     comparison: tuple[Table, ...]
@@ -142,6 +142,15 @@ class LawValidation(Result):
             rows.append([*pair, _counts([v.law for v in of_pair]), _counts([v.textbook for v in of_pair])])
         question = f"Do the laws' {100 * self.probability:g} % intervals hold? (JCGM 101, clause 8)"
         return [*self.comparison, Table(question, ["trajectory", "estimator", "law", "textbook's law"], rows, NOTE)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the verdict on each law's interval by case and component."""
+        return [
+            {"trajectory": v.trajectory, "estimator": v.estimator, "case": v.case, "component": component}
+            | {"law": of_law, "textbook": of_textbook}
+            for v in self.verdicts
+            for component, of_law, of_textbook in zip(COMPONENTS, words_of(v.law), words_of(v.textbook), strict=True)
+        ]
 
     def findings(self) -> list[str]:
         """Return in which cases the law itself is rejected."""

@@ -100,6 +100,9 @@ def test_law_and_monte_carlo_agree(short, prepared):
     said = {(v["trajectory"], v["estimator"], v["case"]): v for v in validation.to_dict()["verdicts"]}
     assert said["T1", "central", "omega_precision"]["textbook"]["I33"] == "rejected"
     assert said["T1", "central", "total"]["law"]["I33"] in ("holds", "open")
+    of_frame = {tuple(row.values())[:4]: row["textbook"] for row in validation.records()}
+    assert of_frame["T1", "central", "omega_precision", "I33"] == "rejected"
+    assert len(of_frame) == 2 * 2 * 11 * 6
     assert validation.findings() == []
     assert any(text.startswith("T1, central: the textbook's law is rejected, since") for text in validation.notes())
     whole = validation.tables()[-1].rows
