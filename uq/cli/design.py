@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.achieved is not None:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
-        with TerminalBar(unit="steps") as bar, shares_named(experiment, out):
+        with TerminalBar(unit="steps", lines=True) as bar, shares_named(experiment, out):
             given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
             designed = design(experiment, duration=duration, progress=bar, **given)

@@ -163,6 +163,7 @@ def design(
     for search, numbered in searches(experiment, to_beat.spec, limits, measure, period, starts):
         optima = []
         for number, first in numbered.items():
+            tell("starts", number * rounds, starts * rounds)
             of_all = lambda done, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
             optima.append(search.from_start(first(np.random.default_rng([seed, number])), rounds, steps, of_all))
         ends += [Start(end.goal, end.excess, end.evaluations, search.stages.count) for end in optima]

@@ -5,6 +5,7 @@ import contextlib
 import logging
 import os
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -20,6 +21,8 @@ from uq.files.compilation_cache import keep_compiled
 from uq.trials.progress_bar import ProgressBar
 
 ERRORS = (ExperimentError, RunError, RigError)
+BETWEEN_LINES = 60.0
+"""Seconds after which a line of progress follows another of the same step."""
 
 
 def start_jax() -> None:
@@ -114,11 +117,21 @@ def say(line: str) -> None:
 
 
 class TerminalBar(ProgressBar):
-    """A progress bar on a terminal, nothing elsewhere."""
+    """A progress bar on a terminal; elsewhere nothing, or a line for each new step and every minute."""
 
-    def __init__(self, *, silent: bool = False, unit: str = "trials") -> None:
-        """Name what shows no bar, ``silent`` or no terminal; and what is counted."""
+    def __init__(self, *, silent: bool = False, unit: str = "trials", lines: bool = False) -> None:
+        """Name what shows no bar, ``silent`` or no terminal; what is counted; whether ``lines`` stand for the bar."""
         super().__init__(silent=silent or not sys.stderr.isatty(), unit=unit)
+        self.lines = lines and not silent and self.silent
+        self.named, self.begin, self.last = "", time.monotonic(), 0.0
+
+    def __call__(self, name: str, done: int, asked: int) -> None:
+        """Show how many steps of what is named are done."""
+        super().__call__(name, done, asked)
+        now = time.monotonic()
+        if self.lines and (name != self.named or now - self.last >= BETWEEN_LINES):
+            self.named, self.last = name, now
+            say(f"{name}: {done} of {asked}{self.unit} after {now - self.begin:.0f} s")
 
     def __enter__(self) -> "TerminalBar":
         return self
