@@ -55,7 +55,7 @@ unit: env
 axe: export AXE_CORE = $(CURDIR)/out/axe/node_modules/axe-core/axe.min.js
 axe: env
 	test -f $(AXE_CORE) || npm install --silent --no-save --prefix out/axe axe-core
-	$(BIN)/python -m pytest tests/uq/report/test_accessibility.py
+	$(BIN)/python -m pytest tests/uq/report/test_accessibility.py tests/test_site.py
 
 # The paper's campaign against its references, then what whole commands take.
 bench: env

@@ -29,3 +29,24 @@ html_show_sphinx = False
 html_copy_source = False
 pygments_style, pygments_dark_style = "a11y-high-contrast-light", "a11y-high-contrast-dark"
 html_show_copyright = False
+
+FOR_READERS_BY_EAR_AND_KEYBOARD = {
+    'role="heading">': 'role="heading" aria-level="2">',
+    '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="Site">',
+    '<aside class="toc-drawer">': '<aside class="toc-drawer" aria-label="This page">',
+    "<pre>": '<pre tabindex="0">',
+}
+"""What the theme leaves out: levels of headings, names of landmarks, code that a keyboard can move."""
+
+
+def _completed(app, error):
+    for page in () if error else Path(app.outdir).rglob("*.html"):
+        text = page.read_text("utf-8")
+        for theirs, ours in FOR_READERS_BY_EAR_AND_KEYBOARD.items():
+            text = text.replace(theirs, ours)
+        page.write_text(text, "utf-8")
+
+
+def setup(app):
+    """Complete the pages once they are built."""
+    app.connect("build-finished", _completed)

@@ -69,7 +69,8 @@ def others(places: Sequence[int]) -> str:
 
 def columns(names: Sequence[str], width: float) -> int:
     """Return how many columns of a legend fit a width [in]: a letter takes 0.07 in, what stands before a name 0.45."""
-    return max(1, int(width / (0.45 + 0.07 * max(map(len, names), default=1))))
+    widths = [0.45 + 0.07 * len(name) for name in names]
+    return len(names) if sum(widths) <= width else max(1, int(width / max(widths)))
 
 
 def on(colour: str) -> str:

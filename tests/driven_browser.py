@@ -6,10 +6,15 @@ import os
 import shutil
 import subprocess
 from itertools import count
+from pathlib import Path
 
 import pytest
 
 needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
+needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="no axe-core: make axe")
+VIOLATIONS = """axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
+  ({id, nodes}) => nodes.map(({target, failureSummary}) => `${id}: ${target} ${failureSummary}`)))"""
 KEYS = {
     "Tab": (9, ""),
     "ArrowRight": (39, ""),
@@ -90,6 +95,25 @@ class Browser:
         result = self.call("Runtime.evaluate", expression=code, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in result, result
         return result["result"].get("value")
+
+    def load(self, url=None):
+        """Load this page again, or another, without its policy, so that a judge's script may run in it."""
+        self.call("Page.setBypassCSP", enabled=True)
+        url = url or self.run("document.URL")
+        self.call("Page.navigate", url=url)
+        while self.run("[document.URL, document.readyState]") != [url, "complete"]:
+            pass
+
+    def show(self, width, *, dark=False):
+        """Show the page on a screen of this width."""
+        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", features=scheme)
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=844, deviceScaleFactor=1, mobile=True)
+
+    def violations(self):
+        """What axe-core objects to."""
+        self.run(f"{AXE.read_text('utf-8')};0")
+        return self.run(VIOLATIONS)
 
     def press(self, key, times=1):
         """Press a key where the focus is."""

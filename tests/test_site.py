@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.driven_browser import Browser, needs_axe, needs_chromium
 from uq.cli.main import COMMANDS
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -53,6 +54,18 @@ def test_every_page_is_in_the_contents(site):
     start = site[1]["index.html"]
     for page in DOCS.glob("*/*.md"):
         assert f'href="{page.relative_to(DOCS).with_suffix(".html").as_posix()}"' in start, page
+
+
+@needs_chromium
+@needs_axe
+def test_axe_core_objects_to_nothing(site, tmp_path):
+    with Browser(tmp_path, "") as browser:
+        for page in ("index.html", "tutorials/recording.html", "generated/names-uq.html"):
+            browser.load((site[0] / page).as_uri())
+            for width in (390, 1400):
+                for dark in (False, True):
+                    browser.show(width, dark=dark)
+                    assert browser.violations() == [], (page, width, dark)
 
 
 def test_commands_and_keys_are_those_of_the_code(site):

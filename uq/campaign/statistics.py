@@ -213,12 +213,14 @@ def large_mean_error(where: str, total: OfCase) -> list[str]:
 
 
 def verdict_on_mean_errors(totals: Mapping[tuple[str, str], OfCase]) -> str:
-    """Return in a sentence of which trajectories and estimators a mean error exceeds its 3σ."""
-    beyond = {pair: bool(large_mean_error("", total)) for pair, total in totals.items()}
-    names = {
-        which: "; ".join(", ".join(pair) for pair, is_beyond in beyond.items() if is_beyond is which)
+    """Return in a sentence with which estimators, on which trajectories, a mean error exceeds its 3σ."""
+    named: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
+    for (trajectory, estimator), total in totals.items():
+        named[bool(large_mean_error("", total))].setdefault(estimator, []).append(trajectory)
+    beyond, within = (
+        "; ".join(f"{estimator} on {', '.join(trajectories)}" for estimator, trajectories in named[which].items())
         for which in (True, False)
-    }
-    if not any(beyond.values()):
+    )
+    if not beyond:
         return "No mean error exceeds its 3σ."
-    return f"A mean error exceeds its 3σ: {names[True]}." + (f" None does: {names[False]}." if names[False] else "")
+    return f"A mean error exceeds its 3σ: {beyond}." + (f" None does: {within}." if within else "")

@@ -4,13 +4,11 @@ axe-core is no dependency. ``npm install --prefix DIR axe-core`` brings it, ``AX
 names it; ``make axe`` does both.
 """
 
-import os
 import tomllib
-from pathlib import Path
 
 import pytest
 
-from tests.driven_browser import Browser, needs_chromium
+from tests.driven_browser import Browser, needs_axe, needs_chromium
 from tests.small_campaign import campaign, paper_result
 from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
@@ -20,9 +18,6 @@ from uq.identification.identify_files import identify_files
 from uq.propagation.experiment_law import law
 from uq.report.report_files import report
 
-AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
-VIOLATIONS = """axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
-  ({id, nodes}) => nodes.map(({target, failureSummary}) => `${id}: ${target} ${failureSummary}`)))"""
 PHONE, DESK = 390, 1400
 
 
@@ -41,37 +36,27 @@ def browser(request, tmp_path, certificate, brief):
         "paper": lambda: report(paper_result()), "law": lambda: report(law(brief, ["T1"], "central")),
     }  # fmt: skip
     with Browser(tmp_path, make[request.param]()) as opened:
-        opened.call("Page.setBypassCSP", enabled=True)  # so that the judge's script may run
-        opened.call("Page.reload")
-        while opened.run("document.readyState") != "complete":
-            pass
+        opened.load()
         opened.run("for (const folded of document.querySelectorAll('details')) folded.open = true")
         yield opened
 
 
-def show(browser, width, *, dark=False):
-    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-    browser.call("Emulation.setEmulatedMedia", features=scheme)
-    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=844, deviceScaleFactor=1, mobile=True)
-
-
 @needs_chromium
 @pytest.mark.parametrize("browser", ["certificate", "campaign", "paper", "law"], indirect=True)
-@pytest.mark.skipif(not AXE.is_file(), reason="no axe-core: make axe")
+@needs_axe
 def test_axe_core_objects_to_nothing(browser):
-    browser.run(f"{AXE.read_text('utf-8')};0")
     for width in (PHONE, DESK):
         for dark in (False, True):
-            show(browser, width, dark=dark)
-            assert browser.run(VIOLATIONS) == [], (width, dark)
+            browser.show(width, dark=dark)
+            assert browser.violations() == [], (width, dark)
     browser.run("document.querySelector('main').insertAdjacentHTML('beforeend', '<img src=\"data:,\">')")
-    assert [text.split(":")[0] for text in browser.run(VIOLATIONS)] == ["image-alt"]  # it would object
+    assert [text.split(":")[0] for text in browser.violations()] == ["image-alt"]  # it would object
 
 
 @needs_chromium
 @pytest.mark.parametrize("browser", ["certificate", "campaign"], indirect=True)
 def test_a_phone_shows_value_and_interval_and_nothing_beside_the_page(browser):
-    show(browser, PHONE)
+    browser.show(PHONE)
     assert browser.run("document.documentElement.scrollWidth") <= PHONE
     heads, ends = browser.run("""(() => {
       const cells = [...document.querySelector('.headline thead tr').children];
