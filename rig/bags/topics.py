@@ -105,7 +105,7 @@ class Contents:
                 f"topic {topic} in {self.path} is {self.types[topic]}, not {expected}: "
                 f"choose one of {listed(candidates) or 'none'}"
             )
-        filled = [name for name in candidates if name in self.topics and name not in self._values_topics()]
+        filled = [name for name in candidates if name in self.topics and name not in self.named_values()]
         first = next((kind for kind in wanted if any(self.types[name] == kind for name in filled)), None)
         filled = [name for name in filled if self.types[name] == first]
         if topic is None and len(filled) > 1:
@@ -118,7 +118,7 @@ class Contents:
             raise RigError(f"topic {chosen} in {self.path} has no messages: record the run again")
         return chosen
 
-    def _values_topics(self) -> list[str]:
+    def named_values(self) -> list[str]:
         """Topics whose joint states are named values, as a recording of ours says."""
         try:
             names = json.loads(self.metadata.get("rig.run", {}).get("values_topics", "[]"))

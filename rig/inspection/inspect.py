@@ -14,6 +14,7 @@ from rig.bags.topics import load
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import Finding, SensorChannel, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH
+from rig.mcap.message_fields import MOTIONS, WRENCHES
 
 TYPES = {WrenchChannel: WRENCH, ImuChannel: IMU}
 
@@ -79,10 +80,12 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         report.channels.append(_describe(channel, skew))
         findings += channel_findings(channel, skew)
     report.findings = [*judge(channels, findings), *_end(contents.metadata)]
-    missing = {WRENCH, IMU} - {channel.type for channel in report.channels}
+    held = {kind for topic, kind in contents.types.items() if topic not in contents.named_values()}
+    held = held - {WRENCH, IMU} | {channel.type for channel in report.channels}
     report.findings += [
-        Finding("missing", report.file, f"no messages of type {name}: a run needs one topic of it")
-        for name in sorted(missing)
+        Finding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")
+        for kinds in (WRENCHES, MOTIONS)
+        if not held & set(kinds)
     ]
     return report
 

@@ -7,6 +7,7 @@ import pytest
 
 from identify.signals.run import RunError
 from rig import runs
+from rig.inspection.inspect import inspect
 from tests.rig_lab import JOINTS, joints_run
 from tests.rig_samples import imu_channel, wrench_channel
 from uq.experiment.recording_table import Recording
@@ -65,3 +66,4 @@ def test_the_joints_of_a_recorded_robot_tell_the_angular_velocity(tmp_path):
     run = load_run(tmp_path / "run.mcap", Recording(urdf=str(urdf), urdf_frame="link6"))
     np.testing.assert_allclose(run.omega[:, 2], 21 * np.cos(run.t), atol=1e-9)
     np.testing.assert_allclose(run.omega[:, :2], 0, atol=1e-9)
+    assert inspect(tmp_path / "run.mcap").findings == []  # joints tell the motion: no IMU is missing
