@@ -19,7 +19,7 @@ from uq.campaign.trajectory_runs import TrajectoryRun, rotations_of, start_runs
 from uq.campaign.trial_setup import prepare_setup, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.experiment.left_out import left_out_note
+from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import provenance
 from uq.gram_sums.setup import Sampling
 from uq.sources.quasi_random import REPLICATES, Points
@@ -180,7 +180,7 @@ def montecarlo(
     errors = {name: np.asarray(runs[name].results(trials).inertia) - truth for name in specs}
     how = {name: said for name in specs if (said := how_computed(runs[name].setup, experiment.sources))}
     record = provenance(**experiment.inputs(), trials=trials, **settings, **({"computed": how} if how else {}))
-    warned = [*warned, *_limits(stability, trials), *left_out_note(experiment)]
+    warned = [*warned, *_limits(stability, trials), *left_out_note(experiment.left_out)]
     return MonteCarloResult(trials, seed, truth, breakdowns, tuple(warned), record, errors, stability, points)
 
 

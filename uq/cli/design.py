@@ -7,7 +7,6 @@ from rig.exceptions import quoted
 from uq.excitation.design import design
 from uq.excitation.design_report import design_report
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.planning.motion_export import MotionExport, export_motion
 from uq.planning.pose_plan import POSES, plan_poses
@@ -74,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     targets = [_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
     duration = None if arguments.duration is None else _quantity("--duration", arguments.duration, "s")
     start_jax()
-    experiment = leave_out(Experiment.load(arguments.experiment), arguments.without)
+    experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
         if arguments.achieved is not None:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)

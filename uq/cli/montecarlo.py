@@ -5,7 +5,6 @@ from pathlib import Path
 
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawResult
@@ -72,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
     loaded = Experiment.load_bodies(arguments.experiment)
-    experiments = {name: leave_out(experiment, arguments.without) for name, experiment in loaded.items()}
+    experiments = {name: experiment.without_source(*arguments.without) for name, experiment in loaded.items()}
     laws = {name: _law(arguments, name, experiment) for name, experiment in experiments.items() if arguments.law}
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}

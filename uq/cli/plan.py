@@ -4,7 +4,6 @@ import argparse
 
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.experiment.left_out import leave_out
 from uq.files.units import UnitError, quantity
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import GOALS
@@ -39,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     if unknown := [goal for goal in goals if goal not in GOALS]:
         raise ExperimentError(f"--goal is {quoted(unknown[0])}: choose one of {', '.join(GOALS)}")
     start_jax()
-    experiment = leave_out(Experiment.load(arguments.experiment), arguments.without)
+    experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
         with TerminalBar(unit="steps") as bar, shares_named(experiment, out):
             plan = plan_measurement(

@@ -6,6 +6,10 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.motion.leg_limits import Limits, Peak
+from identify.reporting import Shown
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import significant
+from identify.text_tables import Table
 from rig.exceptions import listed, quoted
 from uq.excitation.design_bound import DesignBound, design_bound
 from uq.excitation.design_goal import GOALS, OBJECTIVES, Measure, goal_of
@@ -49,8 +53,8 @@ class Start:
         return self.excess < 0.01
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Shown):
     """A designed trajectory, what it promises, and what limits it."""
 
     experiment: Experiment
@@ -79,6 +83,14 @@ class Design:
     """Highest frequency of the designed trajectory [Hz], for the differentiator."""
     objective: str = "rms"
     """What was made small: three times the root mean square error, or 3σ (``3sigma``)."""
+
+    def tables(self) -> list[Table]:
+        """Return predicted 3σ and mean error of each component, of the design and of the reference, in g·m²."""
+        of_design = {"3σ, designed": self.expanded, "mean error, designed": self.mean_error}
+        of_reference = {"3σ, reference": self.expanded_reference, "mean error, reference": self.mean_error_reference}
+        figures = (of_design | of_reference).items()
+        rows = [[name, *map(significant, GRAM_METRE * values)] for name, values in figures]
+        return [Table("", ["g·m²", *COMPONENTS], rows)]
 
     @property
     def active(self) -> list[Peak]:

@@ -13,7 +13,7 @@ from identify.text_tables import Table
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
-from uq.experiment.left_out import left_out_note
+from uq.experiment.experiment_tables import left_out_note
 from uq.planning.required_duration import Duration, average, duration_table
 from uq.planning.sensor_worth import SensorWorth
 from uq.propagation.law_result import LawStatistics
@@ -177,7 +177,7 @@ class DesignReport(Result):
     def findings(self) -> list[str]:
         """Return what a reader must not miss: mean errors of design and reference that exceed their 3σ, and of what."""
         excess = [text for name in (NAME, "reference") for text in large_mean_error(name, self.laws[name].total)]
-        left_out = left_out_note(self.design.experiment)
+        left_out = left_out_note(self.design.experiment.left_out)
         if not excess:
             return left_out
         sources = {name: np.abs(case.mean_error).max() for name, case in self.laws[NAME].sources.items()}

@@ -7,8 +7,7 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from datetime import date, time
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table
 from rig.exceptions import choose, listed, quoted
-from rig.toml_tables import TomlTable
 from uq.experiment import experiment_tables
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
 from uq.experiment.not_included_table import NotIncludedTable
@@ -34,10 +32,11 @@ from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
-from uq.files.changed_document import with_entry, with_table, without_entries
+from uq.files.changed_document import with_entry, with_table
 from uq.files.document import ExperimentError, in_file, read_document
+from uq.files.plain_values import plain_values
 from uq.files.schema import declared_table
-from uq.sources.changed_source import changed_source
+from uq.sources.changed_source import changed_source, without_sources
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.sources.source_table import sources_of
@@ -91,7 +90,7 @@ class Experiment(Shown):
     file: Mapping[str, str] = field(default_factory=dict)
     """Name and SHA-256 of the file; empty where there is none."""
     left_out: tuple[str, ...] = ()
-    """Sources of the file that do not count here (:func:`uq.experiment.left_out.leave_out`)."""
+    """Sources of the file that do not count here (:meth:`without_source`)."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
@@ -130,7 +129,7 @@ class Experiment(Shown):
         """Build an experiment from the content of a file, beside the files that it names; see :meth:`load`."""
         if bodies := _bodies(document):
             raise ExperimentError(f"several bodies in [body] ({listed(bodies)}): this takes a file with one [body]")
-        report = _plain(document.get("report", {}))
+        report = plain_values(document.get("report", {}))
         refuse_claims(report)
         file, folder = declared_table("", document, ExperimentFile), Path(folder)
         sources, mixing = sources_of(file.source, file.correlation, folder)
@@ -223,13 +222,18 @@ class Experiment(Shown):
         """
         return self._read_anew(with_entry(self.document, "source", name, keys, ("target", "kind"), changed_source))
 
-    def without_source(self, *names: str) -> "Experiment":
-        """Return the experiment without some sources.
+    def without_source(self, *which: str) -> "Experiment":
+        """Return the experiment without the sources of some names or kinds, and without what correlates them.
+
+        A name may have spaces for its underscores, as tables print it. The result remembers what was left out.
 
         Raises:
             ExperimentError: as for :meth:`with_source`.
         """
-        return self._read_anew(without_entries(self.document, "source", names))
+        if not which:
+            return self
+        document, names = without_sources(self.document, self.sources, which)
+        return replace(self._read_anew(document), file=self.file, left_out=(*self.left_out, *names))
 
     def with_body(self, **keys: Any) -> "Experiment":
         """Return the experiment with other keys of ``[body]``: ``with_body(mass="21 kg")``.
@@ -258,7 +262,8 @@ class Experiment(Shown):
     def _read_anew(self, document: Mapping[str, Any]) -> "Experiment":
         if not self.is_of_document():
             raise ExperimentError("values that no keys state, as after dataclasses.replace: change keys before that")
-        return Experiment.from_dict(document, self.folder)
+        changed = Experiment.from_dict(document, self.folder)
+        return replace(changed, left_out=tuple(n for n in self.left_out if n not in {s.name for s in changed.sources}))
 
     def is_of_document(self) -> bool:
         """Return whether its values are those of :attr:`document`."""
@@ -270,7 +275,7 @@ class Experiment(Shown):
         about: dict[str, Any] = {"experiment_file": dict(self.file)} if self.file else {}
         about |= {"report": dict(self.report)} if self.report else {}
         about |= {"left_out": list(self.left_out)} if self.left_out else {}
-        return {"experiment": _plain(self.document) if same else None, "resolved": values, **about}
+        return {"experiment": plain_values(self.document) if same else None, "resolved": values, **about}
 
     def title(self) -> str:
         """Return what the tables are of."""
@@ -290,7 +295,7 @@ class Experiment(Shown):
 
     def _in_si(self) -> dict[str, Any]:
         parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in BESIDE}
-        return _plain(parts)
+        return plain_values(parts)
 
     @property
     def sigma_r_cg(self) -> np.ndarray:
@@ -314,23 +319,6 @@ def _bodies(document: Mapping[str, Any]) -> dict[str, Any]:
     body = document.get("body")
     several = isinstance(body, Mapping) and bool(body) and all(isinstance(table, Mapping) for table in body.values())
     return dict(body) if isinstance(body, Mapping) and several and set(body) != {"inertia"} else {}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as numbers, strings, lists and dicts, for JSON."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, TomlTable):
-        return {"class": type(value).__name__} | _plain(value.to_dict())
-    if is_dataclass(value):
-        return {"class": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (date, time)):
-        return value.isoformat()
-    if isinstance(value, (np.ndarray, np.generic, jax.Array)):
-        return _plain(np.asarray(value).tolist())
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def samples(spec: TrajectorySpec) -> np.ndarray:

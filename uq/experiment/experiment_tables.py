@@ -59,6 +59,12 @@ def source_table(sources: Sequence[Source], written: Mapping[str, Any] | None) -
     return Table("", SOURCE_HEAD, rows)
 
 
+def left_out_note(names: Sequence[str]) -> list[str]:
+    """Return what a result says of the sources that were left out; nothing where none was."""
+    said = ", ".join(name.replace("_", " ") for name in names)
+    return [f"left out, so not in any figure: {said}"] if said else []
+
+
 def size_of(source: Mapping[str, Any]) -> str:
     """Return how large a source is, in the words of its ``[[source]]``: ``sigma`` bare, other keys by their names."""
     of_kinds = dict.fromkeys(key for kind in KINDS.values() for key in kind.sizes)

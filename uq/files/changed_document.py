@@ -47,20 +47,9 @@ def with_entry(
         add = f"or give {', '.join(needed)} to add it"
         raise ExperimentError(f"unknown {table} {quoted(name)}: {choose(name, entries)}, {add}")
     entries[name] = change(entries.get(name, {}), keys)
-    return _with_entries(document, table, entries)
-
-
-def without_entries(document: Mapping[str, Any], table: str, names: Sequence[str]) -> dict[str, Any]:
-    """Return the content without some entries of ``[[table]]`` or ``[table.NAME]``.
-
-    Raises:
-        ExperimentError: there is no such entry.
-    """
-    entries = _entries(document, table)
-    for name in names:
-        if name not in entries:
-            raise ExperimentError(f"unknown {table} {quoted(name)}: {choose(name, entries)}")
-    return _with_entries(document, table, {name: entry for name, entry in entries.items() if name not in names})
+    named = table == "trajectory"
+    content = entries if named else [{"name": each, **entry} for each, entry in entries.items()]
+    return {**deepcopy(dict(document)), table: deepcopy(content)}
 
 
 def _entries(document: Mapping[str, Any], table: str) -> dict[str, Any]:
@@ -69,12 +58,6 @@ def _entries(document: Mapping[str, Any], table: str) -> dict[str, Any]:
     if isinstance(content, Mapping):
         return dict(content)
     return {entry["name"]: {key: value for key, value in entry.items() if key != "name"} for entry in content}
-
-
-def _with_entries(document: Mapping[str, Any], table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
-    named = table == "trajectory"
-    content = entries if named else [{"name": name, **entry} for name, entry in entries.items()]
-    return {**deepcopy(dict(document)), table: deepcopy(content)}
 
 
 def _as_read(value: Any) -> Any:

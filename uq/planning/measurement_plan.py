@@ -12,7 +12,7 @@ from identify.rounding import significant
 from identify.text_tables import Table
 from uq.campaign.statistics import large_mean_error
 from uq.experiment.experiment import Experiment
-from uq.experiment.left_out import left_out_note
+from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import provenance
 from uq.planning.duration_figure import duration_drawing
 from uq.planning.required_duration import (
@@ -155,7 +155,7 @@ def plan_measurement(
         )
         tell("durations", len(durations), len(wanted))
     bias = [f"{text} A longer run does not reduce it." for text in large_mean_error(f"{name}, {chosen}", total)]
-    warnings = (*left_out_note(experiment), *bias)
+    warnings = (*left_out_note(experiment.left_out), *bias)
     return MeasurementPlan(sensors, tuple(durations), warnings, provenance(**experiment.inputs()))
 
 

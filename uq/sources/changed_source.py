@@ -1,10 +1,12 @@
-"""A ``[[source]]`` with another figure: what it takes the place of, and one figure for all axes."""
+"""Sources of a file's content: one with another figure, and the content without some, by their names or kinds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rig.exceptions import listed, quoted
 from uq.files.changed_document import with_keys
-from uq.sources.source import KINDS
+from uq.files.document import ExperimentError
+from uq.sources.source import KINDS, Source
 from uq.sources.source_keys import SIZES
 from uq.sources.source_width import WIDTHS
 
@@ -33,3 +35,31 @@ def changed_source(entry: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[st
     return {
         key: [value] * 3 if key in repeated and isinstance(value, str) else value for key, value in together.items()
     }
+
+
+def without_sources(
+    document: Mapping[str, Any], sources: Sequence[Source], which: Sequence[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the content without the sources of some names or kinds and what correlates them, and their names.
+
+    A name may have spaces for its underscores, as tables print it.
+
+    Raises:
+        ExperimentError: no source has such a name or kind.
+    """
+    of_words: dict[str, list[str]] = {}
+    for source in sources:
+        for word in (source.name, source.kind):
+            of_words.setdefault(word.replace(" ", "_"), []).append(source.name)
+    left_out: dict[str, None] = {}
+    for wanted in which:
+        names = of_words.get(wanted.replace(" ", "_"))
+        if names is None:
+            named, kinds = (dict.fromkeys(getattr(s, key) for s in sources) for key in ("name", "kind"))
+            choices = f"choose a name of [[source]] ({listed(named)}) or a kind ({listed(kinds)})"
+            raise ExperimentError(f"no source to leave out has the name or kind {quoted(wanted)}: {choices}")
+        left_out |= dict.fromkeys(names)
+    links = [link for link in document.get("correlation", []) if not left_out.keys() & set(link["sources"])]
+    reduced = {**document, "source": [s for s in document.get("source", []) if s["name"] not in left_out]}
+    reduced = {key: value for key, value in reduced.items() if key != "correlation"}
+    return reduced | ({"correlation": links} if links else {}), list(left_out)

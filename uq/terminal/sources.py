@@ -14,7 +14,7 @@ from uq.propagation.beyond_the_law import BeyondLawError
 
 
 def add_without_option(parser: argparse.ArgumentParser) -> None:
-    """Add ``--without``; :func:`uq.experiment.left_out.leave_out` takes ``without``."""
+    """Add ``--without``; :meth:`uq.experiment.experiment.Experiment.without_source` takes ``without``."""
     parser.add_argument(
         "--without", action="append", default=[], metavar="SOURCE",
         help="leave out a source, by its name or kind, such as coloured; repeatable",

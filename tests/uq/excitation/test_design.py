@@ -58,6 +58,17 @@ def designed(searched):
     return searched[0]
 
 
+def test_a_design_shows_its_figures_in_gram():
+    shown = object.__new__(Design)  # without the search
+    for k, name in enumerate(("expanded", "mean_error", "expanded_reference", "mean_error_reference")):
+        object.__setattr__(shown, name, np.full(6, 0.001 * (k + 1)))
+    lines = repr(shown).splitlines()
+    assert [line.split("  ")[0] for line in lines[2:]] == [
+        "3σ, designed", "mean error, designed", "3σ, reference", "mean error, reference",
+    ]  # fmt: skip
+    assert [line.split()[-1] for line in lines[2:]] == ["1.00", "2.00", "3.00", "4.00"]
+
+
 @pytest.mark.study
 def test_no_limit_is_exceeded_at_any_instant(given, designed):
     """On a grid of 3,000 Hz over the whole run with its ramps, which no part of the search has seen."""

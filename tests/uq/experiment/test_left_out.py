@@ -7,7 +7,7 @@ import pytest
 
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.experiment.left_out import leave_out, left_out_note
+from uq.experiment.experiment_tables import left_out_note
 from uq.propagation.beyond_the_law import BeyondLawError
 from uq.terminal.sources import shares_named
 
@@ -20,16 +20,18 @@ def many():
 
 
 def test_names_and_kinds_are_left_out_and_remembered(many):
-    reduced = leave_out(many, ["coloured", "F resolution", "M_range"])
+    reduced = many.without_source("coloured", "F resolution", "M_range")
     gone = {"F_flicker", "gyro_noise", "F_resolution", "M_range"}
     assert {s.name for s in many.sources} - {s.name for s in reduced.sources} == gone
     assert set(reduced.left_out) == gone
-    assert left_out_note(reduced) == ["left out, so not in any figure: F flicker, gyro noise, F resolution, M range"]
-    assert (leave_out(many, []), left_out_note(many)) == (many, [])
+    assert left_out_note(reduced.left_out) == [
+        "left out, so not in any figure: F flicker, gyro noise, F resolution, M range"
+    ]
+    assert (many.without_source(), left_out_note(many.left_out)) == (many, [])
 
 
 def test_a_result_says_what_was_left_out_and_of_which_file(many):
-    inputs = leave_out(many, ["drift"]).inputs()
+    inputs = many.without_source("drift").inputs()
     assert inputs["left_out"] == ["M_drift", "gyro_drift"]
     assert inputs["experiment_file"] == many.inputs()["experiment_file"]
     assert {s["name"] for s in inputs["experiment"]["source"]} == {s.name for s in many.sources} - {
@@ -40,14 +42,14 @@ def test_a_result_says_what_was_left_out_and_of_which_file(many):
 
 def test_a_correlation_goes_with_either_of_its_sources(many):
     """F_scale and M_scale are correlated; M_noise's own axes stay so."""
-    reduced = leave_out(many, ["F_scale"])
+    reduced = many.without_source("F_scale")
     assert [mix.names for mix in reduced.mixing] == [("M_noise",)]
     assert {mix.names for mix in many.mixing} == {("M_noise",), ("F_scale", "M_scale")}
 
 
 def test_what_stays_draws_what_it_drew(many):
     before = {source.name: source for source in many.sources}
-    for source in leave_out(many, ["coloured"]).sources:
+    for source in many.without_source("coloured").sources:
         np.testing.assert_array_equal(source.sigma, before[source.name].sigma)
 
 
@@ -55,7 +57,7 @@ def test_an_unknown_name_is_one_line_with_the_choices(many, capsys):
     with pytest.raises(
         ExperimentError, match=r"'flicker': choose a name of \[\[source\]\] \(F_noise, .*more\) or a kind"
     ):
-        leave_out(many, ["flicker"])
+        many.without_source("flicker")
     for command in ("montecarlo", "plan", "design"):
         assert main([command, MANY, "--without", "flicker"]) == 2
         line = capsys.readouterr().err
