@@ -8,8 +8,14 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import SupportsFloat
 
 _CONCISE = ContextVar("concise", default=False)
+ROUNDING = 1e-12
+"""Part of a value below which its uncertainty is the arithmetic's, and it counts as exact."""
+DUST = 1e-12
+"""What is smaller, in the unit that is printed, is the arithmetic's and printed as 0."""
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @contextmanager
@@ -22,31 +28,31 @@ def concise() -> Iterator[None]:
         _CONCISE.reset(before)
 
 
-def decimals(uncertainty: float, digits: int = 2) -> int:
+def decimals(uncertainty: SupportsFloat, digits: int = 2) -> int:
     """Return the decimals that show so many digits of an uncertainty (GUM 7.2.6); below zero: tens, hundreds."""
-    if not math.isfinite(uncertainty) or uncertainty <= 0:
+    u = float(uncertainty)
+    if not (math.isfinite(u) and u > 0):
         return 6
-    exponent = int(f"{uncertainty:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10
+    exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10
     return digits - 1 - exponent
 
 
-def fixed(value: float, places: int) -> str:
+def fixed(value: SupportsFloat, places: int) -> str:
     """Return a figure with these decimals and a minus sign, but never a minus before nought; – for none."""
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if math.isnan(value):
+    number = float(value)
+    if math.isinf(number):
+        return "∞" if number > 0 else "−∞"
+    if math.isnan(number):
         return "–"
-    return f"{round(value, places) + 0.0:.{max(places, 0)}f}".replace("-", "−")
+    return f"{round(number, places) + 0.0:.{max(places, 0)}f}".replace("-", "−")
 
 
-def rounded(value: float, uncertainty: float, digits: int = 2) -> str:
+def rounded(value: SupportsFloat, uncertainty: SupportsFloat, digits: int = 2) -> str:
     """Return a figure to so many digits of its uncertainty; to four of its own where that is nought or not known."""
-    if math.isfinite(value) and not (math.isfinite(uncertainty) and uncertainty > 0):
-        return significant(value, 4)
-    return fixed(value, decimals(uncertainty, digits))
+    return fixed(value, decimals(uncertainty, digits)) if _uncertain(uncertainty, value) else significant(value, 4)
 
 
-def with_uncertainty(value: float, uncertainty: float, places: int | None = None) -> str:
+def with_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, places: int | None = None) -> str:
     """Return a figure with its standard uncertainty or standard error, ``−30.644 ± 0.054``: two digits of it.
 
     Where it is nought or not known, the figure stands alone, with four digits.
@@ -56,49 +62,48 @@ def with_uncertainty(value: float, uncertainty: float, places: int | None = None
         uncertainty: of it, in the same unit.
         places: most decimals; what is uncertain by less than half of the last of them stands alone.
     """
-    if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0):
-        return rounded(value, 0.0) if places is None else _at_most(value, places)
-    shown = decimals(uncertainty) if places is None else min(decimals(uncertainty), places)
-    after = fixed(uncertainty, shown)
+    known = math.isfinite(value) and _uncertain(uncertainty, value)
+    shown = decimals(uncertainty) if known else decimals(abs(float(value)), 4)
+    shown = shown if places is None else min(shown, places)
+    after = fixed(uncertainty, shown) if known else "0"
     if not float(after):
-        return fixed(value, shown)
+        return fixed(value, shown) if value else "0"
     return f"{fixed(value, shown)} ± {after}" if not _CONCISE.get() else fixed(value, shown) + _in_parentheses(after)
 
 
-def finest(uncertainties: Iterable[float]) -> int:
-    """Return the most decimals of a table: two more than the least uncertainty of its totals asks for."""
-    return 2 + max((decimals(u) for u in uncertainties if math.isfinite(u) and u > 0), default=2)
-
-
-def beside_uncertainty(value: float, uncertainty: float, places: int | None = None) -> str:
+def beside_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, expanded: SupportsFloat | None = None) -> str:
     """Return a value that has its uncertainty in another column: without it, but for the concise notation.
 
     Args:
         value: the figure.
         uncertainty: its standard uncertainty, in the same unit.
-        places: decimals, where not the uncertainty's own.
+        expanded: its expanded uncertainty, to whose digits it is rounded; None: to the standard uncertainty's.
     """
-    shown = decimals(uncertainty) if places is None else places
-    known = math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0
-    if not known and places is None:
-        return rounded(value, uncertainty)
-    after = _in_parentheses(fixed(uncertainty, shown)) if known and _CONCISE.get() else ""
-    return fixed(value, shown) + after
+    if _CONCISE.get():
+        return with_uncertainty(value, uncertainty)
+    return rounded(value, uncertainty if expanded is None else expanded)
 
 
-def significant(value: float, digits: int = 3) -> str:
-    """Return a figure with so many digits, its last noughts kept: 4.80 and 11.0 beside 5.02."""
-    return fixed(value, decimals(abs(value), digits)) if value else "0"
+def finest(uncertainties: Iterable[SupportsFloat]) -> int:
+    """Return the most decimals of a table: two more than the least uncertainty of its totals asks for."""
+    return 2 + max((decimals(u) for u in uncertainties if _uncertain(u)), default=2)
 
 
-def common(values: Iterable[float], digits: int = 3) -> list[str]:
+def significant(value: SupportsFloat, digits: int = 3, *, signed: bool = False) -> str:
+    """Return a figure with so many digits, its last noughts kept: 4.80 and 11.0 beside 5.02; ``signed``: +4.80."""
+    number = float(value)
+    shown = fixed(number, decimals(abs(number), digits)) if not abs(number) < DUST else "0"
+    return f"+{shown}" if signed and number > 0 else shown
+
+
+def common(values: Iterable[SupportsFloat], digits: int = 3) -> list[str]:
     """Return figures of one quantity with the same decimals: so many digits of the largest, but no less than units."""
     figures = [float(value) for value in values]
     largest = max((abs(value) for value in figures if math.isfinite(value)), default=0.0)
     return [fixed(value, max(decimals(largest, digits), 0) if largest else 0) for value in figures]
 
 
-def exact(values: Iterable[float]) -> list[str]:
+def exact(values: Iterable[SupportsFloat]) -> list[str]:
     """Return figures that count as exact: all digits that are stated, six at most, with the same decimals."""
     figures = [float(value) for value in values]
     most = decimals(max(map(abs, figures), default=0.0), 9)  # what is smaller comes from the arithmetic
@@ -107,8 +112,25 @@ def exact(values: Iterable[float]) -> list[str]:
     return [fixed(value, needed) for value in figures]
 
 
-def _at_most(value: float, places: int) -> str:
-    return fixed(value, min(decimals(abs(value), 4), places)) if value else "0"
+def common_power(uncertainties: Iterable[SupportsFloat]) -> int:
+    """Return the power of ten, a multiple of three, in which figures of an unnamed unit need few noughts.
+
+    Nought where the largest uncertainty is between a thousandth and a million.
+    """
+    largest = max((float(u) for u in uncertainties if _uncertain(u)), default=1.0)
+    return 0 if 1e-3 <= largest < 1e6 else 3 * math.floor(math.log10(largest) / 3)
+
+
+def in_power(power: int) -> str:
+    """Return the caption of a table whose figures are in a power of ten of their unit; "" for none."""
+    return f"in 10{str(power).translate(SUPERSCRIPTS)} of the unit" if power else ""
+
+
+def _uncertain(uncertainty: SupportsFloat, value: SupportsFloat = 0.0) -> bool:
+    """Whether it is known and more than the rounding of the arithmetic."""
+    return math.isfinite(uncertainty) and float(uncertainty) > (
+        ROUNDING * abs(float(value)) if math.isfinite(value) else 0
+    )
 
 
 def _in_parentheses(uncertainty: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from identify.exceptions import explains_names
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
+from identify.rounding import exact, significant
 from identify.text_tables import Table
 from uq.campaign.campaign import GRAM_METRE, MonteCarloResult, Shown, Statistics, montecarlo
 from uq.campaign.campaign_result import ASSUMPTIONS, INDEX
@@ -90,7 +91,7 @@ class PaperResult(Result):
         """Return the comparison: each figure beside the printed one."""
         head = [estimator, *(cell for name in TRAJECTORIES for cell in (name, "source"))]
         rows = [
-            [name, *(cell for t in TRAJECTORIES for cell in (_figure(ours.get(t)), _figure(PRINTED[name].get(t))))]
+            [name, *(cell for t in TRAJECTORIES for cell in (_figure(ours.get(t)), _printed(PRINTED[name].get(t))))]
             for name, ours in self.table2(estimator).items()
         ]
         return Table(f"Table 2 of the source, estimator {estimator}, g·m² and per cent", head, rows, SOURCE_NOTE)
@@ -98,11 +99,12 @@ class PaperResult(Result):
     def effect_table(self, estimator: str) -> Table:
         """Return shares and effects beside the printed ones."""
         rows = [
-            [f"{NAMES[group]}, share of total, T1 %", _figure(value), _figure(PRINTED_SHARES[group])]
+            [f"{NAMES[group]}, share of total, T1 %", _figure(value), _printed(PRINTED_SHARES[group])]
             for group, value in self.shares(estimator).items()
         ]
         rows += [
-            [name, _figure(value), _figure(PRINTED_EFFECTS[name][3])] for name, value in self.effects(estimator).items()
+            [name, _figure(value), _printed(PRINTED_EFFECTS[name][3])]
+            for name, value in self.effects(estimator).items()
         ]
         return Table(f"Effects of the groups, estimator {estimator}, per cent", [estimator, "ours", "source"], rows)
 
@@ -254,7 +256,7 @@ def paper(
 def row(trajectory: str, trials: int, estimator: str, total: Statistics) -> str:
     """Return a column of Table 2 as one line, for a table that is printed as it comes."""
     figures = {"3σ moments": _average(total, MOMENTS), "3σ products": _average(total, PRODUCTS)}
-    parts = [f"{name} {value:.3g} ({PRINTED[name][trajectory]:.3g})" for name, value in figures.items()]
+    parts = [f"{name} {significant(value)} ({_printed(PRINTED[name][trajectory])})" for name, value in figures.items()]
     return f"{trajectory} {estimator:<9} {trials:>7,} trials, g·m² (source): {', '.join(parts)}"
 
 
@@ -267,7 +269,11 @@ def _against_t4(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _figure(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}".replace("-", "−")
+    return "–" if value is None else significant(value)
+
+
+def _printed(value: float | None) -> str:
+    return "–" if value is None else exact([value])[0]
 
 
 SOURCE = (

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import Residuals, gyro_bias_columns, residual_moment, residuals
 from identify.diagnostics.spectral_lines import Line, line
+from identify.rounding import significant, with_uncertainty
 from identify.signals.correlation_time import correlation_time, score_covariance
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import motion_band
@@ -276,12 +277,12 @@ def _verdict(fit: Fit, total: float, name: str) -> Verdict:
     cause = fit.cause.name
     scale = SCALED.get(cause, 1.0)
     pairs = zip(scale * fit.coefficients, abs(scale) * fit.standard_uncertainty, strict=True)
-    figures = ", ".join(f"{value:.2g} ± {sigma:.1g}" for value, sigma in pairs).replace("-", "−")
-    text = f"{name}: the residual moment follows the {TEXTS[cause].format(figures)}; {rms:.2g} N·m rms"
+    figures = ", ".join(with_uncertainty(value, sigma) for value, sigma in pairs)
+    text = f"{name}: the residual moment follows the {TEXTS[cause].format(figures)}; {significant(rms, 2)} N·m rms"
     return Verdict(cause, f"b{int(np.argmax(of_axis)) + 1}", share, text, name)
 
 
 def _line_verdict(resonance: Line, name: str) -> Verdict:
     axis = f"b{resonance.axis + 1}"
-    text = f"{name}: a line at {resonance.frequency:.3g} Hz in the residual moment about {axis} (resonance); "
-    return Verdict("resonance", axis, resonance.share, f"{text}{resonance.rms:.2g} N·m rms", name)
+    text = f"{name}: a line at {significant(resonance.frequency)} Hz in the residual moment about {axis} (resonance); "
+    return Verdict("resonance", axis, resonance.share, f"{text}{significant(resonance.rms, 2)} N·m rms", name)

@@ -48,6 +48,17 @@ class Admissible(NamedTuple):
     distance: float
     """From the plain estimate to the nearest body, in standard uncertainties (Mahalanobis); 0: it is a body's."""
 
+    @property
+    def moved(self) -> bool:
+        """Whether the estimate is not the plain one."""
+        return bool((self.inertia != self.plain).any())
+
+    @property
+    def note(self) -> str | None:
+        """What is said where the value stays and only intervals end at what a body can have; None: it does not."""
+        stays = self.determined.all() and not self.moved
+        return f"{self.reason}; so the intervals leave out what no body has, the value stays" if stays else None
+
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it; what is infinite or unknown is None."""
         return {

@@ -22,6 +22,7 @@ from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS, Body
 from identify.rigid_body.regressor import cross_matrix
+from identify.rounding import significant
 from identify.signals.band_limited_run import in_band
 from identify.signals.run import Run
 from identify.text_tables import Table
@@ -67,7 +68,7 @@ class Bound(Result):
     def tables(self) -> list[Table]:
         """Return three standard uncertainties of the tensor in g·m²."""
         three = 3 * GRAM_METRE * self.standard_uncertainty("inertia")
-        return [Table("", ["g·m²", *COMPONENTS], [["3σ at least", *(f"{value:.3f}" for value in three)]])]
+        return [Table("", ["g·m²", *COMPONENTS], [["3σ at least", *map(significant, three)]])]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the least standard uncertainty of each component [kg·m²]."""

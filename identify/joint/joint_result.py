@@ -26,6 +26,7 @@ from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential
+from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
 
 FORCE_ASSUMPTION = {
@@ -205,7 +206,7 @@ def _by_alpha(
 
 def _warnings(pooled: Pooled, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
     warnings = [
-        f"gyro noise biases {name} by about {1e3 * error:.3g} g·m²: record with a better gyro, or slower"
+        f"gyro noise biases {name} by about {significant(1e3 * error, 2)} g·m²: record with a better gyro, or slower"
         for name, error, three in zip(COMPONENTS, bias, 3 * sigma, strict=True)
         if abs(error) > 0.1 * three
     ]

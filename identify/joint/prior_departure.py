@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.joint.joint_model import SIZES, SLICES
+from identify.rounding import rounded, with_uncertainty
 
 FAR = 3.0
 """Standard uncertainties of the prior from which a departure is told."""
@@ -60,10 +61,9 @@ def departures(theta: np.ndarray, mean: np.ndarray, beforehand: np.ndarray) -> l
         if distance[worst] > FAR:
             axis = f" on axis {worst - here.start + 1}" if SIZES[name] == 3 else ""
             value, before, spread = (quantity.scale * array[worst] for array in (theta, mean, sigma))
-            digits = max(0, 1 - int(np.floor(np.log10(spread))))
             lines.append(
-                f"the {quantity.words}{axis} comes to {value:.{digits}f} {quantity.unit}, {distance[worst]:.1f} "
-                f"standard uncertainties from what was declared ({before:.{digits}f} ± {spread:.{digits}f}): "
+                f"the {quantity.words}{axis} comes to {rounded(value, spread)} {quantity.unit}, {distance[worst]:.1f} "
+                f"standard uncertainties from what was declared ({with_uncertainty(before, spread)}): "
                 f"{quantity.advice}"
             )
     return lines

@@ -16,6 +16,7 @@ from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unkn
 from identify.joint.priors import ConstantError, Prior, PriorBlock, prior
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
 from identify.rigid_body.rotation import exponential
+from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
 from identify.signals.filters import noise_level
 from identify.signals.run import Run, RunError
@@ -201,7 +202,7 @@ def _check(name: str, model: Model, beforehand: Prior, fit: Fit) -> None:
     delay = float(theta[SLICES["delay"]][0])
     if abs(delay) > model.rows.reach:
         raise RunError(
-            f"the delay of {name} comes to {1e3 * delay:.3g} ms, beyond what is declared of it: declare its "
+            f"the delay of {name} comes to {significant(1e3 * delay)} ms, beyond what is declared of it: declare its "
             "standard uncertainty wider, or check the clocks"
         )
 

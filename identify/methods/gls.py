@@ -11,6 +11,7 @@ from identify.methods.base import Estimator, Problem
 from identify.methods.source import estimator_for, result_of
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rounding import significant
 
 OTHERS = ("by ordinary least squares", "if moments that follow the motion have unknowns of their own")
 
@@ -57,9 +58,9 @@ def _disagreement(every: Sequence[Difference]) -> str:
     """What is said of the difference that is least by chance."""
     k = int(np.argmin([difference.chance for difference in every]))
     at, other = every[k].largest, every[k]
-    value, sigma = 1e3 * other.value[at], 1e3 * np.sqrt(other.covariance[at, at])
+    value, sigma = (significant(1e3 * x, 2) for x in (other.value[at], np.sqrt(other.covariance[at, at])))
     return (
-        f"weights are not to be trusted: {OTHERS[k]}, {COMPONENTS[at]} differs by {value:.2g} g·m², where {sigma:.1g} "
+        f"weights are not to be trusted: {OTHERS[k]}, {COMPONENTS[at]} differs by {value} g·m², where {sigma} "
         "g·m² is to be expected; the answer is ordinary least squares', its interval wide enough for both. Something "
         "follows the motion: usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
     )

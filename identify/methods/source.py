@@ -13,6 +13,7 @@ from identify.results.identification_result import Identification
 from identify.results.run_estimate import run_estimate
 from identify.results.weak_components import within_bodies
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.static.centre_covariance import with_centre
 
@@ -107,7 +108,7 @@ def _warnings(informations: Sequence[Information], pooled: Pooled) -> list[str]:
     sigma = np.sqrt(np.diag(pooled.covariance))
     for name, bias, three in zip(COMPONENTS, pooled.bias, 3 * sigma, strict=True):
         if abs(bias) > 0.1 * three:
-            by = f"{1e3 * bias:.3g} g·m²"
+            by = f"{significant(1e3 * bias, 2)} g·m²"
             warnings.append(f"gyro noise and differentiator bias {name} by about {by}: match a smoother to the band")
     for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
         if ratio > 2:

@@ -20,6 +20,7 @@ from identify.model_check.specification import difference
 from identify.model_check.verdict_texts import sentence, signed
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
+from identify.rounding import significant
 from identify.signals.filters import noise_level
 from identify.signals.run import Run
 
@@ -149,7 +150,7 @@ def _adds(of_mounting: np.ndarray) -> str:
     if not of_mounting.any():
         return ""
     worst = int(np.argmax(np.abs(of_mounting)))
-    return f"; a mounting that does adds {GRAM_METRE * of_mounting[worst]:.2g} g·m² to {COMPONENTS[worst]}"
+    return f"; a mounting that does adds {significant(GRAM_METRE * of_mounting[worst], 2)} g·m² to {COMPONENTS[worst]}"
 
 
 def _of_mounting(fit: RunFit, peak: Peak, inertia: np.ndarray) -> np.ndarray:
@@ -169,8 +170,8 @@ def _saturated(run: Run) -> list[Verdict]:
                 if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[beside] + 1):
                     name = {"omega": "angular velocity"}.get(quantity, quantity)
                     text = (
-                        f"{run.name}: the {name} on b{axis} stays at {levels[end]:.4g} in {counts[end]} samples: "
-                        "the sensor's range ends there (saturation); move less"
+                        f"{run.name}: the {name} on b{axis} stays at {significant(levels[end], 4)} in {counts[end]} "
+                        "samples: the sensor's range ends there (saturation); move less"
                     )
                     verdicts.append(Verdict("saturation", f"b{axis}", counts[end] / len(values), text, run.name))
     return verdicts

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.diagnostics.residual_causes import Verdict
+from identify.rounding import significant
 from identify.signals.run import Run
 from identify.signals.welch import welch
 
@@ -42,8 +43,8 @@ class Peak(NamedTuple):
         """Return the peak as a cause, with what it adds to the tensor."""
         on, unit = f"b{self.axis + 1}", "N" if self.quantity == "force" else "N·m"
         text = (
-            f"{run.name}: the {self.quantity} on {on} shakes at about {self.frequency:.3g} Hz, "
-            f"{self.rms:.2g} {unit} rms (resonance); stiffen or damp what rings{adds}"
+            f"{run.name}: the {self.quantity} on {on} shakes at about {significant(self.frequency)} Hz, "
+            f"{significant(self.rms, 2)} {unit} rms (resonance); stiffen or damp what rings{adds}"
         )
         return Verdict("resonance", on, self.share, text, run.name)
 

@@ -13,6 +13,7 @@ from identify.model_check.evidence import products, spectrum
 from identify.model_check.run_fit import RunFit
 from identify.model_check.verdict_texts import signed
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import significant
 
 CHANCE = 1e-6
 """Of a difference as large by chance, below which it counts."""
@@ -41,7 +42,7 @@ class Difference(NamedTuple):
         value, usual = GRAM_METRE * self.value[worst], GRAM_METRE * spread[worst]
         return (
             "ordinary least squares and the fit of force and moment together differ by "
-            f"{signed(value)} g·m² in {COMPONENTS[worst]}, where {usual:.1g} "
+            f"{signed(value)} g·m² in {COMPONENTS[worst]}, where {significant(usual, 2)} "
             "is to be expected: usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
         )
 

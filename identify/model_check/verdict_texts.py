@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model_check.evidence import Evidence
+from identify.rounding import significant, with_uncertainty
 
 
 class Words(NamedTuple):
@@ -19,13 +20,13 @@ class Words(NamedTuple):
 
 def signed(value: float) -> str:
     """Return a number of two digits with its sign."""
-    return f"{value:+.2g}".replace("-", "−")
+    return significant(value, 2, signed=True)
 
 
 def _figures(scale: float, unit: str) -> Callable[[np.ndarray, np.ndarray], str]:
     def write(values: np.ndarray, spread: np.ndarray) -> str:
         pairs = zip(scale * values, abs(scale) * spread, strict=True)
-        numbers = ", ".join(f"{value:.2g} ± {u:.1g}" for value, u in pairs).replace("-", "−")
+        numbers = ", ".join(with_uncertainty(value, u) for value, u in pairs)
         return f"{numbers} {unit}" if len(values) == 1 else f"({numbers}) {unit}"
 
     return write
@@ -38,7 +39,7 @@ def _as(pattern: str, scale: float = 1.0, unit: str = "") -> Callable[[np.ndarra
 
 def _largest(pattern: str, scale: float, unit: str) -> Callable[[np.ndarray, np.ndarray], str]:
     def write(values: np.ndarray, spread: np.ndarray) -> str:
-        return pattern.format(f"{scale * float(np.abs(values).max()):.2g} {unit}".rstrip())
+        return pattern.format(f"{significant(scale * float(np.abs(values).max()), 2)} {unit}".rstrip())
 
     return write
 
@@ -51,14 +52,13 @@ def _flexible(values: np.ndarray, spread: np.ndarray) -> str:
     softest = float(values.max())
     if softest <= 0:
         return "as if body or load cell bent under it (flexible mounting)"
-    return (
-        f"as if the body bent on its mounting, at about {1 / (2 * np.pi * np.sqrt(softest)):.2g} Hz (flexible mounting)"
-    )
+    frequency = significant(1 / (2 * np.pi * np.sqrt(softest)), 2)
+    return f"as if the body bent on its mounting, at about {frequency} Hz (flexible mounting)"
 
 
 def _cable(values: np.ndarray, spread: np.ndarray) -> str:
     force, moment = float(np.abs(values[:9]).max()), float(np.abs(values[9:]).max())
-    return f"as if a cable pulled with up to {force:.2g} N/rad and {moment:.2g} N·m/rad (cable)"
+    return f"as if a cable pulled with up to {significant(force, 2)} N/rad and {significant(moment, 2)} N·m/rad (cable)"
 
 
 WORDS: Mapping[str, Words] = {

@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack, unpack
 from identify.rigid_body.rotation import exponential
+from identify.rounding import significant, with_uncertainty
 
 LARGEST_PRIOR_SHARE = 0.5
 """Share of the prior in a variance above which the motion does not determine the quantity."""
@@ -83,11 +84,12 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
     worst = int(np.argmax(np.abs(other) / np.maximum(half_width, 1e-300)))
     if abs(other[worst]) <= half_width[worst]:
         return []
-    angles = ", ".join(f"{angle:.2g}" for angle in np.degrees(rotation.value))
+    angles = _listed(np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty))
+    by = significant(GRAM_METRE * other[worst], 2, signed=True)
     return [
         f"IMU and load cell are turned against each other by ({angles})°: taken as the IMU's; were it the load cell's, "
-        f"{COMPONENTS[worst]} would be {GRAM_METRE * other[worst]:+.2g} g·m² different: declare a misalignment of the "
-        "wrench, or sigma_rotation where it is the IMU's".replace("-", "−")
+        f"{COMPONENTS[worst]} would be {by} g·m² different: declare a misalignment of the "
+        "wrench, or sigma_rotation where it is the IMU's"
     ]
 
 
@@ -95,15 +97,15 @@ def alignment_notes(delay: Aligned | None, rotation: Aligned | None) -> list[str
     """Return a line for each that was estimated."""
     notes = []
     if delay is not None and delay.estimated:
-        notes.append(f"delay of the IMU: {_with_error(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms")
+        notes.append(f"delay of the IMU: {_listed(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms")
     if rotation is not None and rotation.estimated:
         angles, errors = np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty)
-        notes.append(f"rotation vector of the IMU against the body frame: ({_with_error(angles, errors)})°")
+        notes.append(f"rotation vector of the IMU against the body frame: ({_listed(angles, errors)})°")
     return notes
 
 
-def _with_error(values: np.ndarray, errors: np.ndarray) -> str:
-    return ", ".join(f"{value:.3f} ± {error:.3f}" for value, error in zip(values, errors, strict=True))
+def _listed(values: np.ndarray, errors: np.ndarray) -> str:
+    return ", ".join(map(with_uncertainty, values, errors))
 
 
 def _and(words: Sequence[str]) -> str:

@@ -10,7 +10,7 @@ from identify.estimators.discordant import LEAST, discordant
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
-from identify.rounding import rounded
+from identify.rounding import with_uncertainty
 
 
 class Discordant(NamedTuple):
@@ -37,7 +37,7 @@ class Discordant(NamedTuple):
     def text(self) -> str:
         """What departs, and by how much."""
         size, u = abs(self.difference), self.standard_uncertainty
-        figures = f"{rounded(GRAM_METRE * size, GRAM_METRE * u)} ± {rounded(GRAM_METRE * u, GRAM_METRE * u)} g·m²"
+        figures = f"{with_uncertainty(GRAM_METRE * size, GRAM_METRE * u)} g·m²"
         return f"{self.component} is {figures} ({size / u:.0f} u) {'above' if self.difference > 0 else 'below'} theirs"
 
 
@@ -96,7 +96,7 @@ class Discordance:
             return ""
         at = COMPONENTS.index(departure.component)
         left, whole = (
-            f"{rounded(GRAM_METRE * pool.inertia[at], GRAM_METRE * u)} ± {rounded(GRAM_METRE * u, GRAM_METRE * u)}"
+            with_uncertainty(GRAM_METRE * pool.inertia[at], GRAM_METRE * u)
             for pool in (self.without, self.whole)
             for u in [pool.standard_uncertainty[at]]
         )

@@ -8,7 +8,7 @@ from identify.reporting import Drawing
 from identify.results import measured_directions
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import GRAM_METRE
-from identify.rounding import fixed
+from identify.rounding import fixed, significant
 
 
 def budget_drawings(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> Iterator[Drawing]:
@@ -87,7 +87,7 @@ def _coverage_caption(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarr
     (weak, low), (strong, high) = rms.least, rms.largest
     doubtful, u = uncertainty.largest
     certain = (
-        f"The moment of inertia is least certain about {_axis(doubtful)}: u = {GRAM_METRE * u:.2g} g·m²."
+        f"The moment of inertia is least certain about {_axis(doubtful)}: u = {significant(GRAM_METRE * u, 2)} g·m²."
         if np.isfinite(u)
         else "The moment of inertia is not determined about every axis."
     )
@@ -95,8 +95,8 @@ def _coverage_caption(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarr
         "Excitation over the sphere of directions, in the body frame: discs of equal area about b3, the half of −b3 "
         f"seen through from +b3. Within 15° of {omega_share} of all axes the angular velocity came with half its "
         f"largest magnitude or more, the angular acceleration within 15° of {alpha_share}. Root mean square of the "
-        f"angular acceleration: {low:.3g} rad/s² about {_axis(weak)}, the weakest axis, {high:.3g} about "
-        f"{_axis(strong)}. {certain}"
+        f"angular acceleration: {significant(low)} rad/s² about {_axis(weak)}, the weakest axis, {significant(high)} "
+        f"about {_axis(strong)}. {certain}"
     )
 
 

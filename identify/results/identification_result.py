@@ -22,7 +22,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
-from identify.rounding import decimals, fixed
+from identify.rounding import beside_uncertainty, common, decimals, exact, fixed
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table, sentence
 
@@ -214,9 +214,11 @@ class Identification(Result):
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
         rows = []
         for name, value, bias, uncertainty, (low, high) in columns:
-            digits = max(decimals(GRAM_METRE * (uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value))), 0)
-            figures = [fixed(GRAM_METRE * x, digits) for x in (value, bias, uncertainty, low, high)]
-            rows.append([name, *figures[:3], f"{figures[3]} … {figures[4]}"])
+            u = uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value)
+            places = decimals(GRAM_METRE * u)
+            shown = beside_uncertainty(GRAM_METRE * value, GRAM_METRE * uncertainty, GRAM_METRE * u)
+            figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty, low, high)]
+            rows.append([name, shown, *figures[:2], f"{figures[2]} … {figures[3]}"])
         centre = mass_and_centre.table(self.parameters, self.centre_factor, self.centre_from)
         return [Table("", head, rows), centre]
 
@@ -230,12 +232,14 @@ class Identification(Result):
         used = [run.used for run in self.runs if run.used]
         warnings = [f"warning: {text}" for text in self.warnings]
         axes = principal_axes(self.inertia, self.covariance).note
+        bodies = None if self.admissible is None else self.admissible.note
         return [
             *used,
             *alignment_notes(self.delay, self.rotation),
             *([] if self.tare is None else [self.tare.without(self.parameters)]),
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
+            *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
             *([] if self.not_included is None else [self.not_included.line(self.interval95)]),
             *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
@@ -249,11 +253,12 @@ class Identification(Result):
         """Return each run's own estimate, samples, rate, residuals."""
         head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
         rows = []
-        for run in self.runs:
+        rates = exact(run.rate for run in self.runs)
+        residuals = common(float(np.sqrt(np.mean(run.residual**2))) for run in self.runs)
+        for run, rate, residual in zip(self.runs, rates, residuals, strict=True):
             pairs = zip(run.inertia - self.taken_off, run.standard_uncertainty, strict=True)
             values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * u)) if run.alone else "–" for x, u in pairs]
-            residual = f"{float(np.sqrt(np.mean(run.residual**2))):.3g}"
-            rows.append([run.file, f"{run.samples}", f"{run.rate:.6g}", residual, *values])
+            rows.append([run.file, f"{run.samples}", rate, residual, *values])
         return Table("Runs, components in g·m²", head, rows, RUN_NOTE)
 
     def records(self) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rounding import decimals, fixed
+from identify.rounding import beside_uncertainty, decimals, exact, fixed
 from identify.text_tables import Table
 
 NAMES = ("mass, kg", *(f"centre of gravity from Q, b{axis}, mm" for axis in (1, 2, 3)))
@@ -67,9 +67,10 @@ def table(ten: InertialParameters, factor: np.ndarray | float, source: str) -> T
         if not np.isfinite(value):
             rows.append([name, "–", "–", "–"])
         elif not u > 0:
-            rows.append([name, f"{unit * value:.6g}".replace("-", "−"), "–", "–"])
+            rows.append([name, *exact([unit * value]), "–", "–"])
         else:
             places = decimals(unit * u)
-            value, low, high = (fixed(unit * x, places) for x in (value, low, high))
-            rows.append([name, value, fixed(unit * u, places), f"{low} … {high}"])
+            low, high = (fixed(unit * x, places) for x in (low, high))
+            shown = beside_uncertainty(unit * value, unit * u)
+            rows.append([name, shown, fixed(unit * u, places), f"{low} … {high}"])
     return Table(f"Mass and centre of gravity: {source}", ["", "value", "standard uncertainty", "95 % interval"], rows)

@@ -9,6 +9,7 @@ import numpy as np
 from identify.estimators.offsets import Offsets, force_offset, uncertainty
 from identify.estimators.residual_trace import Trace
 from identify.estimators.run_information import Information
+from identify.rounding import common, with_uncertainty
 
 MOST_NOTES = 3
 """Most runs whose offsets are listed in the notes; result.json holds all."""
@@ -105,6 +106,6 @@ def offset_notes(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> list[st
 
 def _note(run: RunEstimate, offsets: Offsets, sigma_r_cg: np.ndarray) -> str:
     pairs = zip(offsets.moment, uncertainty(offsets, sigma_r_cg), strict=True)
-    moment = ", ".join(f"{value:.3f} ± {sigma:.3f}" for value, sigma in pairs)
-    force = "" if run.force_offset is None else f", force ({', '.join(f'{x:.2f}' for x in run.force_offset)}) N"
+    moment = ", ".join(with_uncertainty(value, sigma) for value, sigma in pairs)
+    force = "" if run.force_offset is None else f", force ({', '.join(common(run.force_offset))}) N"
     return f"{run.file}: offsets removed: moment about the CG ({moment}) N·m{force}"

@@ -12,6 +12,7 @@ from identify.estimators.residual_trace import Trace
 from identify.figure_style import PAGE, PALETTE, STYLE, label, new_figure
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rounding import significant
 
 
 def residuals(runs: Sequence[RunEstimate]) -> FigureBase:
@@ -47,7 +48,7 @@ def _in_time(axes: Axes, trace: Trace) -> None:
     axes.set_yticks([shift, 0, -shift], [f"M{k}" for k in (1, 2, 3)])
     axes.set_ylim(-1.55 * shift, 1.55 * shift)
     axes.margins(x=0)
-    axes.set_title(f"strips ±{shift / 2.2:.2g} N·m", loc="right")
+    axes.set_title(f"strips ±{significant(shift / 2.2, 2)} N·m", loc="right")
 
 
 def _in_frequency(axes: Axes, trace: Trace) -> None:

@@ -11,6 +11,7 @@ from identify.estimators.admissible_tensor import Admissible, admissible, margin
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.pseudo_inertia import PAIRS, UNITS
+from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import Run, RunError
 
 ONE_AXIS = 1e-3
@@ -59,8 +60,9 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         admissible=bounded,
         **_without_cross(result, bounded.determined),
     )
-    text = _undetermined(bounded, result.covariance, runs) if not bounded.determined.all() else _changed(bounded)
-    return replace(weak, warnings=(*result.warnings, text, *_wide_intervals(weak)))
+    weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]
+    changed = [f"{bounded.reason}: the estimate is that of the nearest body"] if bounded.moved and not weakness else []
+    return replace(weak, warnings=(*result.warnings, *weakness, *changed, *_wide_intervals(weak)))
 
 
 def _without_cross(result: Identification, determined: np.ndarray) -> dict[str, Any]:
@@ -77,12 +79,6 @@ def _impossible(result: Identification) -> list[str]:
     if margin(result.inertia, result.covariance) >= 0:
         return []
     return ["no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"]
-
-
-def _changed(bounded: Admissible) -> str:
-    moved = (bounded.inertia != bounded.plain).any()
-    what = "the estimate is that of the nearest body" if moved else "it is kept"
-    return f"{bounded.reason}: {what}, intervals hold bodies only"
 
 
 def _wide_intervals(result: Identification) -> list[str]:
@@ -110,9 +106,11 @@ def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Ru
 
 def _range(name: str, low: float, high: float) -> str:
     if np.isfinite([low, high]).all():
-        return f"{name} from {low:.3g} to {high:.3g} g·m²"
-    if np.isfinite(low) or np.isfinite(high):
-        return f"{name} {'above' if np.isfinite(low) else 'below'} {low if np.isfinite(low) else high:.3g} g·m²"
+        return f"{name} from {significant(low)} to {significant(high)} g·m²"
+    if np.isfinite(low):
+        return f"{name} above {significant(low)} g·m²"
+    if np.isfinite(high):
+        return f"{name} below {significant(high)} g·m²"
     return f"{name} anywhere"
 
 
@@ -124,7 +122,7 @@ def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) ->
         axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
         about = np.einsum("a,iab,b->i", axis, UNITS, axis)
         value, sigma = 1e3 * about @ bounded.plain, 1e3 * np.sqrt(about @ covariance @ about)
-        moment = f"about which its moment is {value:.4g} ± {sigma:.2g} g·m²"
+        moment = f"about which its moment is {with_uncertainty(float(value), float(sigma))} g·m²"
         return f"the body turns about one axis only, {_vector(axis)}, {moment}"
     if power[0] < ONE_AXIS * power[2]:
         return f"the body turns about axes of one plane only, across {_vector(axes[:, 0])}"
@@ -132,4 +130,4 @@ def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) ->
 
 
 def _vector(axis: np.ndarray) -> str:
-    return f"({', '.join(f'{x + 0.0:.2f}' for x in np.round(axis, 2))})"
+    return f"({', '.join(fixed(x, 2) for x in axis)})"

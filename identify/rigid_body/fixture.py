@@ -40,7 +40,8 @@ class Tare:
         u = body.standard_uncertainty
         r = ", ".join(with_uncertainty(1e3 * x, 1e3 * s) for x, s in zip(body.r_cg, u[1:4], strict=True))
         mass = with_uncertainty(body.mass, float(u[0]))
-        return f"without the fixture of {self.fixture.mass:.4g} kg: mass {mass} kg, centre of gravity ({r}) mm"
+        fixture = with_uncertainty(self.fixture.mass, float(self.fixture.standard_uncertainty[0]))
+        return f"without the fixture of {fixture} kg: mass {mass} kg, centre of gravity ({r}) mm"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it."""

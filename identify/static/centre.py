@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
+from identify.rounding import fixed, significant
 from identify.static.centre_result import Centre
 from identify.static.gain_check import GainCheck, gain_check
 from identify.static.pose_fit import EXACT, LINEAR, Attitudes, Fit, fit, predicted_fit
@@ -116,16 +117,16 @@ def _warned(result: Centre) -> Centre:
     share = result.residual[0] / (result.mass * result.gravity)
     if share >= LARGE_RESIDUAL:
         warnings.append(
-            f"the force's residuals are {100 * share:.2g} % of the weight: "
+            f"the force's residuals are {significant(100 * share, 2)} % of the weight: "
             "check the rotations of load cell and attitude"
         )
     axes, along = result.directions
     ratio = along[2] / max(along[0], SMALL)
     if ratio > UNEVEN:
-        worst = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−")
+        worst = ", ".join(fixed(x, 2) for x in axes[2])
         warnings.append(
             f"the poses tell the centre of gravity {ratio:.1f} times worse along ({worst}), to "
-            f"{1e3 * along[2]:.2g} mm, than across: tilt further, or about more axes"
+            f"{significant(1e3 * along[2], 2)} mm, than across: tilt further, or about more axes"
         )
     if result.gain is not None and not result.gain.within:
         apart = "; the mass is the scale's, centre and offsets are the load cell's alone"

@@ -9,7 +9,7 @@ import scipy
 
 from identify.exceptions import RunError
 from identify.reporting import VERSION, Drawing, Result, Section
-from identify.rounding import fixed, with_uncertainty
+from identify.rounding import fixed, rounded, significant, with_uncertainty
 from identify.static.gain_check import GainCheck
 from identify.text_tables import Table, sentence
 
@@ -193,7 +193,7 @@ class Centre(Result):
         u = self.standard_uncertainty
         correlation = self.covariance / np.maximum(np.outer(u, u), 1e-300)
         rows = [
-            [f"{name}, {unit}", f"{sigma:.2g}", *(fixed(x, 2) for x in row)]
+            [f"{name}, {unit}", significant(sigma, 2), *(fixed(x, 2) for x in row)]
             for name, unit, sigma, row in zip(PARAMETERS, UNITS, u, correlation, strict=True)
         ]
         head = ["", "u", *map(str, range(1, 11))]
@@ -202,11 +202,12 @@ class Centre(Result):
     def title(self) -> str:
         """Return mass, poses and residuals in one line."""
         force, moment = self.residual
-        mass = with_uncertainty(self.mass, float(self.standard_uncertainty[0]))
+        u = float(self.standard_uncertainty[0])
+        mass = with_uncertainty(self.mass, u)
         low, high = self.interval95[0]
         return (
-            f"mass {mass} kg (95 %: {low:.6g} … {high:.6g}) from {self.poses} poses; "
-            f"residuals {force:.3g} N and {moment:.3g} N·m (rms)"
+            f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}) from {self.poses} poses; "
+            f"residuals {significant(force)} N and {significant(moment)} N·m (rms)"
         )
 
     def notes(self) -> list[str]:
@@ -220,9 +221,10 @@ class Centre(Result):
     def findings(self) -> list[str]:
         """Return how well the poses determine the centre, and the check against a scale."""
         axes, along = self.directions
-        worst, best = ", ".join(f"{x:.2f}" for x in axes[2]).replace("-", "−"), 1e3 * along[0]
+        worst = ", ".join(fixed(x, 2) for x in axes[2])
+        best, most = (significant(1e3 * along[k], 2) for k in (0, 2))
         tilt = "" if self.largest_tilt is None else f"tilted by up to {np.degrees(self.largest_tilt):.3g}°: "
-        along_axes = f"known worst along ({worst}), to {1e3 * along[2]:.2g} mm, and best to {best:.2g} mm"
+        along_axes = f"known worst along ({worst}), to {most} mm, and best to {best} mm"
         finding = f"{tilt}the centre of gravity is {along_axes}"
         return [finding, *([] if self.gain is None else [self.gain.verdict])]
 
@@ -263,7 +265,7 @@ def _cells(values: np.ndarray, errors: np.ndarray) -> list[str]:
 
 
 def _expanded(values: np.ndarray) -> list[str]:
-    return [f"± {value:.2g}" for value in values]
+    return [f"± {significant(value, 2)}" for value in values]
 
 
 class _Content:

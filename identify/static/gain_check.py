@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from identify.rounding import with_uncertainty
+
 CONTRADICTION = 1.5
 """|E_n| above which the scale's mass is not combined with the load cell's: three standard uncertainties."""
 
@@ -40,7 +42,7 @@ class GainCheck:
     @property
     def verdict(self) -> str:
         """The check in words."""
-        figures = f"{self.ratio:.5f} ± {self.ratio_uncertainty:.5f}, E_n {self.normalised:.2f}"
+        figures = f"{with_uncertainty(self.ratio, self.ratio_uncertainty)}, E_n {self.normalised:.2f}"
         text = f"load cell's mass over the scale's {figures}"
         return f"{text}: {'the gain agrees' if self.within else 'the load cell, or gravity, is off'}"
 

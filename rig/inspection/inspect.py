@@ -39,6 +39,8 @@ class Inspection:
     file: str
     channels: list[ChannelReport] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    imported: bool = False
+    """Whether it was made from a table, by a map."""
 
     def to_dict(self) -> dict[str, object]:
         """As JSON shows it."""
@@ -73,6 +75,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     """
     contents = load(path)
     report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[Finding]()
+    report.imported = "imported" in contents.metadata.get("rig.run", {})
     for topic, messages in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if messages.type_name == WRENCH else contents.imu(topic)
         skew = clock_skew(channel)

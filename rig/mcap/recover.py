@@ -59,6 +59,7 @@ class Recovery:
         lost_bytes: bytes that belong to no intact record.
         expected: messages that the file itself says it had, or None where that is gone.
         intact: nothing was lost.
+        cut: the file only ends early: what comes before its end is as it was written.
         notes: what the user should know, a sentence each.
     """
 
@@ -67,6 +68,7 @@ class Recovery:
     lost_bytes: int = 0
     expected: int | None = None
     intact: bool = False
+    cut: bool = False
     notes: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
@@ -77,7 +79,8 @@ class Recovery:
             lost = f"lost {max(0, self.expected - self.messages)} of {self.expected} messages"
         else:
             lost = "how many more messages there were is not known"
-        damaged = f", {self.lost_bytes} bytes are damaged" if self.lost_bytes else ""
+        what = "at its end belong to no whole chunk: the file is cut" if self.cut else "are damaged"
+        damaged = f", {self.lost_bytes} bytes {what}" if self.lost_bytes else ""
         return "; ".join([f"saved {self.messages} messages in {self.chunks} chunks, {lost}{damaged}", *self.notes])
 
 
@@ -117,7 +120,7 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
 
 def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.PathLike[str]) -> Recovery:
     intact = _find_intact(data, UnpackBudget(path))
-    result = Recovery(intact=_is_intact(path), lost_bytes=sum(intact.gaps))
+    result = Recovery(intact=_is_intact(path), lost_bytes=sum(intact.gaps), cut=intact.only_cut)
     trusted = result.intact or intact.only_cut
     _summary(data, intact, trusted, result)
     loose = _loose(intact, trusted, result)

@@ -90,7 +90,7 @@ def test_the_stated_bias_is_the_monte_carlos_mean_error(short):
     mean = campaign["T1", "central"].total
     assert mean.mean_error[5] < -0.02
     np.testing.assert_allclose(result.bias[5], mean.mean_error[5], rtol=0.08)
-    assert any("gyro noise and differentiator bias I33 by about -" in text for text in result.warnings)
+    assert any("gyro noise and differentiator bias I33 by about −" in text for text in result.warnings)
     smooth = identify(simulate(short, "T1").run, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert np.abs(smooth.bias).max() < 3e-4
     assert not any("bias" in text for text in smooth.warnings)

@@ -1,6 +1,6 @@
 """An identified tensor beside an expected one: deviation, E_n, chi-squared, and conventions that would explain it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,6 +10,7 @@ from identify.reporting import Result, Section
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import PARAMETERS, Tensor, by_component
+from identify.rounding import exact, fixed, rounded, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.bodies.normalised_error import USUAL, joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import Suspicion, suspicions
@@ -17,6 +18,8 @@ from uq.bodies.reference import Reference
 
 MOST = 6
 """Uncertain quantities of a reference that its table lists; result.json holds all."""
+LEAST_CHANCE = 0.0001
+"""Least probability that is printed as a figure."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,8 +57,8 @@ class Comparison(Result):
     def relative_error(self) -> np.ndarray:
         """Deviation over the expected value; NaN where that is zero within its expanded uncertainty."""
         value, expanded = self.expected.inertia, 2 * self.expected.standard_uncertainty
-        significant = np.abs(value) > np.maximum(expanded, 1e-12 * np.abs(value).max())
-        return np.where(significant, self.deviation / np.where(significant, value, 1.0), np.nan)
+        apart = np.abs(value) > np.maximum(expanded, 1e-12 * np.abs(value).max())
+        return np.where(apart, self.deviation / np.where(apart, value, 1.0), np.nan)
 
     @property
     def normalised_error(self) -> np.ndarray:
@@ -79,18 +82,34 @@ class Comparison(Result):
 
     @property
     def other_errors(self) -> dict[str, float]:
-        """E_n of mass and centre of gravity, where both sides know them and their uncertainty."""
-        ten = self.reference.parameters
-        value, u = ten.values, ten.standard_uncertainty
-        expected = dict(zip(PARAMETERS[:4], [self.mass, *self._centres()], strict=True))
-        errors = {}
-        for k, (name, pair) in enumerate(expected.items()):
-            if pair is not None and np.isfinite(value[k]) and np.hypot(pair[1], u[k]) > 0:
-                errors[name] = float((pair[0] - value[k]) / np.hypot(self.factor[k] * pair[1], USUAL * u[k]))
-        return errors
+        """E_n of mass and centre of gravity, where both sides know them and the result their uncertainty.
 
-    def _centres(self) -> list[tuple[float, float] | None]:
-        return [None] * 3 if self.centre is None else list(zip(*self.centre, strict=True))
+        A mass that is declared without one is no measurement, and has no E_n.
+        """
+        return {
+            name: float((value - expected) / np.hypot(self.factor[k] * u, USUAL * u_expected))
+            for k, name, value, u, expected, u_expected in self._beside()
+            if u > 0
+        }
+
+    def _beside(self) -> Iterator[tuple[int, str, float, float, float, float]]:
+        """Index and name of mass and coordinates that both sides know; value and standard uncertainty of both."""
+        ten = self.reference.parameters
+        centre = [None] * 3 if self.centre is None else list(zip(*self.centre, strict=True))
+        for k, (name, pair) in enumerate(zip(PARAMETERS[:4], [self.mass, *centre], strict=True)):
+            if pair is not None and np.isfinite(ten.values[k]):
+                yield k, name, *pair, float(ten.values[k]), float(ten.standard_uncertainty[k])
+
+    def _declared_otherwise(self) -> list[str]:
+        """What the experiment declares as exact, but the reference has another value of."""
+        lines = []
+        for k, name, value, u, expected, u_expected in self._beside():
+            unit, scale = ("kg", 1.0) if k == 0 else ("mm", 1e3)
+            if u == 0 and abs(value - expected) > USUAL * u_expected:
+                said = f"{exact([scale * value])[0]} {unit}, declared without an uncertainty"
+                theirs = with_uncertainty(scale * expected, scale * u_expected)
+                lines.append(f"{name} is {said} (no E_n); {self.reference.name} has {theirs} {unit}")
+        return lines
 
     def findings(self) -> list[str]:
         """Return what a reader must not miss."""
@@ -103,6 +122,7 @@ class Comparison(Result):
         return [
             *self.reference.warnings,
             *([f"{disagree}expanded uncertainties (|E_n| > 1)"] if beyond else []),
+            *self._declared_otherwise(),
             *explanations,
         ]
 
@@ -122,8 +142,13 @@ class Comparison(Result):
         )  # fmt: skip
         rows = []
         for k, name in enumerate(COMPONENTS):
-            figures = [_significant(GRAM_METRE * column[k]) for column in columns]
-            relative, error = _figure(100 * self.relative_error[k], 2), _figure(self.normalised_error[k], 2)
+            value, half, mean, spread, measured, wide, deviation = (GRAM_METRE * float(column[k]) for column in columns)
+            both = float(np.hypot(half, wide)) / USUAL
+            figures = [
+                rounded(value, half), rounded(half, half), rounded(mean, spread), rounded(spread, spread),
+                rounded(measured, wide), rounded(wide, wide), rounded(deviation, both),
+            ]  # fmt: skip
+            relative, error = fixed(100 * self.relative_error[k], 2), fixed(self.normalised_error[k], 2)
             rows.append([name, *figures, relative, error])
         return [Table(f"Expected: {self.reference.name}, g·m²", head, rows, f"{self.summary()}.")]
 
@@ -155,7 +180,8 @@ class Comparison(Result):
         """Return what makes the expected moments uncertain, largest first, in g·m²; none where nothing does."""
         variances = self.reference.contributions
         largest = sorted(variances, key=lambda name: -float(variances[name][4:].sum()))[:MOST]
-        rows = [[name, *(f"{GRAM_METRE * np.sqrt(max(x, 0.0)):.2g}" for x in variances[name][4:])] for name in largest]
+        u = {name: GRAM_METRE * np.sqrt(np.maximum(variances[name][4:], 0.0)) for name in largest}
+        rows = [[name, *(significant(x, 2) for x in values)] for name, values in u.items()]
         title = "What makes the expected tensor uncertain: standard uncertainty, g·m²"
         return [Table(title, ["quantity", *COMPONENTS], rows)] if variances else []
 
@@ -175,10 +201,11 @@ class Comparison(Result):
     def summary(self) -> str:
         """Return the joint verdict in one line."""
         statistic, freedom, probability = self.joint
-        others = "".join(f"; E_n of {name} {_figure(e, 2)}" for name, e in self.other_errors.items())
+        others = "".join(f"; E_n of {name} {fixed(e, 2)}" for name, e in self.other_errors.items())
         if not freedom:
             return f"no uncertainty on either side: no E_n{others}"
-        together = f"chi-squared {statistic:.3g}, {freedom} degrees of freedom, P {probability:.2g}"
+        chance = significant(probability, 2) if probability >= LEAST_CHANCE else f"below {LEAST_CHANCE}"
+        together = f"chi-squared {significant(statistic)}, {freedom} degrees of freedom, P {chance}"
         return f"all components together: {together}{others}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -223,16 +250,6 @@ def compare(result: Identification, reference: Reference) -> Comparison:
         reference, ten.tensor, np.array(alone).reshape(-1, 6), suspicions(ten.tensor, reference), mass,
         (np.asarray(ten.r_cg), u[1:4]), np.fmax(result.coverage_factors, USUAL), result.provenance,
     )  # fmt: skip
-
-
-def _significant(value: float) -> str:
-    return "–" if np.isnan(value) else f"{float(f'{value:.4g}') + 0.0:.6g}".replace("-", "−")
-
-
-def _figure(value: float, digits: int) -> str:
-    if np.isinf(value):
-        return "∞"
-    return "–" if np.isnan(value) else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _nulled(values: Mapping[str, float]) -> dict[str, float | None]:

@@ -11,6 +11,7 @@ from identify.estimators.admissible_tensor import distance_from_bodies
 from identify.exceptions import RunError
 from identify.reporting import Result, Section, plain
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
+from identify.rounding import common, significant
 from identify.text_tables import Table
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
 from uq.bodies.exported_body import ExportedBody, principal_axes
@@ -141,7 +142,7 @@ def _doubt(parameters: InertialParameters, distance_of_fit: float) -> str | None
     low, middle, high = principal_axes(parameters.inertia)[0]
     if low <= 0 or low + middle < high * (1 - ROUNDING):
         far = distance_from_bodies(parameters.inertia, np.nan_to_num(parameters.covariance[4:, 4:]))
-        moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m²"
+        moments = f"principal moments {', '.join(common((low, middle, high), 4))} kg·m²"
         return f"no body has this tensor ({moments}; the nearest body lies {far:.1f} standard uncertainties from it)"
     if distance_of_fit > FAR:
         return f"the nearest body lies {distance_of_fit:.1f} standard uncertainties from what the data say"
@@ -153,7 +154,7 @@ def _notes(
 ) -> list[str]:
     """The comment: what it is, how uncertain, of which runs; ASCII only, as controllers want it."""
     u = dict(zip(PARAMETERS, parameters.standard_uncertainty, strict=True))
-    stated = [f"{name} {value:.3g}" if value > 0 else f"{name} not stated" for name, value in u.items()]
+    stated = [f"{name} {significant(value)}" if value > 0 else f"{name} not stated" for name, value in u.items()]
     lines = [
         f"Written by inertia-uq. Tensor about the centre of gravity. Frame: {frame}.",
         f"Standard uncertainties in kg, m, kg*m^2: {', '.join(stated)}",

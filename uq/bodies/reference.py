@@ -19,6 +19,7 @@ from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.rotation import exponential
+from identify.rounding import common, significant
 from identify.text_tables import Table
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.bodies.drawing import (
@@ -217,8 +218,8 @@ def _impossible(parameters: InertialParameters, name: str) -> str | None:
     low, middle, high = np.linalg.eigvalsh(packed[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]])
     if parameters.mass <= 0 or low <= 0 or low + middle < high * (1 - ROUNDING):
         return (
-            f"{name} is no body: its mass is {parameters.mass:.4g} kg, its principal moments are {low:.4g}, "
-            f"{middle:.4g}, {high:.4g} kg*m^2"
+            f"{name} is no body: its mass is {significant(parameters.mass, 4)} kg, its principal moments are "
+            f"{', '.join(common((low, middle, high), 4))} kg*m^2"
         )
     return None
 

@@ -26,6 +26,7 @@ from identify.figure_style import (
     width_of,
 )
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rounding import significant
 from uq.campaign.statistics import GRAM_METRE, Statistics
 
 BESIDE = 5
@@ -157,4 +158,4 @@ def _name_excess(axes: Axes, cases: Mapping[str, Statistics]) -> None:
     for s in list(cases.values())[:1]:
         for k in np.flatnonzero(np.abs(s.mean_error) > s.three_sigma):
             value = GRAM_METRE * s.mean_error[k]
-            axes.annotate(f"{value:.3g}".replace("-", "−"), (k, value), (0, 3), textcoords="offset points", ha="center")
+            axes.annotate(significant(value), (k, value), (0, 3), textcoords="offset points", ha="center")

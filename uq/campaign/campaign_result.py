@@ -9,7 +9,7 @@ import numpy as np
 from identify.figure_style import display_name
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import rounded, with_uncertainty
+from identify.rounding import exact, fixed, rounded, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.result_coverage import coverage_record, stability_record
@@ -109,7 +109,7 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
     def tables(self) -> list[Table]:
         """Return totals, coverage intervals, what an adaptive campaign reached, the true tensor; in g·m²."""
         adaptive = [] if self.stability is None else [self.tolerance_table()]
-        nominal = Table("True tensor, g·m²", list(COMPONENTS), [[_plain(GRAM_METRE * x) for x in self.nominal]])
+        nominal = Table("True tensor, g·m²", list(COMPONENTS), [exact(GRAM_METRE * self.nominal)])
         return [self.summary_table(), self.interval_table(), *adaptive, nominal]
 
     def overview(self) -> list[Table]:
@@ -155,7 +155,10 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
 
     def summary_table(self) -> Table:
         """Return mean error and 3σ of each component with standard errors, in g·m²."""
-        rows = [row for pair in self.pairs() for row in _two_rows(pair, self[pair].total)]
+        rows = []
+        for pair in self.pairs():
+            first, second = self[pair].total.rows()
+            rows += [[*pair, *first], ["", "", *second]]
         return Table("All sources together, g·m²", [*HEAD[:2], "", *COMPONENTS], rows)
 
     def share_table(self) -> Table:
@@ -191,7 +194,7 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         for trajectory, of_trajectory in (self.stability or {}).items():
             for estimator, reached in of_trajectory.items():
                 pairs = (reached.tolerance, reached.reached)
-                tolerance, half_width = ([f"{GRAM_METRE * x:.2g}" for x in values] for values in pairs)
+                tolerance, half_width = ([significant(GRAM_METRE * x, 2) for x in values] for values in pairs)
                 rows += [[trajectory, estimator, "tolerance", *tolerance], ["", "", "reached", *half_width]]
         note = "tolerance: half a unit of the last significant digit of u, or as asked; JCGM 101, 7.9."
         return Table("Adaptive Monte Carlo, g·m²", [*HEAD[:2], "", *COMPONENTS], rows, note)
@@ -200,8 +203,8 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         """Return one breakdown: every group and source alone, its mean error, 3σ and share, in g·m²."""
         breakdown, rows = self[trajectory, estimator], []
         for name, statistics in breakdown.cases.items():
-            first, second = _two_rows((display_name(name),), statistics)
-            rows += [[*first, ""], [*second, _percent(breakdown.share(name))]]
+            first, second = statistics.rows(breakdown.total)
+            rows += [[display_name(name), *first, ""], ["", *second, _percent(breakdown.share(name))]]
         head = ["alone", "", *COMPONENTS, "share %"]
         note = "share: 3σ alone over the total's, averaged over the components."
         return Table(f"{trajectory}, {estimator}: groups and sources alone, g·m²", head, rows, note)
@@ -281,19 +284,8 @@ def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown[Statistics
     return [*by_group, *(drawing("source", pair, {"total": of.total, **of.sources}) for pair, of in breakdowns.items())]
 
 
-def _two_rows(names: tuple[str, ...], s: Statistics) -> list[list[str]]:
-    """Mean error and 3σ with standard errors, in g·m²."""
-    mean = map(with_uncertainty, GRAM_METRE * s.mean_error, GRAM_METRE * s.mean_error_standard_error)
-    sigma = map(with_uncertainty, GRAM_METRE * s.three_sigma, GRAM_METRE * s.three_sigma_standard_error)
-    return [[*names, "mean error", *mean], [*("" for _ in names), "3σ", *sigma]]
-
-
 def _percent(share: float) -> str:
-    return f"{round(100 * share, 6):.3g}" if np.isfinite(share) else "–"
-
-
-def _plain(value: float) -> str:
-    return f"{value:.6g}".replace("-", "−")
+    return significant(100 * share) if share >= 1e-4 else fixed(100 * share, 2)
 
 
 SMALL = 1e-3

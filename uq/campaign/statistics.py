@@ -9,7 +9,7 @@ import numpy as np
 from identify.exceptions import UnknownNameError
 from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import finest, with_uncertainty
+from identify.rounding import finest, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.gram_sums.setup import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
@@ -206,7 +206,7 @@ def large_mean_error(where: str, total: OfCase) -> list[str]:
     """
     ratio = np.abs(total.mean_error) / np.where(total.three_sigma > 0, total.three_sigma, np.nan)
     excess = [
-        f"{COMPONENTS[k]} {GRAM_METRE * total.mean_error[k]:.3g} g·m² ({ratio[k]:.3g} × 3σ)".replace("-", "−")
+        f"{COMPONENTS[k]} {significant(GRAM_METRE * total.mean_error[k])} g·m² ({significant(ratio[k])} × 3σ)"
         for k in np.flatnonzero(ratio > 1)
     ]
     return [f"{where}: the mean error exceeds 3σ: {', '.join(excess)}."] if excess else []

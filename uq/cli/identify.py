@@ -49,7 +49,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method",
         choices=methods.names(),
-        help="the estimator: the source's, or all unknowns together (recording.method)",
+        help="source: least squares of the moment; gls: the same, rows weighed by what their residuals say, where that "
+        "can be trusted; joint: tensor, mass, centre, offsets, delay and rotation together (recording.method)",
     )
     add_window_options(parser)
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from identify.rounding import concise
 from rig.exceptions import on_one_line, quoted
 from uq.trials.watchdog import divide
 
@@ -128,6 +129,9 @@ def _run(argv: list[str], by_itself: bool) -> int:
         status = divide()
         if status is not None:
             return status
+    concisely = "--concise" in rest
+    if concisely:
+        rest.remove("--concise")
     if "--no-cache" in rest:
         rest.remove("--no-cache")
         os.environ["INERTIA_CACHE"] = "off"
@@ -140,11 +144,19 @@ def _run(argv: list[str], by_itself: bool) -> int:
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:
-        with _once_over_no_interrupt() if by_itself else contextlib.nullcontext():
+        with _once_over_no_interrupt() if by_itself else contextlib.nullcontext(), _notation(concisely):
             return module.run(parser.parse_args(rest))
     except module.ERRORS as error:
         _complain(str(error))
     return 2
+
+
+def _notation(concisely: bool) -> contextlib.AbstractContextManager[None]:
+    """How uncertainties are printed: 374.9 ± 4.9, or concisely 374.9(4.9)."""
+    if not concisely:
+        return contextlib.nullcontext()
+
+    return concise()
 
 
 def _other_identify() -> str | None:
@@ -247,7 +259,7 @@ def _overview() -> str:
         "usage: inertia COMMAND [ARGUMENTS]\n       inertia --version\n\n"
         + "\n".join(lines)
         + "\n\n'inertia COMMAND --help' explains one command. Compiled code is kept in the user's cache folder; with"
-        "\n--no-cache it is not."
+        "\n--no-cache it is not. With --concise uncertainties are printed as 374.9(4.9)."
     )
 
 

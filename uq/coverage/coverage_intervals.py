@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.reporting import Result
+from identify.rounding import significant
 from identify.text_tables import Table
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 
@@ -216,7 +217,7 @@ class Verdict(Result):
         names = names or tuple(f"y{k + 1}" if size > 1 else "y" for k in range(size))
         figures = [np.abs(np.ravel(x)) for x in (self.d_low, self.d_high, self.tolerance)]
         rows = [
-            [name, *(f"{x:.3g}" for x in row), "yes" if held else "no", why]
+            [name, *map(significant, row), "yes" if held else "no", why]
             for name, row, held, why in zip(
                 names, np.stack(figures, axis=1), np.ravel(self.holds), self.reasons(), strict=True
             )
@@ -278,7 +279,7 @@ def _reason(d_low: float, d_high: float, delta: float, resolution: float) -> str
     failing = [name for name, d in (("lower", d_low), ("upper", d_high)) if not abs(d) <= delta]
     if not failing:
         return "the law holds" + (
-            "" if resolution <= delta / 5 else f"; too few trials to be sure: ends ± {resolution:.2g}"
+            "" if resolution <= delta / 5 else f"; too few trials to be sure: ends ± {significant(resolution, 2)}"
         )
     if not math.isfinite(d_low + d_high):
         return "there is no interval to compare"
@@ -286,7 +287,7 @@ def _reason(d_low: float, d_high: float, delta: float, resolution: float) -> str
     ends = " and ".join(failing) + (" ends fail" if len(failing) > 1 else " end fails")
     what = []
     if abs(shift) > delta / 2:
-        what.append(f"shifted by {shift:+.3g}")
+        what.append(f"shifted by {significant(shift, signed=True)}")
     if abs(longer) > delta:
-        what.append(f"{abs(longer):.3g} too {'long' if longer > 0 else 'short'}")
-    return f"{ends}: the law's interval is {' and '.join(what)}".replace("-", "−")
+        what.append(f"{significant(abs(longer))} too {'long' if longer > 0 else 'short'}")
+    return f"{ends}: the law's interval is {' and '.join(what)}"

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rounding import decimals, fixed, rounded
+from identify.rounding import beside_uncertainty, decimals, exact, fixed, rounded
 
 USUAL = 0.95
 """Coverage probability of the intervals that results hold."""
@@ -52,8 +52,8 @@ class Expanded:
         below, above = fixed(value - low, places), fixed(high - value, places)
         even = abs((high - value) - (value - low)) <= EVEN * (high - low) or below == above
         return [
-            self.names[k], fixed(value, places), fixed(half, places) if even else f"+{above} −{below}",
-            fixed(self.factor[k], 2), f"{100 * self.probability[k]:.4g}", fixed(u, decimals(u)),
+            self.names[k], beside_uncertainty(value, u, half), fixed(half, places) if even else f"+{above} −{below}",
+            fixed(self.factor[k], 2), *exact([round(100 * self.probability[k], 2)]), fixed(u, decimals(u)),
             f"{fixed(low, places)} … {fixed(high, places)}",
         ]  # fmt: skip
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.reporting import Drawing, Result, Section, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
-from identify.rounding import fixed
+from identify.rounding import common, fixed, significant
 from identify.text_tables import Table
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.excitation.design import Design
@@ -97,9 +97,10 @@ class DesignReport(Result):
                 ("3σ", total.three_sigma, "3sigma"), ("mean error", total.mean_error, None),
                 ("3 rms", total.three_rms, "rms"),
             )):  # fmt: skip
-                head = ["", text, ""] if k else [name, text, f"{self.bands[name]:.3g}"]
+                head = ["", text, ""] if k else [name, text, significant(self.bands[name])]
                 last = ["", "", "", ""] if objective is None else self._against_reference(name, objective)
-                rows.append([*head, *map(_figure, values), *last])
+                shown = common(GRAM_METRE * values) if objective is None else map(_figure, values)
+                rows.append([*head, *shown, *last])
         base, cells = self.averages("reference"), []
         for goal, least in self.bound.items():
             if least is not None:
@@ -121,7 +122,7 @@ class DesignReport(Result):
         rows = []
         for source in next(iter(self.laws.values())).sources:
             variances = [np.diag(breakdown.sources[source].covariance) for breakdown in self.laws.values()]
-            cells = [f"{GRAM_METRE * average(variance, goal):.3g}" for variance in variances for goal in GOALS]
+            cells = [_figure(average(variance, goal)) for variance in variances for goal in GOALS]
             rows.append([source.replace("_", " "), *cells])
         return Table("Each source alone: average 3σ, g·m²", head, rows)
 
@@ -273,7 +274,7 @@ def _by_component(values: np.ndarray) -> dict[str, float]:
 
 
 def _figure(value: float) -> str:
-    return f"{GRAM_METRE * value:.3g}".replace("-", "−")
+    return significant(GRAM_METRE * value)
 
 
 def _change(value: float, base: float) -> str:

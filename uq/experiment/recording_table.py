@@ -122,7 +122,7 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     ] = ()
     """Names of the sources whose errors each mounting of the body draws again."""
     method: Annotated[str, written(_method, {"enum": list(methods.names()), "default": "source"})] = "source"
-    """The estimator: the source's, or tensor, centre, offsets, delay and rotation together."""
+    """The estimator: ``source``, ``gls`` (weighted by what residuals say), or ``joint``: all unknowns together."""
     cg_motion: CgMotion | None = None
     """Whether the motion keeps the centre of gravity still; missing: not declared."""
     delay: Annotated[float, in_unit("s")] | None = None

@@ -5,6 +5,7 @@ from typing import Annotated, get_args
 import numpy as np
 
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
+from identify.rounding import common
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.experiment.rotation_key import ROTATION
 from uq.files.schema import Axes, Component, in_unit
@@ -43,7 +44,7 @@ class InertiaTable(TensorTable, frozen=True, kw_only=True):
         if low <= 0 or low + middle < high * (1 - 1e-12):
             raise WrongKeyError(
                 "",
-                f"is no body's tensor (principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg*m^2): "
+                f"is no body's tensor (principal moments {', '.join(common((low, middle, high), 6))} kg*m^2): "
                 "its moments must be positive and obey the triangle inequality",
             )
 

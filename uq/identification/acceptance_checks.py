@@ -5,7 +5,7 @@ import numpy as np
 
 from identify.results.identification_result import Identification
 from identify.rigid_body.principal_axes import principal
-from identify.rounding import fixed
+from identify.rounding import fixed, significant
 
 HEAD = ("check", "found", "limit", "verdict")
 WITHIN = "within"
@@ -36,7 +36,7 @@ def rows(result: Identification) -> list[list[str]]:
 
 def _row(what: str, value: float, sign: str, limit: float) -> list[str]:
     within = value >= limit if sign == "≥" else value <= limit
-    return [what, f"{value:.3g}", f"{sign} {limit:g}", _verdict(bool(within))]
+    return [what, significant(value), f"{sign} {limit:g}", _verdict(bool(within))]
 
 
 def _admissible(result: Identification) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from identify.exceptions import RunError
+from identify.rounding import common, significant
 from identify.static.centre_result import Centre
 from rig.read_limits import require_file
 from uq.experiment.experiment import Experiment
@@ -51,7 +52,7 @@ def with_centre_prior(experiment: Experiment, centre: Centre) -> tuple[Experimen
     if experiment.mass is not None and abs(centre.mass - experiment.mass) > APART * u[0] + 1e-9:
         warnings.append(
             f"body.mass is {experiment.mass:.6g} kg, the static poses say {centre.mass:.6g} kg, further apart than "
-            f"their uncertainty of {u[0]:.2g} kg: the poses' is used"
+            f"their uncertainty of {significant(u[0], 2)} kg: the poses' is used"
         )
     return with_mass_and_centre(experiment, centre.mass, centre.r_cg, u[1:4], "static poses"), tuple(warnings)
 
@@ -80,4 +81,4 @@ def centre_provenance(path: str | Path, centre: Centre) -> dict[str, Any]:
 
 
 def _millimetres(r: np.ndarray) -> str:
-    return ", ".join(f"{1e3 * x:.4g}" for x in r).replace("-", "−")
+    return ", ".join(common((1e3 * x for x in r), 4))

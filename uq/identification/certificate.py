@@ -54,8 +54,8 @@ class Certificate(Result):
         ]
 
     def overview(self) -> list[Table]:
-        """Return the identification's."""
-        return self.identification.overview()
+        """Return the identification's, and conformity with a specification."""
+        return [*self.identification.overview(), *certificate_tables.conformity(self.report, self.tensor)]
 
     def notes(self) -> list[str]:
         """Return the identification's."""

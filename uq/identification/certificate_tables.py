@@ -11,7 +11,7 @@ from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import NAMES, UNITS, interval95
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
-from identify.rounding import decimals, fixed, rounded
+from identify.rounding import decimals, exact, fixed, rounded
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
 from uq.experiment.conformity import decide
@@ -47,7 +47,7 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
     if not np.isfinite(ten.mass):
         rows[0] = [f"mass: {MISSING}", *[""] * 6]
     elif not u[0] > 0:
-        rows[0] = [NAMES[0], f"{ten.mass:.6g}", *["–"] * 5]
+        rows[0] = [NAMES[0], *exact([ten.mass]), *["–"] * 5]
     head, *rows = map(_interval_first, (["", *HEAD], *rows))
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
@@ -80,8 +80,9 @@ def conformity(report: Report, expanded: Expanded) -> list[Table]:
         return []
     rows = []
     for decision in decide(report.conformity, expanded.value, expanded.standard, expanded.expanded):
-        low, high = (f"{GRAM_METRE * end:.6g}".replace("-", "−") for end in decision.limits)
-        rows.append([decision.component, f"{low} … {high}", decision.outcome, rounded(100 * decision.probability, 0.0)])
+        low, high = exact(GRAM_METRE * end for end in decision.limits)
+        within = fixed(100 * decision.probability, 2)
+        rows.append([decision.component, f"{low} … {high}", decision.outcome, within])
     head = ["", "limits, g·m²", "outcome", "probability within, %"]
     return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
 
@@ -149,7 +150,7 @@ def alignment(result: Identification) -> list[Table]:
     """Return delay and rotation between load cell and IMU, where they were estimated."""
     named = [("delay of the IMU, ms", result.delay, 1e3), ("rotation vector of the IMU, deg", result.rotation, DEGREE)]
     rows = [
-        [f"{name}, {axis}" if len(aligned.value) > 1 else name, *figures, f"{100 * share:.2g}"]
+        [f"{name}, {axis}" if len(aligned.value) > 1 else name, *figures, fixed(100 * share, 1)]
         for name, aligned, unit in named if aligned is not None and aligned.estimated
         for axis, figures, share in zip(AXES, _figures(aligned, unit), aligned.prior_share, strict=False)
     ]  # fmt: skip

@@ -37,6 +37,9 @@ from uq.recorded.mounting import check_count, labelled
 from uq.recorded.time_window import TimeWindow, cut
 from uq.sources.constant_errors import declared_sigma
 
+WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
+CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
+
 
 @explains_names
 def identify_files(
@@ -50,7 +53,7 @@ def identify_files(
     centre: str | Path | None = None,
     method: str | None = None,
 ) -> Identification:
-    """Identify the tensor from recorded runs of one body.
+    """Identify the tensor from recorded runs of one body; with its fixture, which ``tare_files`` takes off.
 
     Args:
         paths: files or rosbag2 folders, one a run.
@@ -91,18 +94,25 @@ def identify_files(
     aligned = result.rotation is not None and result.rotation.estimated
     suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned)]
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
-    first, then = (result.warnings, suspicious) if aligned else (suspicious, result.warnings)
+    first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
+    whole = () if experiment.fixture is None else (WITH_FIXTURE,)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
+        warnings=(*whole, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *result.assumptions),
         provenance=provenance(**declared_inputs, inputs=inputs),
         datum=experiment.datum,
     )
+
+
+def _after(suspicious: list[str], result: Identification) -> list[str]:
+    """The result's warnings; a cause that its residuals show may be but a consequence of what is suspicious."""
+    shown = {verdict.text for verdict in result.consistency} if suspicious else set()
+    return [f"{text}{CONSEQUENCE}" if text in shown else text for text in result.warnings]
 
 
 def _estimated(

@@ -21,6 +21,7 @@ from identify.methods.base import estimator_of
 from identify.model_check.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
 from identify.results.contributions import Effect, NotIncluded
 from identify.results.identification_result import Identification
+from identify.rounding import exact
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
 from uq.identification.estimated_errors import estimated_errors
@@ -98,7 +99,7 @@ def with_not_included(result: Identification, runs: Sequence[Run], experiment: E
 
 
 def _figure(kind: Kind, value: float) -> str:
-    return f"{kind.per_si * value:.4g} {kind.unit}"
+    return f"{exact([kind.per_si * value])[0]} {kind.unit}"
 
 
 def _typical(experiment: Experiment, runs: Sequence[Run]) -> list[Source]:

@@ -13,6 +13,7 @@ from identify.reporting import Result
 from identify.results.discordance import Discordance, PoolEstimate, discordant_runs
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rounding import fixed, significant
 from identify.signals.run import Run
 from identify.text_tables import Table
 
@@ -65,7 +66,7 @@ class ScatterVerdict(Result):
 
     def _which(self, sign: int) -> str:
         components = [
-            f"{name} ({measured:.2g} against {predicted:.2g})"
+            f"{name} ({significant(measured, 2)} against {significant(predicted, 2)})"
             for name, measured, predicted, has_sign in zip(
                 self.names, self.measured, self.predicted, self.sign == sign, strict=True
             )
@@ -77,8 +78,11 @@ class ScatterVerdict(Result):
         """Return scatter, prediction and verdict of each component."""
         head = ["", "standard deviation", "predicted", "ratio", "probability", "verdict"]
         words = {-1: "less", 0: "as predicted", 1: "more"}
-        columns = zip(self.names, self.measured, self.predicted, self.ratio, self.probability, self.sign, strict=True)
-        rows = [[name, *(f"{x:.3g}" for x in figures), words[int(sign)]] for name, *figures, sign in columns]
+        chances = (fixed(chance, 4) for chance in self.probability)
+        columns = zip(self.names, self.measured, self.predicted, self.ratio, chances, self.sign, strict=True)
+        rows = [
+            [name, *map(significant, figures), chance, words[int(sign)]] for name, *figures, chance, sign in columns
+        ]
         return [Table("", head, rows)]
 
     def to_dict(self) -> dict[str, Any]:

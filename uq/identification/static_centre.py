@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError
 from identify.signals.segments import still
 from identify.static.accelerometer import Accelerometer
@@ -187,7 +188,7 @@ def _steady(run: Run, rests: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[
     drifting, slopes, all_drift = creeping([wrench[rest] for rest in rests], run.rate)
     warnings = [
         f"pose {k + 1} ({run.t[rest[0]]:.1f} to {run.t[rest[-1]]:.1f} s) left out: within it the force changes by "
-        f"{np.linalg.norm(slope[:3]):.2g} N and the moment by {np.linalg.norm(slope[3:]):.2g} N·m"
+        f"{_size(slope[:3])} N and the moment by {_size(slope[3:])} N·m"
         for k, (rest, slope) in enumerate(zip(rests, slopes, strict=True))
         if drifting[k]
     ]
@@ -219,5 +220,9 @@ def reading_of(wrench: np.ndarray, rig: Rig) -> np.ndarray:
     return rig.sign * np.concatenate([rig.wrench_rotation.T @ force, rig.wrench_rotation.T @ moment])
 
 
+def _size(vector: np.ndarray) -> str:
+    return significant(float(np.linalg.norm(vector)), 2)
+
+
 def _vector(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.3g}" for value in values).replace("-", "−") + ")"
+    return f"({', '.join(fixed(value, 3) for value in values)})"

@@ -15,10 +15,11 @@ from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import LEFT, NORMAL
 from identify.rigid_body.fixture import Tare, check, left_over, subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.rounding import exact
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.identification.centre_prior import with_mass_and_centre
-from uq.identification.identify_files import identify_files
+from uq.identification.identify_files import WITH_FIXTURE, identify_files
 
 SEPARATE = "the tare's runs and poses share no errors with the body's but those of static poses that last"
 
@@ -135,7 +136,8 @@ def tared(
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
-    fixture_text = f"the {'stated ' * (identified is None)}fixture ({fixture.mass:.4g} kg) is taken off"
+    fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
+    said = [text for text in result.warnings if text != WITH_FIXTURE]
     u = body.standard_uncertainty[:4]
     tared_result = replace(
         result,
@@ -153,7 +155,7 @@ def tared(
         centre_factor=np.divide(half_width[:4], u, out=np.full(4, NORMAL), where=u > 0),
         centre_from=LEFT,
         lasting={},
-        warnings=(*result.warnings, *(f"tare: {text}" for text in tare_warnings)),
+        warnings=(*said, *(f"tare: {text}" for text in tare_warnings)),
         assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
         tare=Tare(fixture, whole, runs, None if identified is None else dict(identified.provenance)),
     )

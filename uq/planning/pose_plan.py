@@ -16,7 +16,7 @@ from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, p
 from identify.motion.stewart_platform import Platform, Pose, Twist
 from identify.reporting import Result, Section
 from identify.rigid_body.rotation import exponential
-from identify.rounding import fixed
+from identify.rounding import fixed, significant
 from identify.static.centre import predicted_covariance
 from identify.static.centre_result import PARAMETERS, UNITS
 from identify.static.pose_design import best_poses, log_determinant
@@ -114,7 +114,7 @@ class PosePlan(Result):
             PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty, strict=True
         ):
             scale, shown = {"m": (1e3, "mm"), "kg": (1e3, "g")}.get(unit, (1.0, unit))
-            pair = [f"{scale * designed:.3g}", f"{scale * other:.3g}"]
+            pair = [significant(scale * designed), significant(scale * other)]
             rows.append([name, shown, *pair, fixed(100 * (designed / other - 1), 1)])
         title = "Static poses for mass and centre of gravity: what they promise"
         return [Table(title, ["", "u in", "designed", "naive", "change, %"], rows, POSE_NOTE)]

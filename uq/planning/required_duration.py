@@ -19,7 +19,7 @@ from identify.motion.multisine import Multisine
 from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
-from identify.rounding import significant
+from identify.rounding import exact, significant
 from identify.text_tables import Table
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
@@ -129,8 +129,8 @@ class Duration(Result):
 
 
 def _as_asked(target: float) -> str:
-    """A target in g·m², to four digits and without zeros behind them."""
-    return f"{float(f'{GRAM_METRE * target:.4g}'):.12g}"
+    """A target in g·m²."""
+    return exact([GRAM_METRE * target])[0]
 
 
 def _words(name: str | None) -> str:

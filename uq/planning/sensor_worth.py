@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed
+from identify.rounding import fixed, significant
 from identify.text_tables import Table
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.setup import cases_of
@@ -58,13 +58,13 @@ class SensorWorth(Result):
         """Return head and rows, most worth first: average 3σ with half the sigma, its change, derivatives."""
         head = ["sigma halved", "moments, g·m²", "change, %", "products, g·m²", "change, %", *COMPONENTS]
         now = {goal: average((self.three_sigma / 3) ** 2, goal) for goal in ("moments", "products")}
-        rows = [["none", f"{GRAM_METRE * now['moments']:.3g}", "", f"{GRAM_METRE * now['products']:.3g}", "",
+        rows = [["none", significant(GRAM_METRE * now["moments"]), "", significant(GRAM_METRE * now["products"]), "",
                  *("" for _ in COMPONENTS)]]  # fmt: skip
         for k in np.argsort(self.halved.sum(axis=1)):
             cells = [self.sources[k].replace("_", " ")]
             for goal in ("moments", "products"):
                 then = average((self.halved[k] / 3) ** 2, goal)
-                cells += [f"{GRAM_METRE * then:.3g}", _signed(100 * (then / now[goal] - 1))]
+                cells += [significant(GRAM_METRE * then), _signed(100 * (then / now[goal] - 1))]
             rows.append([*cells, *(fixed(value, 3) for value in self.derivative[k])])
         return head, rows
 
@@ -150,7 +150,9 @@ def _remarks(experiment: Experiment, worth: SensorWorth) -> Iterator[str]:
         if changes.max() < NEGLIGIBLE:
             continue
         goal = BOTH[int(np.argmax(changes))]
-        raised = f"half of {source.name.replace('_', ' ')} raises the {goal}' 3σ by {100 * changes.max():.2g} %"
+        raised = (
+            f"half of {source.name.replace('_', ' ')} raises the {goal}' 3σ by {significant(100 * changes.max(), 2)} %"
+        )
         if source.of_gyro and source.noise:
             yield f"{raised}: this noise makes every estimate smaller, and the errors of other sources with it"
         elif source.name in correlated:

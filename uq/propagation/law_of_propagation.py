@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from identify.floating_point import check_precision
 from identify.reporting import Result
+from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant
 from identify.text_tables import Table
 from uq.coverage.expanded_uncertainty import welch_satterthwaite
 
@@ -74,10 +75,14 @@ class LinearLaw(Result):
 
     def tables(self) -> list[Table]:
         """Return estimate, standard uncertainty, interval and each input's contribution, a row a component."""
-        columns = self._columns()
-        rows = [[f"{x:.6g}" for x in row] for row in zip(*columns.values(), strict=True)]
-        texts = [[x.replace("-", "−").replace("inf", "∞") for x in row] for row in rows]
-        return [Table("", list(columns), texts)]
+        columns, power = self._columns(), common_power(self.standard_uncertainty.ravel())
+        rows = []
+        for value, u, low, high, freedom, *parts in zip(*columns.values(), strict=True):
+            value, u, low, high, *parts = (x / 10.0**power for x in (value, u, low, high, *parts))
+            ends = (rounded(low, u), rounded(high, u))
+            row = [beside_uncertainty(value, u), rounded(u, u), *ends, significant(freedom)]
+            rows.append([*row, *(rounded(x, u) for x in parts)])
+        return [Table(in_power(power), list(columns), rows)]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the same as numbers, in the measurand's unit."""

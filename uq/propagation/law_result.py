@@ -10,7 +10,7 @@ import scipy
 from identify.floating_point import MESSAGE
 from identify.reporting import Drawing, Result, Section, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed, rounded, with_uncertainty
+from identify.rounding import finest, fixed, rounded, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.campaign_result import MonteCarloResult, breakdown_drawings
@@ -66,8 +66,9 @@ class LawStatistics(Shown):
 
     def rows(self, beside: "LawStatistics | None" = None) -> list[list[str]]:
         """Return mean error and 3σ of each component, and the textbook's 3σ, in g·m²."""
-        figures = {"mean error": self.mean_error, "3σ": self.three_sigma, "3σ, textbook": self.textbook_three_sigma}
-        return [[name, *_figures(values)] for name, values in figures.items()]
+        figures = {"3σ": self.three_sigma, "3σ, textbook": self.textbook_three_sigma}
+        widths = [[name, *_figures(values)] for name, values in figures.items()]
+        return [["mean error", *_mean_errors(self, beside)], *widths]
 
     def tables(self) -> list[Table]:
         """Return mean error and 3σ of each component, and the textbook's 3σ, in g·m²."""
@@ -128,12 +129,8 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
         """Return head and rows of the summary: mean error and 3σ of each component, in g·m²; the textbook's below."""
         rows = []
         for trajectory, estimator in self.pairs():
-            total = self[trajectory, estimator].total
-            rows += [
-                [trajectory, estimator, "mean error", *_figures(total.mean_error)],
-                ["", "", "3σ", *_figures(total.three_sigma)],
-                ["", "", "3σ, textbook", *_figures(total.textbook_three_sigma)],
-            ]
+            first, *others = self[trajectory, estimator].total.rows()
+            rows += [[trajectory, estimator, *first], *(["", "", *row] for row in others)]
         return ["trajectory", "estimator", "g·m²", *COMPONENTS], rows
 
     def source_rows(self) -> tuple[list[str], list[list[str]]]:
@@ -143,7 +140,7 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
             breakdown = self[trajectory, estimator]
             for name, s in [*breakdown.groups.items(), *breakdown.sources.items()]:
                 label = name.replace("_", " ")
-                rows.append([trajectory, estimator, label, "mean error", *_figures(s.mean_error)])
+                rows.append([trajectory, estimator, label, "mean error", *_mean_errors(s, breakdown.total)])
                 rows.append(["", "", "", "3σ", *_figures(s.three_sigma)])
         return ["trajectory", "estimator", "alone", "g·m²", *COMPONENTS], rows
 
@@ -200,7 +197,13 @@ ASSUMPTION = (
 
 
 def _figures(values: np.ndarray) -> list[str]:
-    return [f"{GRAM_METRE * x:.4g}".replace("-", "−") if np.isfinite(x) else "–" for x in values]
+    return [significant(GRAM_METRE * x, 4) for x in values]
+
+
+def _mean_errors(s: LawStatistics, beside: LawStatistics | None = None) -> list[str]:
+    """To the decimals that matter beside 3σ."""
+    places = finest(GRAM_METRE * (beside or s).three_sigma)
+    return [fixed(GRAM_METRE * x, places) for x in s.mean_error]
 
 
 def beside(law: LawResult, result: MonteCarloResult) -> list[Table]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.reporting import Result, Section
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rounding import significant
 from identify.text_tables import Table
 from uq.campaign.campaign import GRAM_METRE, MonteCarloResult
 from uq.coverage.coverage_intervals import Verdict, numerical_tolerance, symmetric_interval, validate
@@ -89,7 +90,7 @@ def reason(statistics: LawStatistics) -> str:
 
 
 def _figure(value: float) -> str:
-    return f"{GRAM_METRE * value:.3g}".replace("-", "−")
+    return significant(GRAM_METRE * value)
 
 
 def words_of(verdict: Verdict) -> list[str]:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from identify.floating_point import check_precision
 from identify.reporting import Result
+from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant
 from identify.text_tables import Table
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.coverage.coverage_intervals import CoverageInterval, Value, shortest_interval, symmetric_interval
@@ -58,8 +59,12 @@ class Propagation(Result):
         """Return estimate, standard uncertainty, both intervals and tolerance, a row a component."""
         percent = f"{100 * self.symmetric.probability:g} %"
         head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
-        rows = [[f"{x:.6g}".replace("-", "−") for x in record.values()] for record in self.records()]
-        return [Table("", head, rows)]
+        power, rows = common_power(self.standard_uncertainty.ravel()), []
+        for record in self.records():
+            value, u, *ends, tolerance = (x / 10.0**power for x in record.values())
+            figures = [beside_uncertainty(value, u), rounded(u, u), *(rounded(end, u) for end in ends)]
+            rows.append([*figures, significant(tolerance, 2)])
+        return [Table(in_power(power), head, rows)]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the same as numbers, in the measurand's unit."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from identify.rounding import significant
 from identify.signals.filters import motion_band
 from identify.signals.run import Run
 from identify.signals.welch import welch
@@ -77,6 +78,6 @@ def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
 def _line(run: Run, target: str, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:
     unit = SIGNAL_UNITS[target].replace("*", "·")
     return (
-        f"{run.name}: {target} has noise of {shown[axis]:.2g} {unit} a sample on b{axis + 1}, "
-        f"its sources declare {declared[axis]:.2g} {unit}: check the figure, or what shakes the rig"
+        f"{run.name}: {target} has noise of {significant(shown[axis], 2)} {unit} a sample on b{axis + 1}, "
+        f"its sources declare {significant(declared[axis], 2)} {unit}: check the figure, or what shakes the rig"
     )

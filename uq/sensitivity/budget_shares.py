@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import with_uncertainty
+from identify.rounding import finest, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.statistics import Statistics
 from uq.sensitivity.variance_shares import Indices
@@ -133,8 +133,9 @@ class SourceBudget(Shown):
     def mean_rows(self) -> tuple[list[str], list[list[str]]]:
         """Return head and rows of the mean errors, g·m²: each source and group alone, and all together."""
         m = self.mean_square
+        places = finest(GRAM_METRE * m.mean_error_standard_error)
         rows = [
-            [f"{label}{_name(name)}", *_grams(s.mean_error, s.mean_error_standard_error), ""]
+            [f"{label}{_name(name)}", *_grams(s.mean_error, s.mean_error_standard_error, places), ""]
             for label, effects in self._kinds()
             for name, s in effects.alone.items()
         ]
@@ -143,10 +144,10 @@ class SourceBudget(Shown):
         shares = [*m.bias_share, m.tensor_bias_share]
         errors = [*m.bias_share_standard_error, m.tensor_bias_share_standard_error]
         return ["mean error alone, g·m²", *COLUMNS], [
-            ["no source: the estimator", *_grams(self.without, np.zeros(len(COMPONENTS))), ""],
+            ["no source: the estimator", *_grams(self.without, np.zeros(len(COMPONENTS)), places), ""],
             *rows,
-            ["all sources", *_grams(m.mean_error, m.mean_error_standard_error), ""],
-            ["3σ of all sources", *_grams(3 * np.sqrt(m.variance), spread), ""],
+            ["all sources", *_grams(m.mean_error, m.mean_error_standard_error, places), ""],
+            ["3σ of all sources", *_grams(3 * np.sqrt(m.variance), spread, places), ""],
             ["bias, % of the mean square", *map(_percent, shares, errors)],
         ]
 
@@ -200,5 +201,5 @@ def _percent(value: float, standard_error: float) -> str:
     return with_uncertainty(100 * value, 100 * standard_error, places=3)
 
 
-def _grams(values: np.ndarray, errors: np.ndarray) -> list[str]:
-    return list(map(with_uncertainty, GRAM_METRE * values, GRAM_METRE * errors))
+def _grams(values: np.ndarray, errors: np.ndarray, places: int) -> list[str]:
+    return list(map(with_uncertainty, GRAM_METRE * values, GRAM_METRE * errors, [places] * len(values)))

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from identify.reporting import Drawing, Result, Section
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed, with_uncertainty
+from identify.rounding import common, fixed, significant, with_uncertainty
 from identify.signals.run import Run
 from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
@@ -71,7 +71,7 @@ class Achieved(Result):
         f = self.followed
         gains = map(with_uncertainty, f.gain, f.gain_standard_error)
         lags = map(with_uncertainty, 1e3 * f.lag, 1e3 * f.lag_standard_error)
-        others = [[f"{1e3 * x:.3g}".replace("-", "−") for x in pair] for pair in zip(f.offset, f.residual, strict=True)]
+        others = [*zip(common(1e3 * f.offset), common(1e3 * f.residual), strict=True)]
         rows = [[f"ω{k + 1}", gain, lag, *others[k]] for k, (gain, lag) in enumerate(zip(gains, lags, strict=True))]
         head = ["axis", "amplitude / planned", "lag, ms", "offset, mrad/s", "residual rms, mrad/s"]
         return Table("How each axis followed", head, rows, LAG)
@@ -80,8 +80,8 @@ class Achieved(Result):
         """Return predicted 3σ of the plan and of what was run, by component."""
         change = 100 * (self.three_sigma / self.planned_three_sigma - 1)
         rows = [
-            ["planned", *(f"{GRAM_METRE * x:.4g}" for x in self.planned_three_sigma)],
-            ["what was run", *(f"{GRAM_METRE * x:.4g}" for x in self.three_sigma)],
+            ["planned", *(significant(GRAM_METRE * x, 4) for x in self.planned_three_sigma)],
+            ["what was run", *(significant(GRAM_METRE * x, 4) for x in self.three_sigma)],
             ["change, %", *(fixed(x, 1) for x in change)],
         ]
         return Table("Predicted 3σ, g·m²", ["3σ, g·m²", *COMPONENTS], rows, PREDICTED)
@@ -92,10 +92,10 @@ class Achieved(Result):
         if still is None:
             return []
         rows = [
-            ["acceleration, mm/s²", f"{1e3 * still.acceleration:.3g}"],
-            ["planned, mm/s²", f"{1e3 * still.planned:.3g}"],
-            ["measured less planned, mm/s²", f"{1e3 * still.apart:.3g}"],
-            [f"displacement at {SLOWEST:g} Hz and above, mm", f"{1e3 * still.displacement:.3g}"],
+            ["acceleration, mm/s²", significant(1e3 * still.acceleration)],
+            ["planned, mm/s²", significant(1e3 * still.planned)],
+            ["measured less planned, mm/s²", significant(1e3 * still.apart)],
+            [f"displacement at {SLOWEST:g} Hz and above, mm", significant(1e3 * still.displacement)],
         ]
         note = f"By the {still.by}, from {SLOWEST:g} Hz to the motion's band."
         return [Table("How still the centre of gravity was", ["centre of gravity, rms", "value"], rows, note)]
@@ -149,7 +149,9 @@ class Achieved(Result):
         ours, theirs = ([average((s / 3) ** 2, goal) for goal in ("moments", "products")]
                         for s in (self.three_sigma, self.planned_three_sigma))  # fmt: skip
         pairs = zip(("moments", "products"), ours, theirs, strict=True)
-        averages = [f"{name} {GRAM_METRE * a:.3g} g·m² (planned {GRAM_METRE * b:.3g})" for name, a, b in pairs]
+        averages = [
+            f"{name} {significant(GRAM_METRE * a)} g·m² (planned {significant(GRAM_METRE * b)})" for name, a, b in pairs
+        ]
         return f"average 3σ of what was run: {', '.join(averages)}"
 
     def title(self) -> str:

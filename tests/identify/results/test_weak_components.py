@@ -1,5 +1,6 @@
 """Weak runs: wide honest intervals, a warning that names what is missing, a body's tensor; never a confident wrong one."""
 
+import dataclasses
 import json
 
 import jax.numpy as jnp
@@ -52,6 +53,21 @@ def test_what_is_open_can_be_written_and_read():
     }  # fmt: skip
     assert "∞" in repr(result)
     assert "∞" in result._repr_html_()
+
+
+def test_an_estimate_near_the_edge_is_no_fault():
+    """A plate, 1.5 standard uncertainties inside: the value stays, the intervals end at bodies; no warning."""
+    plain = found(lab.swing(30.0), inertia=lab.ROD)
+    plate, u = np.array([0.2, 0, 0, 0.2, 0, 0.39]), 4e-3
+    near = dataclasses.replace(
+        plain, inertia=plate, covariance=u**2 * np.eye(6), warnings=(), seen=None,
+        interval95=plate[:, None] + 2 * u * np.array([[-1, 1]]),
+    )  # fmt: skip
+    result = within_bodies(near, [])
+    np.testing.assert_array_equal(result.inertia, plate)
+    assert result.admissible is not None
+    assert result.warnings == ()
+    assert [text for text in result.notes() if text.startswith("near the edge of bodies: ")]
 
 
 def test_an_axis_askew_tells_its_own_moment():

@@ -114,6 +114,7 @@ def test_no_flipped_bit_gives_a_wrong_number(tmp_path, compression, flips):
         assert got.items() <= whole.items()
         assert len(got) >= sum(count for start, end, count in spans if not start <= position < end)
         assert not result.intact
+        assert not result.cut
         metadata = runs.load(output).metadata
         assert metadata.get("rig.run", METADATA["rig.run"]) == METADATA["rig.run"]
 
@@ -129,6 +130,8 @@ def test_the_command_says_what_was_lost(tmp_path, capsys):
     assert main(["recover", str(path), "-o", str(output)]) == 1
     out, err = capsys.readouterr()
     assert "not known" in out.splitlines()[-1]
+    assert "the file is cut" in out
+    assert "damaged" not in out
     assert err.startswith("error: output exists")
     assert path.read_bytes() == data[: len(data) // 2]
 

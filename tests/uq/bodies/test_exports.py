@@ -292,7 +292,11 @@ def test_all_files_or_none(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("parameters", "formats", "words"),
     [
-        (body([0.1, 0, 0, 0.2, 0, 0.31]), "urdf", r"no body has this tensor .*0.31 kg·m²;.*\), so it is not exported"),
+        (
+            body([0.1, 0, 0, 0.2, 0, 0.31]),
+            "urdf",
+            r"no body has this tensor .*0.3100 kg·m²;.*\), so it is not exported",
+        ),
         (body([-0.1, 0, 0, 0.2, 0, 0.2]), "json", "no body has this tensor"),
         (body([0.2, 0.19, 0.19, 0.2, -0.19, 0.2]), "ur", "no body has this tensor"),
         (body([0.1, 0, 0, 0.2, 0, 0.2], mass=np.nan), "urdf", "mass is not known.* state body.mass, or give --centre"),

@@ -344,6 +344,17 @@ def test_mass_and_centre_are_compared_where_both_sides_know_them(generator):
     assert "mass" not in compare(identified(Tensor(TENSOR, 1e-6 * np.eye(6))), document).other_errors
 
 
+def test_a_mass_that_is_declared_as_exact_has_no_normalised_error():
+    """It is no measurement: the deviation of a declared mass from the drawing's is said, in its own words."""
+    result = dataclasses.replace(identified(Tensor(TENSOR, 1e-6 * np.eye(6)), mass=MASS + 0.4), mass_uncertainty=None)
+    found = compare(result, dataclasses.replace(cad(written("CG", "tensor"), frame=False)))
+    assert set(found.other_errors) == {"cg_x", "cg_y", "cg_z"}
+    (line,) = [text for text in found.findings() if text.startswith("mass")]
+    assert line.startswith(f"mass is {MASS + 0.4:g} kg, declared without an uncertainty (no E_n); ")
+    same = dataclasses.replace(result, mass=MASS)
+    assert not any(text.startswith("mass") for text in compare(same, found.reference).findings())
+
+
 def test_repeats_are_without_the_fixture(generator):
     """A tare takes the same off every run: the mean of the runs stays the result."""
     whole = MEAN + [0.1, 0, 0, 0.1, 0, 0.1]

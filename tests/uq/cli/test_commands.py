@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identify.rounding import with_uncertainty
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from uq.cli import main as cli
@@ -307,3 +308,10 @@ def test_xla_tells_no_user_that_it_compiles_slowly(monkeypatch, capsys):
         assert main(["schema", "map"]) == 0
         assert os.environ["TF_CPP_MIN_LOG_LEVEL"] == used
     capsys.readouterr()
+
+
+def test_the_concise_notation_is_an_option_of_every_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("uq.cli.recover.run", lambda arguments: print(with_uncertainty(50000838.2, 31.7)) or 0)
+    for options, printed in (([], "50000838 ± 32"), (["--concise"], "50000838(32)")):
+        assert main(["recover", *options, "a.mcap", "-o", "b.mcap"]) == 0
+        assert capsys.readouterr().out.strip() == printed

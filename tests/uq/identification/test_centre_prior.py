@@ -104,7 +104,9 @@ def test_what_lasts_from_one_series_of_poses_to_the_next_moves_the_whole_result(
 def test_a_centre_that_contradicts_the_experiment_wins_with_a_warning(short, files):
     found = identify_files([files / "whole.mcap"], declare(short), centre=files / "whole.json")
     np.testing.assert_array_equal(found.r_cg, WHOLE.r_cg)
-    assert "body.r_cg_from_q is (0, 0, 53) mm, the static poses say (2, −3, 53) mm" in found.warnings[0]
+    assert (
+        "body.r_cg_from_q is (0.00, 0.00, 53.00) mm, the static poses say (2.00, −3.00, 53.00) mm" in found.warnings[0]
+    )
     assert not any("body.mass" in text for text in found.warnings)  # the same
     other = dataclasses.replace(declare(short), mass=19.8)
     assert "body.mass is 19.8 kg" in " ".join(

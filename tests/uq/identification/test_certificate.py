@@ -3,9 +3,11 @@
 import copy
 import dataclasses
 import json
+import re
 import shutil
 import subprocess
 import tomllib
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from identify.estimators.residual_trace import trace
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rounding import decimals, fixed
+from identify.rounding import concise, decimals, fixed
 from tests.browser import Reader, drawn
 from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
@@ -257,13 +259,30 @@ def test_mass_and_centre_of_gravity_have_intervals_of_their_own(plain):
     assert exact.to_dict()["mass"]["interval95"] is None
 
 
+def test_conformity_stands_in_the_terminal_too(plain):
+    limits = {"specification": "Drawing 4711", "rule": "simple", "limits": {"I11": ["0.3 kg*m^2", "0.4 kg*m^2"]}}
+    shown = repr(Certificate(reported(plain, conformity=limits)))
+    assert "Conformity with Drawing 4711" in shown
+    value, u = 1e3 * plain.inertia[0], 1e3 * plain.standard_uncertainty[0]
+    within = NormalDist(value, u).cdf(400) - NormalDist(value, u).cdf(300)
+    assert re.search(rf"I11 +300 … 400 +conforms +{100 * within:.2f}", shown)
+    assert "Conformity" not in repr(Certificate(plain))
+
+
+def test_in_concise_notation_each_value_has_its_standard_uncertainty(plain):
+    with concise():
+        (row, *_) = Certificate(plain).tables()[0].rows
+    u = 1e3 * plain.standard_uncertainty[0]
+    assert row[1] == f"{1e3 * plain.inertia[0]:.1f}({u:.1f})"
+
+
 def test_delay_and_rotation_have_their_table_where_they_were_estimated(plain):
     delay = Aligned(np.array([2.1e-3]), np.diag([1e-8]), np.array([[1.9e-3, 2.3e-3]]), np.array([0.01]))
     turned = Aligned(np.deg2rad([1.0, -2.0, 0.5]), np.diag(np.deg2rad([0.1] * 3) ** 2),
                      np.deg2rad([[0.8, 1.2], [-2.2, -1.8], [0.3, 0.7]]), np.array([0.1, 0.2, 0.9]))  # fmt: skip
     (found,) = alignment(dataclasses.replace(plain, delay=delay, rotation=turned))
-    assert found.rows[0] == ["delay of the IMU, ms", "2.10", "0.10", "1.90 … 2.30", "1"]
-    assert found.rows[2] == ["rotation vector of the IMU, deg, b2", "−2.00", "0.10", "−2.20 … −1.80", "20"]
+    assert found.rows[0] == ["delay of the IMU, ms", "2.10", "0.10", "1.90 … 2.30", "1.0"]
+    assert found.rows[2] == ["rotation vector of the IMU, deg, b2", "−2.00", "0.10", "−2.20 … −1.80", "20.0"]
     assert alignment(plain) == []
     assert "Alignment of load cell and IMU" in report(dataclasses.replace(plain, delay=delay, rotation=turned))
 

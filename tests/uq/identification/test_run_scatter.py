@@ -25,7 +25,9 @@ def test_false_alarms_come_as_often_as_stated(generator, repeats):
 def test_too_much_and_too_little_are_told_apart():
     verdict = scatter_verdict([1.0, 1, 1, 0.01, 1, 9], np.ones(6), 5)
     np.testing.assert_array_equal(verdict.sign, [0, 0, 0, -1, 0, 1])
-    assert "I22 (0.01 against 1) scatters less and I33 (9 against 1) scatters more than it predicts" in verdict.text
+    assert (
+        "I22 (0.010 against 1.0) scatters less and I33 (9.0 against 1.0) scatters more than it predicts" in verdict.text
+    )
     assert verdict.to_dict()["describes"] is False
     assert "less" in repr(verdict)
     assert scatter_verdict(np.zeros(6), np.ones(6), 3).sign.tolist() == [-1] * 6
@@ -38,7 +40,7 @@ PREDICTED = [0.953, 0.582, 0.671, 0.771, 0.583, 0.945]
 def test_table_1_does_not_describe_the_repeatability_of_the_sources_rig():
     verdict = scatter_verdict(MEASURED, PREDICTED, 5)
     assert not verdict.describes
-    assert "I22 (0.01 against 0.77) scatters less" in verdict.text
+    assert "I22 (0.010 against 0.77) scatters less" in verdict.text
     assert verdict.sign.tolist() == [0, 1, 0, -1, 0, 0]  # I12 more: no noise of Table 1 would have it
 
 

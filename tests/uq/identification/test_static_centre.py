@@ -174,7 +174,7 @@ def test_declared_conventions_and_every_attitude_give_the_same(tmp_path, generat
     found = centre_file(write(tmp_path / "p.csv", columns), experiment(attitude))
     np.testing.assert_allclose(found.values, TRUTH, rtol=1e-9, atol=1e-10)
     if attitude == "acceleration":
-        assert "the accelerometer's offset is (0.2, −0.5, 0.3) m/s², its gain 1.0100" in found.assumptions
+        assert "the accelerometer's offset is (0.200, −0.500, 0.300) m/s², its gain 1.0100" in found.assumptions
     # without a load the cell reads its zero: the offsets in its own sign, axes and about its own point, in SI
     at_point = MOMENT_OFFSET - np.cross([0, 0, -0.03], FORCE_OFFSET)
     expected = -np.concatenate([np.roll(FORCE_OFFSET, 1), np.roll(at_point, 1)])
@@ -198,7 +198,7 @@ def test_centre_json_holds_the_covariance_by_name(tmp_path, generator, capsys):
     assert content["mass"]["value"] == pytest.approx(MASS)
     assert content["cg"]["value"] == pytest.approx(R_CG.tolist())
     assert {"centre.json", "report.html"} <= {file.name for file in out.iterdir()}
-    assert "mass 3.7000" in capsys.readouterr().out
+    assert "mass 3.700 kg" in capsys.readouterr().out
 
 
 def test_the_result_shows_itself(generator):

@@ -113,6 +113,18 @@ def test_each_planted_defect_is_found(tmp_path, name):
     assert {finding.topic for finding in report.findings} <= {"/" + which} | also
 
 
+def test_an_imported_run_is_cured_in_its_map(tmp_path):
+    """It says its units itself, so that [recording] of an experiment could only contradict it."""
+    wrench, imu = clean()
+    turned = DEFECTS["acceleration in g"][2](imu)
+    for name, metadata in (("recorded", {}), ("imported", {"rig.run": {"imported": "{}"}})):
+        runs.write(tmp_path / f"{name}.mcap", wrench=wrench, imu=turned, metadata=metadata)
+    recorded, imported = (str(inspect_run(tmp_path / f"{name}.mcap")) for name in ("recorded", "imported"))
+    assert 'set acceleration_unit = "g" in [recording]' in recorded
+    assert "of the map" not in recorded
+    assert 'set acceleration_unit = "g" in [recording] of the map, on top of what it says, and import' in imported
+
+
 def test_quantised_smooth_peaks_are_not_saturation(tmp_path):
     wrench, imu = clean()
     t = np.arange(len(wrench.stamp)) / RATE

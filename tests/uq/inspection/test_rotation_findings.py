@@ -72,6 +72,10 @@ def test_the_cure_heals_the_tensor(tmp_path, angle):
     spoiled = identify_files([path], Experiment.from_dict(content))
     (finding,) = judged(path, content)
     assert [text for text in spoiled.warnings if "wrench_rotation_to_body" in text]
+    after_it = [text for text in spoiled.warnings if "suspicious" not in text]
+    assert not {verdict.text for verdict in spoiled.consistency} & set(
+        after_it
+    )  # each says that it may be a consequence
     key = "wrench_rotation_to_body"
     content["recording"][key] = told(finding.text, key)
     cured = identify_files([path], Experiment.from_dict(content))

@@ -13,7 +13,7 @@ import uq.report.report_files
 from identify.figure_style import DARK
 from identify.reporting import Drawing, Section
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rounding import with_uncertainty
+from identify.rounding import finest, with_uncertainty
 from tests.browser import Reader, drawn
 from tests.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
@@ -72,9 +72,12 @@ def test_page_holds_every_figure_beside_its_mean_error(result, html):
     for of_trajectory in campaign().breakdowns.values():
         for breakdown in of_trajectory.values():
             for s in [*breakdown.groups.values(), *breakdown.sources.values()]:
+                places = finest(1e3 * breakdown.total.mean_error_standard_error)
                 for k in range(len(COMPONENTS)):
-                    assert with_uncertainty(1e3 * s.mean_error[k], 1e3 * s.mean_error_standard_error[k]) in text
-                    assert with_uncertainty(1e3 * s.three_sigma[k], 1e3 * s.three_sigma_standard_error[k]) in text
+                    mean = 1e3 * s.mean_error[k], 1e3 * s.mean_error_standard_error[k]
+                    three_sigma = 1e3 * s.three_sigma[k], 1e3 * s.three_sigma_standard_error[k]
+                    assert with_uncertainty(*mean, places) in text
+                    assert with_uncertainty(*three_sigma, places) in text
                 dispersions, means = dispersions + 1, means + 1
     totals = 8
     assert text.count("3σ") == dispersions + totals

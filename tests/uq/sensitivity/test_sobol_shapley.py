@@ -281,7 +281,7 @@ def test_a_table_shows_every_input_with_its_standard_error():
     assert all("±" in cell for row in rows[:3] for cell in row[1:])
     assert "closure" in repr(result)
     assert "closure" in result._repr_html_()
-    assert rows[3][3] == "1"
+    assert rows[3][3] == "1.000"
 
 
 def test_failed_trials_are_counted_and_left_out():
