@@ -17,6 +17,7 @@ class Sample(NamedTuple):
         flagged: the device says that this sample is out of range or invalid.
         end: number of bytes of the stream up to the end of the sample's frame.
         number: the number of the sample, missing ones counted: by the counter where the device has one.
+        gap: how many samples are missing before it by the device's clock, where it has no counter.
     """
 
     values: tuple[float, ...]
@@ -25,6 +26,7 @@ class Sample(NamedTuple):
     flagged: bool = False
     end: int = 0
     number: int = 0
+    gap: int = 0
 
 
 @dataclass
@@ -163,14 +165,14 @@ class Parser(ABC):
                 number = counter - self._without_sample
                 samples.append(sample._replace(end=self._done, number=number, counter=counter))
                 continue
-            if sample.time is not None and self._period:
-                self._count_missing(sample.time)
-            samples.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1))
+            gap = self._gap(sample.time) if sample.time is not None and self._period else 0
+            counts.missing += gap
+            samples.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1, gap=gap))
 
-    def _count_missing(self, time: int) -> None:
-        if self._time is not None:
-            self.counts.missing += max(0, round((time - self._time) / self._period) - 1)
-        self._time = time
+    def _gap(self, time: int) -> int:
+        """Samples that are missing since the one before, by the device's clock."""
+        before, self._time = self._time, time
+        return 0 if before is None else max(0, round((time - before) / self._period) - 1)
 
     def pass_over(self, raw: int) -> None:
         """Take the counter of a message that carries no sample: it is counted, and none is missing."""

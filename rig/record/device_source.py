@@ -1,7 +1,7 @@
 """One device of a running recording: from queued bytes to stamped samples in the body frame, and how it fares."""
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 from rig.devices.conversation import Identity
@@ -48,16 +48,17 @@ class DeviceSource:
         """Restart the counts here; the fit of the clocks goes on."""
         self.parser.begin()
         self._last_sample, self._bytes_since, self._before = now, 0, 0
+        self._jumped_over = 0  # samples that only a jump of the clock makes seem missing
 
     def _fresh(self) -> None:
         self.parser = self.entry.device.parser()
         self.clock = ClockTracker()
-        self._jumped = 0
+        self._jumped, self._after_jump, self._jumped_over = 0, False, 0
 
     @property
     def counts(self) -> Counts:
         """All counts since the start, over reconnections."""
-        now = self.parser.counts
+        now = replace(self.parser.counts, missing=self.parser.counts.missing - self._jumped_over)
         return Counts(**{f.name: getattr(self._past, f.name) + getattr(now, f.name) for f in fields(Counts)})
 
     def take(self, event: Event) -> Iterator[Measurement]:
@@ -92,8 +93,11 @@ class DeviceSource:
 
     def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
         arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
+        jumps = self.clock_jumps
         stamp = arrived if sample.time is None else self._stamp(sample.time, arrived)
-        number = sample.number if sample.counter is not None else sample.number + self._before
+        self._jumped_over += sample.gap * (self._after_jump or self.clock_jumps > jumps)
+        self._after_jump = self.clock_jumps > jumps
+        number = sample.number if sample.counter is not None else sample.number + self._before - self._jumped_over
         return Measurement(arrival, stamp, number, sample.values if self._plain else self._turn(sample.values))
 
     def _stamp(self, device: int, arrived: int) -> int:
