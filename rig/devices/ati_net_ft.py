@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
 from rig.devices.conversation import Conversation, Identity, Inquire, ask
-from rig.devices.parser import Counts, Parser, Sample, Unwrapper
+from rig.devices.parser import Parser, Sample, Unwrapper
 from rig.exceptions import RigError, quoted
 
 RECORD, REQUEST = struct.Struct(">3I6i"), struct.Struct(">HHI")
@@ -73,16 +73,18 @@ class AtiParser(Parser):
         self._force, self._torque, self._tick = force, torque, tick
         self._clock, self._sequence = Unwrapper(2**32), Unwrapper(2**32)
         self._place: int | None = None  # the sequence number that is due
-        self._last = 0  # the largest that came
+        self._first = self._last = 0  # the number that counting began with, and the largest that came
         self._waiting: dict[int, Sample] = {}
         self._gaps: deque[range] = deque(maxlen=1000)
-        self._behind = 0
+        self._behind = 0  # datagrams in a row from before the place, and how many of them count as repeated
+        self._twice = 0
 
     def begin(self) -> None:
-        """Restart the counts here."""
+        """Restart the counts here; a datagram from before that comes later counts for nothing."""
         super().begin()
         self._place = None
         self._waiting.clear()
+        self._gaps.clear()
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
         """36: UDP has verified the datagram."""
@@ -118,34 +120,36 @@ class AtiParser(Parser):
         (sample,) = self.samples(frame)
         number = sample.counter or 0
         if self._place is None:
-            self._place, self._last = number, number - 1
+            self._place, self._first, self._last = number, number, number - 1
         if number <= self._last:
-            self._late(number, counts)
+            self._late(number, samples)
         self._last = max(self._last, number)
         if number < self._place or number in self._waiting:
             return
-        self._behind = 0
+        self._behind = self._twice = 0
         self._waiting[number] = sample._replace(end=self._done, number=number)
         self._release(samples)
         while self._last - self._place >= DEPTH and self._waiting:
             self._pass_gap(samples)
 
-    def _late(self, number: int, counts: Counts) -> None:
+    def _late(self, number: int, samples: list[Sample]) -> None:
         """Count a datagram from before the last; many in a row say that the sensor has started its stream anew."""
         assert self._place is not None  # noqa: S101
-        missed = any(number in gap for gap in self._gaps)
+        counts, missed = self.counts, any(number in gap for gap in self._gaps)
         if number in self._waiting or (number < self._place and not missed):
-            counts.repeated += 1
+            counts.repeated += number >= self._first
+            self._twice += number >= self._first
             self._behind += 1
         else:
             counts.reordered += 1
         if self._behind >= RESTART:
+            while self._waiting:
+                self._pass_gap(samples)
             counts.resynchronisations += 1
-            counts.repeated -= self._behind
+            counts.repeated -= self._twice
             counts.missing += self._behind - 1
-            self._place = self._last = number
+            self._place = self._first = self._last = number
             self._gaps.clear()
-            self._waiting.clear()
 
     def _release(self, samples: list[Sample]) -> None:
         assert self._place is not None  # noqa: S101

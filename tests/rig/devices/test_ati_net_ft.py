@@ -147,6 +147,19 @@ def test_a_datagram_that_comes_twice_is_one_sample():
     assert (counts.missing, counts.reordered, counts.repeated) == (0, 1, 2)
 
 
+def test_a_datagram_from_before_the_beginning_counts_for_nothing():
+    """Number 3 was overtaken by 4, with which a recording begins."""
+    receiver = parser()
+    samples = []
+    for n in (1, 2, 4, 3, 5):
+        if n == 4:
+            receiver.begin()
+        samples += receiver.feed(ati_net_ft.encode(n, 7 * n, (0,) * 6))
+    counts = receiver.counts
+    assert [sample.number for sample in samples] == [1, 2, 4, 5]
+    assert (counts.samples, counts.missing, counts.reordered, counts.repeated) == (2, 0, 0, 0)
+
+
 def test_a_stream_that_was_started_anew_is_followed():
     numbers, counts = send([*range(1000, 1100), *range(1, 60)])
     assert numbers[:100] == list(range(1000, 1100))

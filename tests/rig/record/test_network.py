@@ -81,7 +81,7 @@ def test_a_sensor_that_was_restarted_is_found_again(folder):
         time.sleep(0.3)
         emulators.command("unplug cell")
         emulators.command("plug cell")
-        time.sleep(port.QUIET + 1.0)
+        time.sleep(port.QUIET + 2.0)
         status, summary, messages = recording.stop()
     assert (status, summary["devices"]["cell"]["reconnects"]) == (1, 1)
     assert "lost, waiting for it to come back" in messages
@@ -262,7 +262,7 @@ def test_a_robot_that_hangs_up_is_found_again(arm):
         emulators.command("unplug robot")
         time.sleep(0.4)
         emulators.command("plug robot")
-        time.sleep(0.9)
+        time.sleep(1.5)
         status, summary, messages = recording.stop()
     assert (status, summary["devices"]["robot"]["reconnects"]) == (1, 1)
     assert "robot: samples again after" in messages
