@@ -35,8 +35,8 @@ from uq.bodies.drawing import (
     Vector,
     drawing,
 )  # fmt: skip
-from uq.experiment.rotation_key import ROTATION
 from uq.files.document import ExperimentError, in_file, read_document
+from uq.files.rotation_key import ROTATION
 from uq.files.schema import declared_table
 from uq.sources.distributions import Distribution
 from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector

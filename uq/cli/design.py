@@ -1,6 +1,7 @@
 """``inertia design``: the best trajectory that a platform can run, and what a platform really ran."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from rig.exceptions import quoted
@@ -76,7 +77,12 @@ def run(arguments: argparse.Namespace) -> int:
     experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
         if arguments.achieved is not None:
+            if experiment.arm is not None:
+                raise ExperimentError("--achieved looks at runs of a platform on six legs, not of an arm")
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
+            return 0
+        if experiment.arm is not None:
+            _design_arm(arguments, experiment, duration, out)
             return 0
         with TerminalBar(unit="steps", lines=True) as bar, shares_named(experiment, out):
             given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
@@ -89,6 +95,25 @@ def run(arguments: argparse.Namespace) -> int:
             more.append(plan_poses(experiment, designed.spec, designed.limits, count=count, seed=given.get("seed", 0)))
         finish(report, out, *more)
     return 0
+
+
+def _design_arm(
+    arguments: argparse.Namespace, experiment: Experiment, duration: float | None, out: Path | None
+) -> None:
+    """Design the joint motion of an arm."""
+    from uq.arm.arm_design import design_arm
+    from uq.arm.arm_report import arm_report
+
+    for name in ("objective", "reference", "target", "poses", "rehearsal_amplitude"):
+        if getattr(arguments, name) is not None:
+            raise ExperimentError(
+                f"--{name.replace('_', '-')} is for a platform on six legs, not for an arm: remove it"
+            )
+    given = {name: value for name in ("goal", "starts", "seed") if (value := getattr(arguments, name)) is not None}
+    given |= {} if duration is None else {"duration": duration}
+    with TerminalBar(unit="steps", lines=True) as bar:
+        designed = design_arm(experiment, progress=bar, **given)
+    finish(arm_report(designed, rehearsal=arguments.rehearsal), out)
 
 
 def _check(arguments: argparse.Namespace) -> None:

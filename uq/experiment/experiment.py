@@ -25,6 +25,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table
 from rig.exceptions import choose, listed, quoted
 from uq.experiment import experiment_tables
+from uq.experiment.arm_table import DeclaredArm
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
 from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
@@ -73,6 +74,8 @@ class Experiment(Shown):
     """The platform's six legs; None: not stated."""
     limits: DeclaredLimits | None = None
     """What the rig can do; None: not stated."""
+    arm: DeclaredArm | None = None
+    """The robot arm that carries the body; None: another platform."""
     document: Mapping[str, Any] = field(default_factory=dict)
     """The file's content, for the provenance of results."""
     folder: Path = Path(".")
@@ -143,8 +146,8 @@ class Experiment(Shown):
             np.zeros(3) if platform.r_cg_from_omb is None else platform.r_cg_from_omb,
             {name: table.spec(name, folder) for name, table in file.trajectory.items()},
             tuple(table.spec for table in file.estimator), sources, mixing, recording, file.poses, platform.legs,
-            None if platform.limits is None else platform.limits.limits, document, folder, report=report,
-            not_included=file.not_included, **stated,
+            None if platform.limits is None else platform.limits.limits, platform.arm(folder), document, folder,
+            report=report, not_included=file.not_included, **stated,
         )  # fmt: skip
 
     @property

@@ -16,6 +16,7 @@ from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.inertia import Body
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
+from uq.experiment.arm_table import ArmKeys
 from uq.files.schema import Axes, Component, declared_table, in_unit, interval, vector, vector_schema
 
 Geometry = Literal["assumed-source-size", "linuxcnc-genhexkins", "simscape-demonstration"]
@@ -147,6 +148,10 @@ class GeometryTable(TomlTable, frozen=True, kw_only=True):
         return Platform(self.base, self.joints, self.home, self.plate.body, self.cylinder.rod, self.rod.rod)
 
 
+OF_LEGS = ("length", "speed", "acceleration", "force", "joint_angle", "needs_of")
+"""Limits that an arm has not."""
+
+
 class LimitsTable(TomlTable, frozen=True, kw_only=True):
     """``[platform.limits]``: what the rig can do; missing: no limit."""
 
@@ -184,9 +189,11 @@ class LimitsTable(TomlTable, frozen=True, kw_only=True):
         return DeclaredLimits(figures, self.needs_of)
 
 
-class PlatformTable(TomlTable, frozen=True, kw_only=True):
+class PlatformTable(ArmKeys, frozen=True, kw_only=True):
     """``[platform]``: what carries the body."""
 
+    kind: Literal["legs", "arm"] = "legs"
+    """Six legs, or a robot arm."""
     gravity: Annotated[float, in_unit("m/s^2", above=0)] | Place = STANDARD_GRAVITY
     """Local gravity: its value, or the latitude and height of the place; missing: standard gravity."""
     r_cg_from_omb: Annotated[np.ndarray, vector("m")] | None = None
@@ -195,6 +202,19 @@ class PlatformTable(TomlTable, frozen=True, kw_only=True):
     """The platform's six legs: the name of a platform of the package, or a description."""
     limits: LimitsTable | None = None
     """What the rig can do."""
+
+    def __post_init__(self) -> None:
+        """Refuse the keys of an arm for legs, and those of legs for an arm."""
+        self.check_arm(self.kind == "arm")
+        if self.kind == "arm":
+            for key in ("geometry", "r_cg_from_omb"):
+                if getattr(self, key) is not None:
+                    raise WrongKeyError(key, "remove it", "is of a platform on six legs, and an arm has none")
+            stated = {} if self.limits is None else self.limits.to_dict()
+            free = LimitsTable().to_dict()
+            for key in OF_LEGS:
+                if key in stated and stated[key] != free[key]:
+                    raise WrongKeyError("limits", "state those of joints in [[platform.joint]]", f"has {key} of legs")
 
     @property
     def local_gravity(self) -> float:

@@ -16,7 +16,7 @@ from identify.choices import CgMotion
 from identify.joint.alignment_prior import Alignment
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written
-from uq.experiment.rotation_key import ROTATION
+from uq.files.rotation_key import ROTATION
 from uq.files.schema import Axes, in_unit, matrix, vector
 from uq.files.units import scale
 

@@ -7,7 +7,7 @@ import numpy as np
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.rounding import common
 from rig.toml_tables import TomlTable, WrongKeyError
-from uq.experiment.rotation_key import ROTATION
+from uq.files.rotation_key import ROTATION
 from uq.files.schema import Axes, Component, in_unit
 
 Metre = Annotated[float, in_unit("m")]

@@ -1,9 +1,5 @@
 """How fast a link of a robot turns, from its joints: a URDF through the optional package Pinocchio."""
 
-import contextlib
-import os
-import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from identify.signals.run import RunError
-from rig.exceptions import RigError, listed, on_one_line, quoted, reason
+from rig.exceptions import listed, quoted
 from uq.experiment.recording_table import Recording
 from uq.files.document import ExperimentError
+from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
 
 
 @dataclass(frozen=True)
@@ -48,13 +45,8 @@ class Chain:
                 f"{topic} holds joint states: declare the robot by recording.urdf and recording.urdf_frame, "
                 "or name another recording.motion_topic"
             )
-        model = _model(declared.urdf)
-        if not model.existFrame(declared.urdf_frame):
-            frames = listed(frame.name for frame in model.frames if frame.name != "universe")
-            raise ExperimentError(
-                f"unknown frame {quoted(declared.urdf_frame)} at recording.urdf_frame: {declared.urdf} has {frames}"
-            )
-        frame = model.getFrameId(declared.urdf_frame)
+        model = urdf_model(declared.urdf, "recording.urdf", "joint states")
+        frame = frame_number(model, declared.urdf_frame, declared.urdf, "recording.urdf_frame")
         moving = [number for number in model.supports[model.frames[frame].parentJoint] if number > 0]
         for number in moving:
             if model.names[number] not in names:
@@ -64,11 +56,7 @@ class Chain:
                 )
             if model.joints[number].nv != 1:
                 raise RunError(f"joint {quoted(model.names[number])} of {Path(declared.urdf).name} has several axes")
-            if not _has_direction(model.joints[number]):
-                raise ExperimentError(
-                    f"no direction in the axis of joint {quoted(model.names[number])} of {Path(declared.urdf).name}: "
-                    'correct it, such as xyz="0 0 1"'
-                )
+            joint_axis(model, number, declared.urdf)
         return cls(
             model, model.createData(), frame, tuple((number, names.index(model.names[number])) for number in moving)
         )
@@ -99,48 +87,3 @@ class Chain:
         step = max(len(position) // 200, 1)
         squares = [self.jacobian(at) ** 2 @ of_joints**2 for at in position[::step]]
         return np.sqrt(np.mean(squares, axis=0))
-
-
-def _has_direction(joint: Any) -> bool:
-    """Whether the axis of a joint is a unit vector: of zeros or of huge numbers, the library makes none."""
-    data = joint.createData()
-    joint.calc(data, np.array([1.0, 0.0][: joint.nq]), np.zeros(1))
-    return abs(float(np.linalg.norm(data.S)) - 1.0) < 1e-9
-
-
-def _model(urdf: str) -> Any:
-    try:
-        import pinocchio
-    except ImportError:
-        raise RigError("joint states need Pinocchio: `pip install inertia-uq[urdf]` installs it") from None
-    if not Path(urdf).is_file():
-        raise ExperimentError(f"no file {urdf} at recording.urdf: give its path from the experiment's folder")
-    try:
-        with _silence():
-            model = pinocchio.buildModelFromXML(Path(urdf).read_bytes().decode())
-        _ = list(model.names), [frame.name for frame in model.frames]
-    except (ValueError, RuntimeError) as error:
-        first = on_one_line(str(error).strip().partition("\n")[0]) or "it cannot be parsed"
-        raise ExperimentError(
-            f"no URDF {urdf} at recording.urdf ({reason(first)}): give a robot's description"
-        ) from None
-    return model
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Keep what a C++ library writes from standard error: what it raises is said."""
-    sys.stderr.flush()
-    try:
-        before = os.dup(2)
-    except OSError:  # it is closed
-        yield
-        return
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 2)
-    os.close(nothing)
-    try:
-        yield
-    finally:
-        os.dup2(before, 2)
-        os.close(before)

@@ -1,0 +1,150 @@
+"""The best joint motion of an arm: designed, beside a D-optimal one and what common practice reaches."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from identify.motion.optimiser import minimise
+from rig.exceptions import listed, quoted
+from uq.arm.arm import Arm
+from uq.arm.arm_limits import ArmLimits
+from uq.arm.clearance import Clearance
+from uq.arm.common_practice import random_series, single_joints
+from uq.arm.joint_search import Candidate, Goal, JointSearch
+from uq.arm.predicted_payload import Noise, declared_noise
+from uq.excitation.design_goal import GOALS, goal_of
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+
+DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
+"""Of the run, of its repeats and of starting and stopping, at least [s]; and how many random series are tried."""
+DETERMINANT = "determinant"
+"""The goal of a D-optimal design: the least determinant of the covariance of all ten parameters."""
+ARM_GOALS = (*GOALS, DETERMINANT)
+FULL, FINER_SEARCHES = 0.99, (2,)
+"""Size from which a motion counts as met by its limits, and how many times finer it is searched again if it is not."""
+POLISH, HEAVY = 3, 1e4
+"""Rounds of that, and its first penalty."""
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDesign:
+    """A designed joint motion and what stands beside it."""
+
+    experiment: Experiment
+    limits: ArmLimits
+    noise: Noise
+    goal: str
+    motions: dict[str, Candidate]
+    """``designed``; ``random``, the best of several random Fourier series; ``single``, one joint at a time."""
+    duration: float
+    starts: tuple[tuple[float, float], ...]
+    """Of each start: the goal against the best random series, and the largest excess over a limit."""
+
+    @property
+    def designed(self) -> Candidate:
+        """The motion."""
+        return self.motions["designed"]
+
+
+def design_arm(
+    experiment: Experiment,
+    *,
+    goal: str = "all",
+    duration: float = DURATION,
+    starts: int = 3,
+    seed: int = 0,
+    period: float = PERIOD,
+    ramp: float = RAMP,
+    rounds: int = 10,
+    steps: int = 80,
+    random: int = RANDOM,
+    progress: Progress | None = None,
+) -> ArmDesign:
+    """Find the joint motion of least predicted uncertainty that an arm can run, from and to rest at home.
+
+    A constant departure from home and the harmonics of a period up to the bandwidth, all joints at once, with the
+    sensor's offsets estimated along; minimised over the amplitudes under all limits at every instant, from random
+    series.
+
+    Args:
+        experiment: body, sources, ``[platform] kind = "arm"`` and ``[platform.limits] bandwidth``.
+        goal: ``all`` (averages of moments and of products, each against the best random series'), ``moments``,
+            ``products``, ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments), or ``determinant``
+            (D-optimal: of all ten parameters).
+        duration: of the run [s].
+        starts: random series to start from.
+        seed: of the starts.
+        period: that the motion repeats [s].
+        ramp: least time to start and to stop [s].
+        rounds: of the minimisation from each start.
+        steps: in each round, at most.
+        random: series of common practice of which the best is the reference.
+        progress: called with what is being done, the steps done and the steps in all.
+
+    Raises:
+        ExperimentError: no arm, no noise, a limit that is missing or cannot be met, a goal or number that cannot be.
+        RigError: Pinocchio is not installed.
+    """
+    _check(goal, starts, random, duration, period, ramp)
+    tell = progress or (lambda *_: None)
+    arm = Arm.of(experiment)
+    noise = declared_noise(experiment, arm.declared.rate)
+    tell("common practice", 0, 1)
+    limits = ArmLimits(experiment, arm, Clearance.of(arm))
+    search = JointSearch(limits, noise, duration=duration, period=period, ramp=ramp)
+    reference = random_series(search, random, seed)
+    single = single_joints(limits, noise, duration, ramp)
+    measure = goal_function(goal, experiment, reference.covariance)
+    lagrangian, ends = search.lagrangian(measure), []
+    for number in range(starts):
+        of_all = lambda done, *_, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
+        first = search.start(1000 * seed + number)
+        ends.append(minimise(lagrangian, first, rounds=rounds, steps=steps, progress=of_all))
+    best = min(ends, key=lambda end: end.goal + 10 * max(end.excess - 0.01, 0.0))
+    designed = polished(search, measure, best.unknowns, steps, tell)
+    return ArmDesign(
+        experiment, limits, noise, goal, {"designed": designed, "random": reference, "single": single}, duration,
+        tuple((float(np.exp(end.goal)), end.excess) for end in ends),
+    )  # fmt: skip
+
+
+def polished(search: JointSearch, measure: Goal, unknowns: np.ndarray, steps: int, tell: Progress) -> Candidate:
+    """Return the motion that a search ended with, minimised again on finer grids where its limits cost it its size."""
+    candidate, size = search.settled(unknowns)
+    for number, times in enumerate(FINER_SEARCHES):
+        tell("limits", number, len(FINER_SEARCHES))
+        if size > FULL:
+            break
+        again = search.finer(times)
+        end = minimise(again.lagrangian(measure), unknowns, rounds=POLISH, steps=steps, penalty=HEAVY)
+        better, size = again.settled(end.unknowns)
+        unknowns = end.unknowns
+        candidate = min(candidate, better, key=lambda each: float(measure(jnp.asarray(each.covariance))))
+    return candidate
+
+
+def goal_function(goal: str, experiment: Experiment, reference: Float[np.ndarray, "10 10"]) -> Goal:
+    """Return what is to be small of the covariance of the ten parameters: 1 at the reference's."""
+    if goal == DETERMINANT:
+        base = np.linalg.slogdet(reference)[1]
+        return lambda covariance: jnp.exp((jnp.linalg.slogdet(covariance)[1] - base) / 20)
+    still = jnp.zeros(6)
+    measure = goal_of(goal, np.asarray(experiment.body.inertia), reference[4:, 4:], np.zeros(6), "3sigma")
+
+    return lambda covariance: measure(jnp.asarray(covariance)[4:, 4:], still)
+
+
+def _check(goal: str, starts: int, random: int, duration: float, period: float, ramp: float) -> None:
+    if goal not in ARM_GOALS:
+        raise ExperimentError(f"unknown goal {quoted(goal)}: choose one of {listed(ARM_GOALS)}")
+    for name, count in (("starts", starts), ("random series", random)):
+        if count < 1:
+            raise ExperimentError(f"{count} {name}: ask for one at least")
+    for name, value in (("duration", duration), ("period", period), ("ramp", ramp)):
+        if not 0 < value < np.inf:
+            raise ExperimentError(f"a {name} of {value:g} s: give seconds above zero")

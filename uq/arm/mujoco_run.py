@@ -1,0 +1,158 @@
+"""A joint motion simulated in MuJoCo before anything moves: limits, tracking and contacts of the arm of the URDF.
+
+MuJoCo reads the URDF itself. The arm's controller computes the torque of arm and payload, which it takes to be lighter
+than it is, with a proportional and derivative action on the error, and cuts it at the limits: joints track with error.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identify.rigid_body.inertia import Body, unpack
+from identify.serial_arm.joint_series import JointSeries, JointStates
+from rig.exceptions import RigError
+from uq.arm.arm import Arm
+from uq.arm.arm_limits import JointPeak
+from uq.files.document import ExperimentError
+
+SERVO = 2 * np.pi * 12.0
+"""Angular frequency of the controller's error [rad/s], which is damped critically."""
+ASSUMED = 0.8
+"""Part of the payload's mass and tensor that the controller reckons with."""
+STEPS = 2
+"""Of the simulation in a period of the command."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRun:
+    """What MuJoCo's arm did, at the rate of the command."""
+
+    t: np.ndarray
+    joints: JointStates
+    effort: np.ndarray
+    """That the drives exerted, (t, n)."""
+    wrench: np.ndarray
+    """Force and moment on the payload about Q, in B, (t, 6)."""
+    tracking_error: np.ndarray
+    """Largest distance of each joint from its command, (n,) [rad or m]."""
+    peaks: tuple[JointPeak, ...]
+    """Each limit's largest use by what was simulated, largest first."""
+    contacts: tuple[str, ...]
+    """Which links touched, and when first."""
+
+
+def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> SimulatedRun:
+    """Run a motion in MuJoCo.
+
+    Args:
+        arm: with its URDF, rate and limits.
+        body: the payload.
+        gravity: local gravity [m/s²].
+        series: the motion.
+
+    Raises:
+        ExperimentError: MuJoCo cannot read the URDF.
+        RigError: MuJoCo is not installed.
+    """
+    assumed = Body(np.asarray(ASSUMED * body.mass), body.r_cg_from_q, np.asarray(ASSUMED * body.inertia))
+    loaded, reckoned = loaded_model(arm, body, gravity), loaded_model(arm, assumed, gravity)
+    order = [loaded.joint(name).dofadr[0] for name in arm.names]
+    mujoco, rate = _mujoco(), STEPS * arm.declared.rate
+    t = np.arange(round(series.duration * rate) + 1) / rate
+    loaded.opt.timestep = 1 / rate
+    command = JointStates(*map(np.asarray, series.states(t)))
+    data, plant = mujoco.MjData(loaded), mujoco.MjData(reckoned)
+    data.qpos[order] = command.position[0]
+    rows, contacts = [], dict[str, float]()
+    for k, (position, speed, acceleration) in enumerate(zip(*command, strict=True)):
+        error, slip = position - data.qpos[order], speed - data.qvel[order]
+        plant.qpos[:], plant.qvel[:] = data.qpos, data.qvel
+        plant.qacc[order] = acceleration + 2 * SERVO * slip + SERVO**2 * error
+        mujoco.mj_inverse(reckoned, plant)
+        effort = np.clip(plant.qfrc_inverse[order], -arm.effort, arm.effort)
+        data.qfrc_applied[order] = effort
+        mujoco.mj_forward(loaded, data)
+        if k % STEPS == 0:
+            rows.append(np.concatenate([data.qpos[order], data.qvel[order], data.qacc[order], effort, data.sensordata]))
+        for pair in _touching(loaded, data):
+            contacts.setdefault(pair, t[k])
+        mujoco.mj_step(loaded, data)
+    done = np.array(rows)
+    q, qd, qdd, efforts, read = np.split(done, np.cumsum([arm.count] * 4), axis=1)
+    joints, at = JointStates(q, qd, qdd), t[::STEPS]
+    error = np.abs(q - command.position[::STEPS]).max(axis=0)
+    touched = tuple(f"{pair} touch at {when:.3f} s" for pair, when in contacts.items())
+    peaks = sorted(_peaks(arm, at, joints, efforts), key=lambda peak: -peak.share)
+    return SimulatedRun(at, joints, efforts, read, error, tuple(peaks), touched)
+
+
+def _mujoco() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise RigError("the simulation of an arm needs MuJoCo: `pip install inertia-uq[arm]` installs it") from None
+    return mujoco
+
+
+def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
+    """Return MuJoCo's model of the arm of the URDF, with a payload and the wrist's sensors at Q.
+
+    Raises:
+        ExperimentError: MuJoCo cannot read the URDF.
+        RigError: MuJoCo is not installed.
+    """
+    mujoco = _mujoco()
+    try:
+        spec = mujoco.MjSpec.from_file(arm.declared.urdf)
+    except ValueError as error:
+        raise ExperimentError(
+            f"MuJoCo cannot read {Path(arm.declared.urdf).name} ({str(error).strip().splitlines()[0][:80]})"
+        ) from None
+    spec.option.gravity = [0, 0, -gravity]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for geom in spec.geoms:
+        geom.density = geom.mass = 0.0  # masses are those that the URDF states
+    first = spec.worldbody.first_body().name
+    spec.add_exclude(bodyname1="world", bodyname2=first)  # which a joint connects
+    last = next(joint.parent for joint in spec.joints if joint.name == arm.names[-1])
+    turn, quaternion = np.asarray(arm.chain.tool_rotation), np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, turn.ravel())
+    if arm.declared.floor is not None:
+        floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1])
+        floor.pos, floor.name = [0, 0, arm.declared.floor], "the floor"
+    load = last.add_body(name="payload", pos=arm.chain.tool_position, quat=quaternion)
+    load.explicitinertial = True
+    load.mass, load.ipos = float(body.mass), np.asarray(body.r_cg_from_q)
+    tensor = np.asarray(unpack(np.asarray(body.inertia)))
+    load.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    load.add_site(name="Q")
+    for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
+        spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="Q")
+    return spec.compile()
+
+
+def _touching(model: Any, data: Any) -> Iterator[str]:
+    """Pairs of bodies in contact, but for those of the fixed base with the floor."""
+    for k in range(data.ncon):
+        geoms = data.contact[k].geom
+        bodies = [int(model.geom_bodyid[g]) for g in geoms]
+        if max(bodies) > 1:
+            yield " and ".join(model.body(b).name or "the base" for b in bodies)
+
+
+def _peaks(arm: Arm, t: np.ndarray, joints: JointStates, effort: np.ndarray) -> Iterator[JointPeak]:
+    low, high = arm.position.T
+    endless = np.isinf(high)
+    middle = np.where(endless, 0.0, (low + np.where(endless, 0.0, high)) / 2)
+    shares = {
+        "position": np.abs(joints.position - middle) / np.where(endless, np.inf, (high - low) / 2),
+        "speed": np.abs(joints.speed) / arm.speed,
+        "acceleration": np.abs(joints.acceleration) / arm.acceleration,
+        "effort": np.abs(effort) / arm.effort,
+    }
+    for name, share in shares.items():
+        instant, k = np.unravel_index(int(np.argmax(share)), share.shape)
+        yield JointPeak(name, float(share[instant, k]), arm.names[k], float(t[instant]))

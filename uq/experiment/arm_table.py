@@ -1,0 +1,125 @@
+"""The keys of ``[platform]`` that describe a robot arm of revolute and prismatic joints."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from rig.exceptions import quoted
+from rig.toml_tables import Name, TomlTable, WrongKeyError, read_value, written
+from uq.files.schema import in_unit, quantity_schema
+from uq.files.units import UnitError, quantity
+
+
+class Written(NamedTuple):
+    """A value of a joint, which turns or slides."""
+
+    value: float
+    """In SI."""
+    unit: str
+    """rad, m or what is made of them."""
+
+
+def of_joint(turning: str, sliding: str, *, positive: bool = False) -> msgspec.Meta:
+    """Return the annotation of a value of a joint: in one unit if it turns, in the other if it slides."""
+
+    def read(_: str, raw: Any) -> Written:
+        for unit in (turning, sliding):
+            try:
+                value = quantity(raw, unit)
+            except UnitError:
+                continue
+            if positive and value <= 0:
+                raise ValueError(f"is {quoted(raw)}: write a value above zero")
+            return Written(value, unit)
+        raise ValueError(f'is {quoted(raw)}: write a value with its unit, such as "1 {turning}", or "1 {sliding}"')
+
+    return written(read, {"anyOf": [quantity_schema(turning), quantity_schema(sliding)]})
+
+
+def _range(path: str, raw: Any) -> tuple[Written, Written]:
+    low, high = read_value(path, raw, tuple[Position, Position])
+    if low.unit != high.unit or low.value >= high.value:
+        raise ValueError(f"is {quoted(raw)}: write the lower limit first, both in units of one kind")
+    return low, high
+
+
+Position = Annotated[Written, of_joint("rad", "m")]
+RANGE = {"type": "array", "items": {"anyOf": [quantity_schema("rad"), quantity_schema("m")]}, "minItems": 2}
+
+
+class JointTable(TomlTable, frozen=True, kw_only=True):
+    """``[[platform.joint]]``: what a joint of an arm may do; where nothing is stated, what the URDF says."""
+
+    name: Name | None = None
+    """Of the joint in the URDF; missing: every joint that no other table names."""
+    position: Annotated[tuple[Written, Written], written(_range, {**RANGE, "maxItems": 2})] | None = None
+    """Lowest and highest position."""
+    speed: Annotated[Written, of_joint("rad/s", "m/s", positive=True)] | None = None
+    """Largest speed, either way."""
+    acceleration: Annotated[Written, of_joint("rad/s^2", "m/s^2", positive=True)] | None = None
+    """Largest acceleration, either way, which no URDF states."""
+    effort: Annotated[Written, of_joint("N*m", "N", positive=True)] | None = None
+    """Largest torque, or force of a joint that slides, either way."""
+
+
+@dataclass(frozen=True)
+class DeclaredArm:
+    """A robot arm as declared; its URDF is not yet read."""
+
+    urdf: str
+    """Path of its description."""
+    tool: str
+    """The frame that is the load cell's."""
+    home: tuple[Written, ...]
+    """Where motions start and end; empty: every joint at zero."""
+    rate: float
+    """Of commands and of the sensors' samples [Hz]."""
+    clearance: float
+    """Least distance of its links from each other [m]."""
+    floor: float | None
+    """Height above the base that nothing falls below [m]; None: there is no floor."""
+    joints: tuple[JointTable, ...]
+
+
+class ArmKeys(TomlTable, frozen=True, kw_only=True):
+    """The keys of an arm."""
+
+    urdf: str | None = None
+    """An arm's description, a URDF beside the experiment; its links' collision shapes are what must not touch."""
+    tool: Name | None = None
+    """The frame of the URDF that is the load cell's: its origin is Q, its axes are those of B."""
+    home: tuple[Position, ...] = ()
+    """Where an arm's motion starts and ends: the position of each joint from base to tool; missing: all at zero."""
+    rate: Annotated[float, in_unit("Hz", above=0, most=1e5)] = 500.0
+    """Of an arm's commands, and of its sensors' samples."""
+    clearance: Annotated[float, in_unit("m", least=0)] = 0.02
+    """Least distance between an arm's links that no joint connects."""
+    floor: Annotated[float, in_unit("m")] | None = None
+    """Height from an arm's base that its links keep the clearance from; missing: there is no floor."""
+    joint: tuple[JointTable, ...] = ()
+    """Limits of an arm's joints beside those of its URDF."""
+
+    def arm(self, folder: Path) -> DeclaredArm | None:
+        """Return the arm, its URDF in a folder; None: another platform."""
+        if self.urdf is None or self.tool is None:
+            return None
+        path = str(folder / self.urdf)
+        return DeclaredArm(path, self.tool, self.home, self.rate, self.clearance, self.floor, self.joint)
+
+    def check_arm(self, is_arm: bool) -> None:
+        """Refuse an arm without its keys, and the keys of an arm elsewhere."""
+        if is_arm:
+            for key in ("urdf", "tool"):
+                if getattr(self, key) is None:
+                    raise WrongKeyError(key, "an arm needs it")
+            names = [joint.name for joint in self.joint]
+            if twice := next((name for name in names if names.count(name) > 1), None):
+                raise WrongKeyError("joint", "write one table each", f"names {quoted(twice)} twice")
+            return
+        defaults = ArmKeys()
+        for key in ArmKeys.__struct_fields__:
+            if not np.array_equal(getattr(self, key), getattr(defaults, key)):
+                raise WrongKeyError(key, 'write kind = "arm", or remove it', "describes an arm")
