@@ -102,17 +102,21 @@ class MeasurementPlan(Result):
 
     def section(self) -> Section:
         """Return its part of a report."""
-        (by_component,) = self.sensors.tables()
+        (by_component,), answers = self.sensors.tables(), self.verdicts()
+        best, of_durations = answers[1], answers[2:]
+        forbidden = [said for said, each in zip(of_durations, self.durations, strict=True) if not each.reachable]
         caption = "Each source halved, by component"
         return Section(
             "Plan of a measurement",
-            [*self.verdicts(), COMPUTED],
-            [*self.warnings, *self.sensors.remarks],
+            [said for said in answers if said not in (best, *forbidden)] + [COMPUTED],
+            [*self.warnings, *forbidden, *self.sensors.remarks],
             self.tables(),
             self.drawings(),
             [replace(by_component, caption=caption, note=DERIVATIVE_NOTE), *source_tables(self.provenance)],
             [ASSUMPTION],
             self.provenance,
+            verdict=best,
+            headline=2,
         )
 
 

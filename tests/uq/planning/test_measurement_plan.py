@@ -51,6 +51,13 @@ def test_what_matters_little_shares_a_row(plan):
     assert len(plan.section().details[0].rows) == 8  # the report has all
 
 
+def test_the_report_leads_with_the_sensor_and_what_cannot_be_reached(plan):
+    section = plan.section()
+    assert section.verdict.startswith("Worth most: M precision")
+    assert [text.split(":")[0] for text in section.findings] == ["Average 3σ of 0.2 g·m² (moments)"]
+    assert len(section.computed) == 3  # what is now, what can be reached, how it is computed
+
+
 def test_half_of_a_noise_that_shrinks_the_estimate_raises_the_uncertainty(experiment):
     """The central difference of a loud gyro: the estimate is 7 % too small, and so are all others' errors in it.
 
