@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from identify.estimators.gram import N_FEATURES
+from identify.floating_point import MESSAGE, PrecisionWarning
 from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import text_table
 from tests.source_lab import experiment, source
@@ -344,6 +346,20 @@ def test_a_kind_that_was_not_prepared_is_refused(prepared):
 def test_no_estimator_is_refused(short):
     with pytest.raises(ExperimentError, match=r"no \[\[estimator\]\]"):
         law(dataclasses.replace(short, estimators=()))
+
+
+def test_without_float64_it_is_said_once(short, prepared, monkeypatch):
+    """By Python's warning; the page and result.json hold it, too."""
+    made = dataclasses.replace(prepared.evaluate(), warnings=(MESSAGE,))
+    ready = SimpleNamespace(evaluate=lambda: made)
+    monkeypatch.setattr("uq.propagation.experiment_law._prepared", lambda *_: ready)
+    with jax.enable_x64(False), pytest.warns(PrecisionWarning) as said:
+        result = law(short)
+    assert len(said) == 1
+    assert not said[0].filename.endswith("/experiment_law.py")  # but the caller, or the types' checker around it
+    assert "float32" not in repr(result)
+    assert MESSAGE in result.to_dict()["warnings"]
+    assert any(MESSAGE in text for text in result.section().findings)
 
 
 # --- studies ---
