@@ -1,8 +1,9 @@
-"""Load on the recorder: ``python -m benchmarks.rig_load [SECONDS] [--robot]``.
+"""Load on the recorder: ``python -m benchmarks.rig_load [SECONDS] [--robot [--identify]]``.
 
 Two sensors at 1 kHz and one at 4 kHz on serial lines; with ``--robot`` an ATI Net F/T at 1 kHz over UDP, a robot at 500
-Hz over TCP and an Xsens at 400 Hz. Prints samples lost and out of order, processor time of the recorder in percent of
-one core, its resident memory over time, and how long the command takes from its start to being ready.
+Hz over TCP and an Xsens at 400 Hz; with ``--identify`` a second process identifies meanwhile. Prints samples lost and
+out of order, processor time of the recorder in percent of one core, its resident memory over time, and how long the
+command takes from its start to being ready.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.mcap.message_fields import IMU, JOINTS, WRENCH
 
+EXPERIMENT = Path(__file__).parent.parent / "docs" / "experiments" / "t1-10s.toml"
 FACTS = ("samples", "missing", "reordered", "failures", "overflow_bytes", "complete", "clock_skew_ppm")
 
 RIG = """
@@ -91,9 +93,10 @@ def usage(pid: int) -> tuple[float, float]:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def record(folder: Path, seconds: float) -> dict:
+def record(folder: Path, seconds: float, *more: str) -> dict:
     """Record for so long; returns what the recorder reports and what it used."""
     command = [sys.executable, "-m", "uq.cli.main", "record", str(folder / "rig.toml"), "-o", str(folder / "out.mcap")]
+    command += more
     start = time.monotonic()
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while b"ready" not in process.stderr.readline():
@@ -106,7 +109,7 @@ def record(folder: Path, seconds: float) -> dict:
     share = (usage(process.pid)[0] - before) / (time.monotonic() - marks)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate()
-    summary = json.loads(out)
+    summary = json.loads(out.partition(b"\n")[0])
     return {"ready_s": round(ready, 3), "cpu_percent": round(100 * share, 1), "memory_mib": memory} | {
         "status": process.returncode,
         "summary": summary,
@@ -119,13 +122,15 @@ def main() -> None:
     arguments = argparse.ArgumentParser(prog="benchmarks.rig_load", description="Load on the recorder.")
     arguments.add_argument("seconds", nargs="?", type=float, default=600.0, help="how long to record")
     arguments.add_argument("--robot", action="store_true", help="sensors and a robot on the network")
+    arguments.add_argument("--identify", action="store_true", help="with --robot: identify meanwhile")
     given = arguments.parse_args()
     seconds, rig = given.seconds, ROBOT if given.robot else RIG
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "rig.toml").write_text(rig)
         write_run(folder / "run.mcap")
-        result = record(folder, seconds)
+        (folder / "e.toml").write_text(f'{EXPERIMENT.read_text()}\nwrench_topic = "/wrench"\nmotion_topic = "/imu"\n')
+        result = record(folder, seconds, *(("--identify", str(folder / "e.toml")) if given.identify else ()))
         for device, facts in result.pop("summary")["devices"].items():
             print(device, {key: facts[key] for key in FACTS})
         print(result)

@@ -1,18 +1,21 @@
 """An MCAP file that is still being written: what has come since the last look, never read twice, checksums verified."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from io import FileIO
 from pathlib import Path
 
 from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
 
+from rig.bags.message_batches import MESSAGE
 from rig.bags.topics import Contents
 from rig.exceptions import RigError
 from rig.mcap.records import (
     MAGIC,
     PARSE_ERRORS,
     RECORD_HEADER,
+    Batch,
     Definitions,
     Record,
     chunk_batch,
@@ -23,6 +26,8 @@ from rig.read_limits import UnpackBudget
 
 MOST = 2**24
 """Bytes that are read at a time, and more where one record is larger."""
+PassOn = Callable[[Channel, Schema, int, bytes], None]
+"""Takes a message as it is written: its channel and schema, log time [ns] and bytes."""
 
 
 class GrowingFile:
@@ -33,9 +38,17 @@ class GrowingFile:
         ended: whether the writer has finished the file's messages.
     """
 
-    def __init__(self, path: str | os.PathLike[str], only: Mapping[str, str | None]) -> None:
-        """Name the file, which may not exist yet, and the topics as :func:`rig.bags.topics.load` takes them."""
-        self.path, self._only = Path(path), only
+    def __init__(
+        self, path: str | os.PathLike[str], only: Mapping[str, str | None], *, pass_on: PassOn | None = None
+    ) -> None:
+        """Name the file, which may not exist yet.
+
+        Args:
+            path: of the file.
+            only: the topics to take, as of :func:`rig.bags.topics.load`.
+            pass_on: called with every message of every topic but the devices' raw bytes.
+        """
+        self.path, self._only, self._pass_on = Path(path), only, pass_on
         self.definitions = Definitions({}, {}, {})
         self.ended = False
         self._position, self._budget = 0, UnpackBudget(path)
@@ -94,6 +107,8 @@ class GrowingFile:
                 self.definitions.schemas |= {schema.id: schema for schema in batch.schemas}
                 self.definitions.channels |= {channel.id: channel for channel in batch.channels}
                 contents.add(batch, self.definitions, self._only, self._budget)
+                if self._pass_on is not None:
+                    self._hand_over(batch, self._pass_on)
             elif record.opcode == Opcode.METADATA:
                 name, facts = metadata(record)
                 self.definitions.metadata[name] = facts
@@ -103,3 +118,14 @@ class GrowingFile:
             if isinstance(error, RigError):
                 raise
             raise damage(self.path, record.position, str(error) or type(error).__name__) from error
+
+    def _hand_over(self, batch: Batch, pass_on: PassOn) -> None:
+        for number, places in batch.offsets.items():
+            channel = self.definitions.channels[number]
+            if channel.topic.startswith("/raw/"):
+                continue
+            schema = self.definitions.schemas[channel.schema_id]
+            for place in places:
+                _, length, _, _, log_time, _ = MESSAGE.unpack_from(batch.data, place)
+                start, end = place + MESSAGE.size, place + RECORD_HEADER.size + length
+                pass_on(channel, schema, log_time, batch.data[start:end])

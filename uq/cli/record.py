@@ -32,6 +32,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar='"5 g*m^2"',
         help="with --identify: end when half the interval of 95 %% of every component is no more than this",
     )
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        type=int,
+        const=8765,
+        metavar="PORT",
+        help="with --identify: show samples and estimate in Foxglove, at ws://127.0.0.1:PORT (8765)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,6 +75,8 @@ def _target(arguments: argparse.Namespace) -> float | None:
     """What ``--until`` asks for [kg·m²]."""
     if arguments.identify is not None and arguments.watch:
         raise RigError("--identify reads the file, and --watch writes none: leave one of them out")
+    if arguments.live is not None and (arguments.identify is None or not 0 <= arguments.live < 2**16):
+        raise RigError("--live needs --identify E.toml, and a port from 0 (any) to 65535")
     if arguments.until is None:
         return None
     if arguments.identify is None:
@@ -126,7 +136,7 @@ def _beside(
         return
     from uq.live.second_process import SecondProcess
 
-    process = SecondProcess(arguments.rig, arguments.identify, str(path), target, reached)
+    process = SecondProcess(arguments.rig, arguments.identify, str(path), target, reached, arguments.live)
     try:
         yield process
     finally:

@@ -1,9 +1,10 @@
-"""The second process of ``inertia record --identify``: ``python -m uq.live RIG E RUN [TARGET]``.
+"""The second process of ``inertia record --identify``: ``python -m uq.live RIG E RUN``.
 
 Prints a line of JSON when it is ready, or why it cannot be, and one for each estimate. It ends when its standard input
 does: the recording is over, or its process is gone.
 """
 
+import argparse
 import contextlib
 import json
 import os
@@ -27,8 +28,12 @@ def main(arguments: list[str]) -> int:
     threading.Thread(target=_end_with_the_recording, daemon=True).start()
     if hasattr(os, "nice"):
         os.nice(NICE)
-    rig, experiment, run = arguments[:3]
-    target = float(arguments[3]) if len(arguments) > 3 else None
+    parser = argparse.ArgumentParser(prog="uq.live")
+    for name in ("rig", "experiment", "run"):
+        parser.add_argument(name)
+    parser.add_argument("--target", type=float, help="half the interval of 95 %% [kg*m^2]")
+    parser.add_argument("--live", type=int, metavar="PORT", help="serve a viewer")
+    given = parser.parse_args(arguments)
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -37,17 +42,19 @@ def main(arguments: list[str]) -> int:
     from uq.files.compilation_cache import keep_compiled
     from uq.files.document import ExperimentError
     from uq.live.estimator import LiveEstimator
+    from uq.live.viewer import Viewer
 
     keep_compiled()
     try:
-        estimator = LiveEstimator(rig, experiment, run, target)
+        viewer = None if given.live is None else Viewer(given.live)
+        estimator = LiveEstimator(given.rig, given.experiment, given.run, given.target, viewer)
     except (ExperimentError, RunError, RigError) as error:
         _say({"refused": str(error)})
         return 2
     except OSError as error:
         _say({"refused": f"{error.strerror or error} {error.filename}: check the path and its permissions"})
         return 2
-    _say({"ready": True})
+    _say({"ready": "" if viewer is None else viewer.address})
     while not estimator.ended:
         time.sleep(PAUSE)
         estimate = estimator.step()

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.run import RunError
 from rig.bags.growing_file import GrowingFile
 from rig.mcap.message_fields import IMU, WRENCH
@@ -14,6 +13,7 @@ from uq.live.growing_run import GrowingRun
 from uq.live.live_estimate import LiveEstimate, estimated, nodes_of, sources_in
 from uq.live.rig_check import topics_of
 from uq.live.running_sums import RunningSums
+from uq.live.viewer import Viewer
 
 CONFIRMED = 2
 """Estimates in a row that must reach a target: one alone may do so by chance."""
@@ -26,7 +26,14 @@ class LiveEstimator:
         reached: whether the target is reached.
     """
 
-    def __init__(self, rig: str | Path, experiment: str | Path, run: str | Path, target: float | None = None) -> None:
+    def __init__(
+        self,
+        rig: str | Path,
+        experiment: str | Path,
+        run: str | Path,
+        target: float | None = None,
+        viewer: Viewer | None = None,
+    ) -> None:
         """Check that experiment and rig fit together; the run's file may not exist yet.
 
         Args:
@@ -34,6 +41,7 @@ class LiveEstimator:
             experiment: the experiment file, or the name of a preset.
             run: the file that the recording grows in.
             target: half the interval of 95 % that every component is to have at most [kg·m²]; None: none.
+            viewer: who gets samples and estimates, too; None: nobody.
 
         Raises:
             ExperimentError, RigError, RunError: one of the files cannot be used, or they contradict each other.
@@ -43,7 +51,8 @@ class LiveEstimator:
         self._experiment.stated_r_cg  # noqa: B018 - says at once where there is none
         topics = topics_of(load_rig(rig), self._experiment, Path(run))
         nodes = nodes_of(sources_in(self._experiment))
-        self._file = GrowingFile(run, {WRENCH: topics[0], IMU: topics[1]})
+        self._viewer, pass_on = viewer, None if viewer is None else viewer.pass_on
+        self._file = GrowingFile(run, {WRENCH: topics[0], IMU: topics[1]}, pass_on=pass_on)
         delay = float(abs(nodes).max())
         self._run = GrowingRun(Path(run), self._experiment.recording, estimator, topics, delay=delay)
         self._sums = RunningSums(estimator, nodes)
@@ -79,6 +88,8 @@ class LiveEstimator:
         estimate = estimated(self._sums, self._experiment)
         below = self._target is not None and bool((estimate.half_width <= self._target).all())
         self._in_a_row = self._in_a_row + 1 if below else 0
+        if self._viewer is not None:
+            self._viewer.show(estimate, line_of(estimate, self._target))
         return estimate
 
     def warnings(self) -> list[str]:
@@ -87,13 +98,10 @@ class LiveEstimator:
         return [*self._run.troubles[-1:], *left_out, *list(self._sums.warnings)[-1:]]
 
     def message(self, estimate: LiveEstimate) -> dict[str, Any]:
-        """Return an estimate for the recording's process: lines, numbers in SI, whether the target is reached."""
+        """Return an estimate for the recording's process: lines to show, whether the target is reached."""
         return {
             "block": block_of(estimate, self._target, self.warnings()),
             "line": line_of(estimate, self._target),
             "reached": self.reached,
             "seconds": estimate.seconds,
-            "inertia": dict(zip(COMPONENTS, estimate.inertia.tolist(), strict=True)),
-            "standard_uncertainty": dict(zip(COMPONENTS, estimate.standard_uncertainty.tolist(), strict=True)),
-            "half_width": dict(zip(COMPONENTS, estimate.half_width.tolist(), strict=True)),
         }

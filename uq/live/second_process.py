@@ -7,12 +7,14 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import IO, Any
 
 from rig.exceptions import RigError, on_one_line
 
 PATIENCE = 5.0
 """Seconds that the process may take to end."""
+LAYOUT = Path(__file__).with_name("foxglove_layout.json")
 PERIOD = 10.0
 """Seconds of motion between two lines where there is no terminal."""
 
@@ -25,7 +27,15 @@ class SecondProcess:
         messages: lines to print once, in their order.
     """
 
-    def __init__(self, rig: str, experiment: str, run: str, target: float | None, reached: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        rig: str,
+        experiment: str,
+        run: str,
+        target: float | None,
+        reached: Callable[[], None],
+        live: int | None = None,
+    ) -> None:
         """Start it and wait until it is ready, before anything is recorded.
 
         Args:
@@ -34,6 +44,7 @@ class SecondProcess:
             run: the file that the recording will grow in.
             target: half the interval of 95 % that every component is to have at most [kg·m²]; None: none.
             reached: called when it is.
+            live: port on which a viewer is served; None: none.
 
         Raises:
             RigError: rig and experiment do not fit together, or the process does not start.
@@ -41,7 +52,9 @@ class SecondProcess:
         self.block: list[str] = []
         self.messages: deque[str] = deque()
         self._reached, self._over, self._line, self._next = reached, False, "", 0.0
-        command = [sys.executable, "-m", "uq.live", rig, experiment, run, *([] if target is None else [repr(target)])]
+        options = {"--target": target, "--live": live}
+        given = [f"{name}={value!r}" for name, value in options.items() if value is not None]
+        command = [sys.executable, "-m", "uq.live", *given, "--", rig, experiment, run]
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
         self._process = subprocess.Popen(  # noqa: S603 - ourselves
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True
@@ -51,6 +64,8 @@ class SecondProcess:
         if "ready" not in first:
             self.close()
             raise RigError(str(first.get("refused", "the process for --identify did not start")))
+        if first["ready"]:
+            self.messages.append(f"live at {first['ready']} for Foxglove; layout {LAYOUT}")
         self._thread.start()
 
     @property

@@ -1,19 +1,24 @@
 """``inertia record --identify``: a recording that never waits for its second process, ended by it, whole without it."""
 
+import asyncio
 import contextlib
 import io
 import json
 import os
+import re
 import shutil
 import signal
 from pathlib import Path
 
 import pytest
 
+from identify.rigid_body.inertia import COMPONENTS
+from tests.foxglove_client import heard
 from tests.rig_lab import Recording, refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
+from uq.live.viewer import TOPIC
 
 DOCS = Path(__file__).parents[3] / "docs"
 E = "t1-10s.toml"
@@ -42,18 +47,33 @@ def whole(summary, seconds):
         assert summary["devices"][device]["samples"] == pytest.approx(rate * seconds, rel=0.02)
 
 
+def read_live(recording, enough):
+    """What a viewer hears of a recording with ``--live``, until it has enough: (channel, time, data) each."""
+    while not (told := re.search(r"live at (ws://\S+) for Foxglove; layout (.+)", recording.messages)):
+        recording.messages += recording.process.stderr.readline().decode()
+    return asyncio.run(heard(told[1], {TOPIC, "/wrench", "/imu"}, enough))
+
+
 def test_it_ends_by_itself_and_says_what_identify_says(bench):
-    recording = record(bench, "until.mcap", "--until", "30 g*m^2")
+    """And a viewer reads the estimate meanwhile, which is near the truth."""
+    recording = record(bench, "until.mcap", "--until", "30 g*m^2", "--live", "0")
+    estimates = lambda messages: [json.loads(d) for c, _, d in messages if c["topic"] == TOPIC]  # noqa: E731
+    messages = read_live(recording, lambda messages: any("I33" in each for each in estimates(messages)))
+    assert {channel["topic"] for channel, _, _ in messages} == {TOPIC, "/wrench", "/imu"}
+    live = estimates(messages)[-1]
+    for name, value in zip(COMPONENTS, Experiment.load(bench / E).inertia, strict=True):
+        assert abs(live[name]["value"] - value) < 4 * live[name]["standard_uncertainty"]
+        assert live[name]["low"] < live[name]["value"] < live[name]["high"]
     out, err = recording.process.communicate(timeout=120)
     first, _, rest = out.decode().partition("\n")
     summary = json.loads(first)
     whole(summary, summary["seconds"])
     assert recording.process.returncode == 0
-    assert "reached" in err.decode()
-    assert "the recording ends" in err.decode()
+    assert re.search(r"target ± 30 g·m² at 95 %: reached, .* the recording ends", recording.messages + err.decode())
     with contextlib.redirect_stdout(io.StringIO()) as said:
         assert main(["identify", str(bench / "until.mcap"), "--experiment", str(bench / E)]) == 0
-    assert rest.strip().replace(str(bench) + os.sep, "") == said.getvalue().strip().replace(str(bench) + os.sep, "")
+    assert rest.strip() == said.getvalue().strip()
+    assert "I11" in rest
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.study)])
@@ -79,6 +99,7 @@ def test_a_second_process_that_dies_or_hangs_costs_no_sample(bench, number):
         (("--until", "5 mm"), "unit of the same dimension as kg*m^2"),
         (("--until", "0 g*m^2"), "above zero"),
         (("--watch",), "leave one of them out"),
+        (("--live", "99999"), "a port from 0 (any) to 65535"),
     ],
 )
 def test_a_mistake_ends_before_anything_is_recorded(bench, options, said):
