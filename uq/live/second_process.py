@@ -16,7 +16,7 @@ PATIENCE = 5.0
 """Seconds that the process may take to end."""
 LAYOUT = Path(__file__).with_name("foxglove_layout.json")
 PERIOD = 10.0
-"""Seconds of motion between two lines where there is no terminal."""
+"""Seconds of motion between two lines where there is no terminal, at first; later a tenth more each time."""
 
 
 class SecondProcess:
@@ -74,7 +74,7 @@ class SecondProcess:
         return self._process.pid
 
     def line(self) -> str:
-        """Return the last estimate in one line, no more often than each ``PERIOD`` of motion; empty: nothing new."""
+        """Return the last estimate in one line, not too often; empty: nothing new."""
         line, self._line = self._line, ""
         return line
 
@@ -94,7 +94,7 @@ class SecondProcess:
         while message := self._heard():
             self.block = message["block"]
             if message["seconds"] >= self._next:
-                self._line, self._next = message["line"], message["seconds"] + PERIOD
+                self._line, self._next = message["line"], max(message["seconds"] + PERIOD, 1.1 * message["seconds"])
             if message["reached"] and not self._over:
                 self._over = True
                 self.messages.append(f"{message['line']}: the recording ends")
