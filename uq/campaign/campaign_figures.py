@@ -70,8 +70,11 @@ def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
 def _line_by_line(cases: Mapping[str, Statistics]) -> FigureBase:
     """A panel for each component, 3σ above and mean error below; a line for each case, the largest first."""
     first, *others = cases
-    size = {name: float(np.nanmean(np.hypot(cases[name].three_sigma, 3 * cases[name].mean_error))) for name in others}
-    names = [first, *sorted(others, key=lambda name: -np.nan_to_num(size[name]))[:LINES]]
+    size = {
+        name: float(np.mean(np.nan_to_num(np.hypot(cases[name].three_sigma, 3 * cases[name].mean_error))))
+        for name in others
+    }
+    names = [first, *sorted(others, key=lambda name: -size[name])[:LINES]]
     shown = [cases[name] for name in names]
     with matplotlib.rc_context(STYLE):
         figure = new_figure(PAGE, 1.1 + 0.3 * len(names), layout="constrained")
@@ -106,7 +109,9 @@ def _line_by_line(cases: Mapping[str, Statistics]) -> FigureBase:
 def _scale_mean_errors(axes: Axes, cases: Sequence[Statistics]) -> None:
     """A logarithmic scale about nought, with the outermost decades named, where a mean error exceeds every 3σ."""
     mean = GRAM_METRE * np.array([s.mean_error for s in cases])
-    if np.nanmax(np.abs(mean), initial=0) <= GRAM_METRE * np.nanmax([s.three_sigma for s in cases], initial=0):
+    if np.nanmax(np.abs(mean), initial=0) <= GRAM_METRE * np.max(
+        np.nan_to_num([s.three_sigma for s in cases]), initial=0
+    ):
         axes.xaxis.set_major_locator(MaxNLocator(3))
         return
     axes.set_xscale("symlog", linthresh=1, linscale=0.7)

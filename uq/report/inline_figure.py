@@ -5,6 +5,7 @@ The figure's file stays as matplotlib draws it; the page holds a smaller form, i
 
 import re
 from base64 import b64decode, b64encode
+from collections.abc import Sequence
 from io import BytesIO
 from xml.etree import ElementTree
 
@@ -38,12 +39,24 @@ def inline(svg: bytes, number: int, description: str) -> Markup:
             for child in [child for child in parent if child.tag == name]:
                 parent.remove(child)
     _attributes(root, f"f{number}-")
+    _unwrapped(root)
     root.attrib = {
         "viewBox": root.get("viewBox", f"0 0 {width:g} {height:g}"),
         "role": "img",
         "aria-label": description,
     }
     return Markup(ElementTree.tostring(root, encoding="unicode"))  # noqa: S704 - texts are escaped by the library
+
+
+def styled(figures: Sequence[Markup]) -> tuple[list[Markup], Markup]:
+    """Return figures whose styles have names, and what these say, so that a page says each once."""
+    names: dict[str, str] = {}
+
+    def named(match: re.Match[str]) -> str:
+        return f'class="{names.setdefault(match[1], f"a{len(names)}")}"'
+
+    shorter = [Markup(re.sub(r'style="([^"]*)"', named, figure)) for figure in figures]  # noqa: S704 - ours
+    return shorter, Markup("".join(f".{name}{{{style}}}\n" for style, name in names.items()))  # noqa: S704 - ours
 
 
 def colours() -> Markup:
@@ -54,21 +67,33 @@ def colours() -> Markup:
 def _attributes(root: ElementTree.Element, prefix: str) -> None:
     """Colours become the page's, names unique, figures short; names to which nothing refers go."""
     everything = list(root.iter())
-    wanted = {name for element in everything for value in element.attrib.values() for name in REFERENCE.findall(value)}
-    wanted |= {element.get("href", "")[1:] for element in everything}
+    wanted = [name for element in everything for value in element.attrib.values() for name in REFERENCE.findall(value)]
+    wanted += [element.get("href", "")[1:] for element in everything if element.get("href", "").startswith("#")]
+    names = {name: f"{prefix}{k}" for k, name in enumerate(dict.fromkeys(wanted))}
     for element in everything:
-        attributes = {name: value for name, value in element.attrib.items() if name != "id" or value in wanted}
+        attributes = {
+            name: value for name, value in element.attrib.items()
+            if (name != "id" or value in names) and not value.startswith("rotate(-0 ")
+        }  # fmt: skip
         for name, value in attributes.items():
             if name == "id":
-                value = prefix + value
+                value = names[value]
             elif name == "href":
-                value = f"#{prefix}{value[1:]}" if value.startswith("#") else _smaller(value)
+                value = f"#{names[value[1:]]}" if value.startswith("#") else _smaller(value)
             elif name in ROUNDED:
                 value = _short(value)
             elif name in ("style", "fill", "stroke"):
                 value = _in_page_colours(FONT.sub("", value))
-            attributes[name] = REFERENCE.sub(rf"url(#{prefix}\1)", value)
+            attributes[name] = REFERENCE.sub(lambda match: f"url(#{names[match[1]]})", value)
         element.attrib = attributes
+
+
+def _unwrapped(parent: ElementTree.Element) -> None:
+    """Groups that say nothing give way to what they hold."""
+    for child in list(parent):
+        _unwrapped(child)
+    children = [inner for child in parent for inner in (child if child.tag == "g" and not child.attrib else [child])]
+    parent[:] = children
 
 
 def _short(value: str) -> str:

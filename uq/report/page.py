@@ -16,7 +16,7 @@ from identify.figure_style import COLUMN
 from identify.reporting import Drawing, Section
 from identify.text_tables import Table
 from uq.report.certificate_front import number_of
-from uq.report.inline_figure import colours, inline
+from uq.report.inline_figure import colours, inline, styled
 from uq.report.input_tables import input_table
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Drawn(NamedTuple):
     figure: "Figure"
     moving: bytes | None
     """The SVG that moves, where there is one."""
-    pictures: tuple[Markup, ...]
+    pictures: Sequence[Markup]
     """The elements of a page: the figure, and the same in motion."""
 
     @property
@@ -65,7 +65,7 @@ def _drawn(drawing: Drawing, number: int) -> Drawn:
     figure = cast("Figure", drawing.draw())
     moving = None if drawing.animate is None else drawing.animate()
     forms = [rendered(figure, "page"), *([] if moving is None else [moving])]
-    pictures = tuple(inline(svg, number + k, drawing.caption) for k, svg in enumerate(forms))
+    pictures = [inline(svg, number + k, drawing.caption) for k, svg in enumerate(forms)]
     return Drawn(drawing.name, drawing.caption, figure, moving, pictures)
 
 
@@ -102,12 +102,16 @@ def html(section: Section, figures: list[Drawn], name: str) -> str:
     environment.filters.update(css_text=_css_text, scrolls=_scrolls)
     record = {key: _words(value) for key, value in section.provenance.items() if key not in ELSEWHERE}
     experiment = json_text(section.provenance.get("experiment") or section.provenance.get("resolved") or {})
+    pictures, styles = styled([picture for figure in figures for picture in figure.pictures])
+    left = iter(pictures)
+    figures = [figure._replace(pictures=[next(left) for _ in figure.pictures]) for figure in figures]
     template = environment.get_template("certificate.html" if section.front else "report.html")
     script, numbers = _script(environment) if section.adjustable else "", map(_numbers, section.adjustable)
     return template.render(
         page=section, figures=figures, provenance=record, experiment=experiment, adjustable=list(numbers),
         inputs=input_table(section.provenance), number=name, footer=name or section.title, script=script,
-        script_hash=_hash(script), colours=colours(), verdict=section.verdict or VERDICTS[bool(section.findings)],
+        script_hash=_hash(script), colours=colours(), styles=styles,
+        verdict=section.verdict or VERDICTS[bool(section.findings)],
     )  # fmt: skip
 
 

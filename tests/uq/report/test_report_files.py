@@ -61,7 +61,10 @@ def test_figures_are_drawings_in_the_pages_colours(html):
         root = ElementTree.fromstring(figure)
         assert root.get("role") == "img"
         assert len(root.get("aria-label")) > 20
-        assert not set(re.findall(r"#[0-9a-f]{6}\b", figure)) & set(DARK)
+    said = " ".join([*figures, *re.findall(r"\.a\d+\{[^}]*\}", html)])
+    assert said.count("var(--c") > 20
+    assert not set(re.findall(r"#[0-9a-f]{6}\b", said)) & set(DARK)
+    assert len(html.encode()) < 600_000
     declared = re.findall(r"--c([0-9a-f]{6}): light-dark\(#\1, (#[0-9a-f]{6})\)", html)
     assert {f"#{light}": dark for light, dark in declared} == DARK
 
