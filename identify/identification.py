@@ -1,6 +1,7 @@
 """From runs to the tensor with its standard uncertainty."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -11,6 +12,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import ConstantError
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
+from identify.model_check.held_out import held_out
 from identify.model_check.judge import judged
 from identify.results.covariances import checked
 from identify.results.identification_result import Identification
@@ -36,6 +38,7 @@ def identify(
     gravity: float = 9.80665,
     mass_uncertainty: float | None = None,
     errors: Mapping[str, ConstantError] | None = None,
+    validate: bool = False,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
@@ -60,6 +63,7 @@ def identify(
         mass_uncertainty: standard uncertainty of ``mass`` [kg] (``joint``); None: it counts as exact.
         errors: declared constant errors of load cell, gyro and rig, by the name of their source (``joint``); see
             :class:`identify.joint.priors.ConstantError`. None: none.
+        validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
 
     Raises:
         RunError: no run, a run too short for the estimator, a motion that identifies nothing, or a covariance that is
@@ -77,7 +81,15 @@ def identify(
         errors=errors or {},
     )  # fmt: skip
     result = estimator_of(method).fit(problem)
-    return checked(judged(covering_bias(result, result.bias), problem))
+    told = judged(covering_bias(result, result.bias), problem)
+    return checked(_validated(told, problem) if validate else told)
+
+
+def _validated(result: Identification, problem: Problem) -> Identification:
+    """A result with the prediction of what was held out, and a warning where that fails."""
+    validation = held_out(problem, result)
+    failed = () if validation.explained else (validation.text,)
+    return replace(result, validation=validation, warnings=(*result.warnings, *failed))
 
 
 def _checked(

@@ -194,15 +194,15 @@ def _lines(run: Run, result: Identification) -> list[Verdict]:
 
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
     """The run at its best about a point at rest, if there is one, and with its accelerometer, if it has one."""
-    recorded = None if _falls(run, result, problem) else _recorded(run, result, problem)
+    recorded = None if falls(run, result, problem) else recorded_in_band(run, result, problem)
     if recorded is None:
         return []
     if problem.cg_motion == "still":
-        return [fit_run(recorded, _declared(run, result, problem, "still", STILL_WITHIN), "still")]
+        return [fit_run(recorded, declared_of(run, result, problem, "still", STILL_WITHIN), "still")]
     if run.specific_force is None:
         return []
-    read = fit_run(recorded, _declared(run, result, problem, "accelerometer", 0.0), "accelerometer")
-    about = fit_run(recorded, _declared(run, result, problem, "still", LOOSE), "still")
+    read = fit_run(recorded, declared_of(run, result, problem, "accelerometer", 0.0), "accelerometer")
+    about = fit_run(recorded, declared_of(run, result, problem, "still", LOOSE), "still")
     scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
     turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
     return [about, read] if turns else [read]
@@ -212,16 +212,16 @@ def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, prob
     """The fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
     force_from = specific_force_source(problem)
     of_estimator = [fit for fit in fits if fit.prediction.force_from == force_from]
-    if of_estimator or force_from != "none" or _falls(run, result, problem):
+    if of_estimator or force_from != "none" or falls(run, result, problem):
         return of_estimator[0] if of_estimator else None
     if not np.linalg.norm(run.force.mean(axis=0)) > WEIGHT * np.sqrt(np.mean(run.force**2)) or not problem.gravity > 0:
         return None  # nothing tells the mass
-    recorded = _recorded(run, result, problem)
-    return None if recorded is None else fit_run(recorded, _declared(run, result, problem, "none", 0.0), "none")
+    recorded = recorded_in_band(run, result, problem)
+    return None if recorded is None else fit_run(recorded, declared_of(run, result, problem, "none", 0.0), "none")
 
 
-def _falls(run: Run, result: Identification, problem: Problem) -> bool:
-    """Whether the run has no weight on the load cell, or no force at all."""
+def falls(run: Run, result: Identification, problem: Problem) -> bool:
+    """Return whether the run has no weight on the load cell, or no force at all."""
     if not np.abs(run.force).max() > 0:
         return True
     mass, force = problem.mass or result.mass, run.force.mean(axis=0)
@@ -231,8 +231,8 @@ def _falls(run: Run, result: Identification, problem: Problem) -> bool:
     return read is not None and bool(np.linalg.norm(read.mean(axis=0)) < WEIGHT * problem.gravity)
 
 
-def _recorded(run: Run, result: Identification, problem: Problem) -> Recorded | None:
-    """The run in its band; None: it is too short."""
+def recorded_in_band(run: Run, result: Identification, problem: Problem) -> Recorded | None:
+    """Return the run in its band; None: it is too short."""
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
@@ -252,7 +252,8 @@ def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
     return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
 
 
-def _declared(run: Run, result: Identification, problem: Problem, force_from: Force, still_within: float) -> Declared:
+def declared_of(run: Run, result: Identification, problem: Problem, force_from: Force, still_within: float) -> Declared:
+    """Return the priors of a run's unknowns, the specific force from where it is said."""
     alignment = problem.alignment or Alignment()
     mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity
     mean = {"mass": np.array([mass]), "r_cg": problem.r_cg}

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from identify.joint.joint_model import WANDER
 from identify.model_check.evidence import products
 from identify.model_check.motion_signals import Recorded
-from identify.model_check.predicted_wrench import Force, Prediction, about_centre, zero_unknowns
+from identify.model_check.predicted_wrench import Columns, Force, Prediction, about_centre, zero_unknowns
 from identify.signals.band_limited_run import PASSED
 
 STEPS = 10
@@ -87,6 +87,8 @@ class RunFit:
     """Where each unknown stands among them."""
     root: dict[str, np.ndarray]
     """How much of an unknown a unit of its numbers is; none: one each."""
+    numbers: Float[np.ndarray, " q"]
+    """Where ``prediction`` stands, from the priors' means."""
 
     @property
     def tensor(self) -> slice:
@@ -124,7 +126,7 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
     distance = {name: np.linalg.lstsq(declared.root[name], x[name] - declared.mean[name])[0] for name in started}
     for step in range(STEPS):
         prediction = Prediction(signals, dict(x), force_from, declared.gravity, declared.imu_position)
-        blocks = {name: _block(prediction, recorded, declared, name) for name in names}
+        blocks = {name: block_of(prediction, recorded, declared, name) for name in names}
         lines = Lines(signals.interval, signals.band, whitener, r_cg)
         columns = lines(np.concatenate(list(blocks.values()), axis=2))
         residuals = lines(prediction.residuals[:, :, None])[:, :, 0]
@@ -152,11 +154,11 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         signals = recorded.signals(slow, x)
     ends = np.cumsum(list(sizes.values())).tolist()
     places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
-    return RunFit(prediction, lines, left, columns, precision, places, declared.root)
+    return RunFit(prediction, lines, left, columns, precision, places, declared.root, z)
 
 
-def _block(prediction: Prediction, recorded: Recorded, declared: Declared, name: str) -> np.ndarray:
-    """Columns of an unknown, in units of its prior."""
+def block_of(prediction: Prediction, recorded: Recorded, declared: Declared, name: str) -> Columns:
+    """Return the columns of an unknown, in units of its prior."""
     if name == SLOW:
         basis = recorded.slow_basis(np.asarray(recorded.rows.t))[recorded.used]
         return prediction.of_slow(basis) * _slow_size(declared).ravel()

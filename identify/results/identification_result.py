@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
+from identify.diagnostics.held_out import HeldOut, validation_drawings
 from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
@@ -103,6 +104,8 @@ class Identification(Result):
     :func:`identify.model_check.held_errors.by_held_errors`."""
     not_included: NotIncluded | None = None
     """Errors that the intervals do not hold, at typical figures; None: it was not looked at."""
+    validation: HeldOut | None = None
+    """How well each run, or half of one, is predicted by the others; None: it was not asked for."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -201,12 +204,14 @@ class Identification(Result):
             "admissible": None if self.admissible is None else self.admissible.to_dict(),
             "diagnostics": dict(self.diagnostics),
             "provenance": dict(self.provenance),
+            **({} if self.validation is None else {"validation": self.validation.to_dict()}),
         }
         return {key: finite(value) for key, value in content.items()}
 
     def tables(self) -> list[Table]:
         """Return the components in g·m², mass and centre of gravity, each run's estimate, and what is not included."""
-        return [*self.overview(), self.run_table(), *self.not_included_tables()]
+        validation = [] if self.validation is None else self.validation.tables()
+        return [*self.overview(), self.run_table(), *self.not_included_tables(), *validation]
 
     def overview(self) -> list[Table]:
         """Return the components in g·m², and mass and centre of gravity."""
@@ -241,6 +246,7 @@ class Identification(Result):
             *warnings,
             *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
             *([] if self.not_included is None else [self.not_included.line(self.interval95)]),
+            *([f"held out: {self.validation.text}"] if self.validation and self.validation.explained else []),
             *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
         ]
@@ -274,6 +280,7 @@ class Identification(Result):
             *identification_figures.residual_drawings(self.runs),
             *identification_figures.coverage_drawings(self.runs, self.covariance),
             *identification_figures.run_drawings(self.runs, self.inertia, self.interval95, self.taken_off),
+            *validation_drawings(self.validation),
         ]
 
     def section(self) -> Section:

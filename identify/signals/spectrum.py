@@ -107,8 +107,8 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(
-    residuals: Float[np.ndarray, "m 3"],
-    free: Float[np.ndarray, "m 3"],
+    residuals: Float[np.ndarray, "m rows"],
+    free: Float[np.ndarray, "m rows"],
     constants: int,
     gain: Float[np.ndarray, " m"] | float = 1.0,
     *,
@@ -142,7 +142,7 @@ def spectrum(
     left = np.sqrt(np.maximum(_sums(free, first, last), 1.0))
     values = total / (left[:, :, None] * left[:, None, :])
     values[:begin] += products[:begin]
-    floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(residuals.shape[1])
     return Spectrum((values + floor) * shape[:, None, None], first, last, free)
 
 

@@ -52,6 +52,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="source: least squares of the moment; gls: the same, rows weighed by what their residuals say, where that "
         "can be trusted; joint: tensor, mass, centre, offsets, delay and rotation together (recording.method)",
     )
+    parser.add_argument(
+        "--validate",
+        action="store_true",
+        help="predict force and moment of each run by the others (of one run: of each half), and judge the errors",
+    )
     add_window_options(parser)
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
     formats = ", ".join(export_formats.names())
@@ -85,6 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             mountings=None if arguments.mounting is None else names(arguments.mounting),
             centre=arguments.centre,
             method=arguments.method,
+            validate=arguments.validate,
         )
         result = tare_files(
             result,

@@ -74,12 +74,13 @@ class Certificate(Result):
         return self.identification.to_dict()
 
     def details(self) -> list[Table]:
-        """Return budget, what is not included, scatter, discordant runs, alignment, tare, checks, runs, sources."""
+        """Return budget, what is not included, scatter, validation, alignment, tare, checks, runs, sources."""
         result = self.identification
         return [
             *certificate_tables.budget(result),
             *result.not_included_tables(),
             *certificate_tables.scatter(result),
+            *([] if result.validation is None else result.validation.tables()),
             *certificate_tables.discordance(result),
             *certificate_tables.bodies(result),
             *certificate_tables.alignment(result),

@@ -52,6 +52,7 @@ def identify_files(
     mountings: Sequence[str] | None = None,
     centre: str | Path | None = None,
     method: str | None = None,
+    validate: bool = False,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body; with its fixture, which ``tare_files`` takes off.
 
@@ -64,6 +65,7 @@ def identify_files(
         mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
         centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
         method: the estimator of :func:`identify.identify`; None: the recording's.
+        validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.time_window.resolve`,
@@ -86,10 +88,10 @@ def identify_files(
     prepared = [_prepared(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
 
-    def estimated(runs: list[Run]) -> Identification:
-        return _estimated(runs, experiment, spec, prior, method)
+    def estimated(runs: list[Run], validate: bool = False) -> Identification:
+        return _estimated(runs, experiment, spec, prior, method, validate)
 
-    result = with_not_included(with_discordance(estimated(runs), runs, estimated), runs, experiment)
+    result = with_not_included(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment)
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
     suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned)]
@@ -116,7 +118,12 @@ def _after(suspicious: list[str], result: Identification) -> list[str]:
 
 
 def _estimated(
-    runs: list[Run], experiment: Experiment, spec: EstimatorSpec, prior: Centre | None, method: str | None
+    runs: list[Run],
+    experiment: Experiment,
+    spec: EstimatorSpec,
+    prior: Centre | None,
+    method: str | None,
+    validate: bool,
 ) -> Identification:
     """The tensor of some runs, with what is declared of them."""
     duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
@@ -134,6 +141,7 @@ def _estimated(
         gravity=experiment.gravity,
         mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
         errors=estimated_errors(experiment, duration, experiment.recording.drawn_by_mounting),
+        validate=validate,
     )
     estimates = estimator_of(result.method).estimates
     if prior is None and experiment.scale is not None and "mass" not in estimates:
