@@ -55,17 +55,15 @@ class HeldOut(Result):
         more = f"; {len(self.failing) - 1} more fail" if len(self.failing) > 1 and len(self.runs) > 2 else ""
         name = worst.least[1]
         if name == "body":
-            errs = (
-                f"force and moment are those of another body, by {worst.body_ratio:.1f} times what {EXPLAINED} explain"
-            )
+            errs = f"force and moment are those of another body, by {significant(worst.body_ratio)} times what {EXPLAINED} explain"
         else:
             ratio = worst.ratio[worst.names.index(name)]
-            errs = f"{name} errs by {ratio:.1f} times what {EXPLAINED} explain"
+            errs = f"{name} errs by {significant(ratio)} times what {EXPLAINED} explain"
         return f"{worst.file} is not predicted by the {others}: {errs}{more}; find what changed in between"
 
     def _largest(self) -> str:
         ratio, name = max((float(run.ratio.max()), run.names[int(np.argmax(run.ratio))]) for run in self.runs)
-        return f"largest error {ratio:.2f} times what is expected, {name}"
+        return f"largest error {significant(ratio)} times what is expected, {name}"
 
     def tables(self) -> list[Table]:
         """Return errors by axis over all runs, and by run."""

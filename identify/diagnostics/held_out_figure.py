@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from identify.diagnostics.held_out_run import FORCE, HeldOutRun
-from identify.figure_style import AXIS_COLOURS, PAGE, PALETTE, STYLE
+from identify.figure_style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, STYLE, new_figure
 
 
-def prediction(run: HeldOutRun, ratios: Sequence[float]) -> Figure:
+def prediction(run: HeldOutRun, ratios: Sequence[float]) -> FigureBase:
     """Draw a stretch of measured and predicted force and moment, their difference, and rms errors over the expected.
 
     Args:
@@ -20,7 +20,7 @@ def prediction(run: HeldOutRun, ratios: Sequence[float]) -> Figure:
     """
     quantities = range(len(run.names) // 3)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 0.5 + 1.9 * len(quantities)), layout="constrained")
+        figure = new_figure(PAGE, 0.5 + 1.9 * len(quantities), layout="constrained")
         ratio = [3, 1.3] * len(quantities)
         panels = figure.subplots(2 * len(quantities), 4, squeeze=False, height_ratios=ratio, width_ratios=(3, 3, 3, 2))
         for q in quantities:
@@ -45,7 +45,7 @@ def _axis(above: Axes, below: Axes, run: HeldOutRun, k: int) -> None:
     above.set_title(run.names[k], loc="left")
     above.tick_params(labelbottom=False)
     error, reach = run.measured[:, k] - run.predicted[:, k], 2 * float(run.expected[k])
-    below.axhspan(-reach, reach, color=PALETTE[7], alpha=0.3, linewidth=0)
+    below.axhspan(-reach, reach, color=FILL, alpha=0.6, linewidth=0)
     below.plot(run.t, error, color=AXIS_COLOURS[k % 3])
     most = 1.1 * max(float(np.abs(error).max()), reach, 1e-300)
     below.set_ylim(-most, most)
@@ -58,7 +58,7 @@ def _bars(axes: Axes, run: HeldOutRun, first: int, ratios: Sequence[float]) -> N
     rows = range(first, first + 3)
     axes.bar(range(3), [run.ratio[k] for k in rows], color=AXIS_COLOURS)
     axes.plot(range(3), [ratios[k] for k in rows], "_", color=PALETTE[0], markersize=12)
-    axes.axhline(1, color=PALETTE[0], linewidth=0.6, linestyle="--")
+    axes.axhline(1, color=RULE, linewidth=0.6, linestyle="--")
     axes.set_xticks(range(3), [run.names[k] for k in rows])
     axes.set_title("error / expected", loc="left")
     axes.set_ylim(0, None)
