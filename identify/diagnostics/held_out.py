@@ -55,10 +55,10 @@ class HeldOut(Result):
         more = f"; {len(self.failing) - 1} more fail" if len(self.failing) > 1 and len(self.runs) > 2 else ""
         name = worst.least[1]
         if name == "body":
-            errs = f"force and moment are those of another body, by {significant(worst.body_ratio)} times what {EXPLAINED} explain"
+            errs = f"force and moment are those of another body, by {significant(worst.body_ratio)}"
         else:
-            ratio = worst.ratio[worst.names.index(name)]
-            errs = f"{name} errs by {significant(ratio)} times what {EXPLAINED} explain"
+            errs = f"{name} errs by {significant(worst.ratio[worst.names.index(name)])}"
+        errs = f"{errs} times what {EXPLAINED} explain"
         return f"{worst.file} is not predicted by the {others}: {errs}{more}; find what changed in between"
 
     def _largest(self) -> str:
