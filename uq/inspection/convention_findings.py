@@ -28,6 +28,7 @@ from identify.diagnostics.free_rotation import FreeRotation
 from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
 from identify.diagnostics.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
 from identify.rigid_body.rotation import exponential
+from identify.rounding import significant
 from rig.inspection.channel_health import Finding
 from uq.inspection.rotation_findings import (
     LEAST_TURN,
@@ -144,8 +145,8 @@ class _Examination:
             return
         if weight.missing:
             mass = self.declared.mass
-            body = "a body with such moments" if mass is None else f"the declared {mass:.3g} kg"
-            reason = f"the mean force is the weight of {weight.mass:.2g} kg, far less than that of {body}"
+            body = "a body with such moments" if mass is None else f"the declared {significant(mass)} kg"
+            reason = f"the mean force is the weight of {significant(weight.mass, 2)} kg, far less than that of {body}"
             yield Finding("weight", self.wrench, f"{reason}: {self._weight_cure(given)}")
             return
         yield from self._units(weight)
@@ -253,8 +254,8 @@ class _Examination:
             yield Finding(
                 "weight",
                 self.wrench,
-                f"the force changes as that of some {mass:.2g} kg, but {share:.0%} of its weight is missing "
-                f"throughout: {self._weight_cure(given)}",
+                f"the force changes as that of some {significant(mass, 2)} kg, but {share:.0%} of its weight is "
+                f"missing throughout: {self._weight_cure(given)}",
             )
 
     # Units
@@ -267,7 +268,7 @@ class _Examination:
             yield Finding(
                 "unit",
                 self.wrench,
-                f"the moments are those of a body of {weight.density(before):.2g} kg/m^3, "
+                f"the moments are those of a body of {significant(weight.density(before), 2)} kg/m^3, "
                 'lighter than air: in N·mm? set moment_unit = "N*mm" in [recording]',
             )
 
@@ -278,7 +279,8 @@ class _Examination:
         ratio = mass / weight.mass
         margin = UNIT_TOLERANCE + weight.uncertainty / weight.mass
         unit = next((name for name, size in FORCE_UNITS.items() if abs(ratio / size - 1) < margin), None)
-        text = f"the mean force is the weight of {weight.mass:.3g} kg, the declared mass is {mass:.3g} kg"
+        weighs, stated = significant(weight.mass), significant(mass)
+        text = f"the mean force is the weight of {weighs} kg, the declared mass is {stated} kg"
         if unit is None:
             yield Finding("mass", self.wrench, f"{text}: correct body.mass, force_unit or the load cell's calibration")
         else:
@@ -332,8 +334,8 @@ class _Examination:
                 yield Finding(
                     "unit",
                     self.wrench,
-                    f"force and moment put the centre of gravity {1 / size:.4g} times as far from Q as declared: "
-                    f'set moment_unit = "{name}" in [recording]',
+                    f"force and moment put the centre of gravity {significant(1 / size, 4)} times as far from Q as "
+                    f'declared: set moment_unit = "{name}" in [recording]',
                 )
                 return
         point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point

@@ -8,6 +8,7 @@ from identify.diagnostics.convention_fit import FORCE_TERMS, MOMENT_TERMS, MOMEN
 from identify.diagnostics.convention_sums import FORCE, MOMENT, ConventionSums
 from identify.diagnostics.conventions import DECISIVE, Scales, chi_square
 from identify.diagnostics.free_rotation import FreeRotation, free_rotation
+from identify.rounding import fixed, with_uncertainty
 
 LEAST_TURN = np.radians(0.5)
 SMALL_TURN = np.radians(10.0)  # from the axes as they are: measured as a small turn, after all else
@@ -71,7 +72,8 @@ def rotation_text(rotation: FreeRotation, topic: str, cure: str) -> tuple[str, s
     x, y, z = vector / max(float(np.linalg.norm(vector)), 1e-12)
     angle, u = np.degrees([float(np.linalg.norm(vector)), COVERAGE * rotation.standard_uncertainty])
     turned = "only a turn of the IMU's axes into the load cell's by"
-    text = f"{turned} {angle:.1f} ± {u:.1f} deg about ({x:.2f}, {y:.2f}, {z:.2f}) fits gravity and the motion in both"
+    about = ", ".join(fixed(part, 2) for part in (x, y, z))
+    text = f"{turned} {with_uncertainty(angle, u)} deg about ({about}) fits gravity and the motion in both"
     if np.array_equal(rotation.reversed.matrix, np.eye(3)):
         return "turned", topic, f"{text}: set {cure} in [recording]"
     if rotation.reversed.sensor == "wrench":
@@ -88,7 +90,7 @@ def rotation_text(rotation: FreeRotation, topic: str, cure: str) -> tuple[str, s
 def small_turn_text(turn: Float[np.ndarray, "3"], hessian: Matrix) -> str:
     """Return a small rotation vector [rad] with its 95 % uncertainties, from the Hessian of chi-square there."""
     u = COVERAGE * np.sqrt(np.diag(2 * np.linalg.pinv(hessian, hermitian=True)).clip(0))
-    parts = ", ".join(f"{x:.1f} ± {half:.1f}" for x, half in np.degrees([turn, u]).T)
+    parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)
     return f"({parts}) deg about x, y, z"
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.rounding import significant
 from rig.exceptions import quoted
 from uq.files.document import ExperimentError
 from uq.sources.draws import Mixing
@@ -37,7 +38,7 @@ class BeyondLawError(ExperimentError):
 
     def _share(self, name: str) -> str:
         share = self.shares.get(name)
-        return "" if share is None else f" (alone {100 * share:.2g} % of the 3σ)"
+        return "" if share is None else f" (alone {significant(100 * share, 2)} % of the 3σ)"
 
 
 def beyond_the_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> dict[str, str]:

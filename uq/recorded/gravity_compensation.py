@@ -7,6 +7,7 @@ import numpy as np
 
 from identify.estimators.offsets import rest_of
 from identify.rigid_body.dynamics import moment_about
+from identify.rounding import significant
 from identify.signals.gravity_direction import UP, upward
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment
@@ -58,8 +59,9 @@ def _check_level(run: Run, rests: Sequence[Segment], experiment: Experiment) -> 
     tilt = np.linalg.norm(rest.moment - np.cross(experiment.stated_r_cg, rest.force)) / _arm(experiment)
     if tilt > LEVEL:
         raise RunError(
-            f"the moment at rest before the motion in {run.name} is that of a body tilted by {np.rad2deg(tilt):.2g} "
-            "deg, or an offset: the weight removed from the force cannot be put back without an accelerometer"
+            f"the moment at rest before the motion in {run.name} is that of a body tilted by "
+            f"{significant(np.rad2deg(tilt), 2)} deg, or an offset: the "
+            "weight removed from the force cannot be put back without an accelerometer"
         )
 
 

@@ -14,6 +14,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.motion.trajectory import Trajectory
+from identify.rounding import significant
 from identify.signals.run import Run, RunError
 from uq.experiment.experiment import TrajectorySpec
 
@@ -122,10 +123,9 @@ def verdicts(followed: Followed) -> list[str]:
     worst = int(np.nanargmax(off))
     lines = []
     if off[worst] > 0.05:
-        lines.append(
-            f"the platform ran {100 * followed.gain[worst]:.3g} % of the planned amplitude about axis {worst + 1}"
-        )
+        gain = significant(100 * followed.gain[worst])
+        lines.append(f"the platform ran {gain} % of the planned amplitude about axis {worst + 1}")
     spread = np.nanmax(followed.lag) - np.nanmin(followed.lag)
     if spread > 5e-3:
-        lines.append(f"the axes lag by unequal times, {1e3 * spread:.3g} ms apart")
+        lines.append(f"the axes lag by unequal times, {significant(1e3 * spread)} ms apart")
     return lines
