@@ -38,7 +38,7 @@ MOST_POWER = 4.0
 CLOSE = 2e-3
 """How near the law at the answer must be to the target."""
 ROUNDS = 4
-MOST_SAMPLES = 1_000_000
+MOST_SAMPLES = 2_000_000
 """Of a run at which the law is evaluated; a longer answer is extrapolated."""
 
 

@@ -68,12 +68,12 @@ def test_the_duration_solves_its_equation(experiment, monkeypatch):
 
 
 def test_a_very_long_answer_is_extrapolated(experiment, monkeypatch):
-    """A million samples at 100 Hz are 10,000 s: beyond, the law is not asked, which would take all memory."""
+    """Two million samples at 100 Hz are 20,000 s: beyond, the law is not asked, which would take long."""
     made = closed(cg=0.0)
     monkeypatch.setattr("uq.planning.required_duration._variances", lambda *_: pytest.fail("the law was asked"))
-    answer = required_duration(experiment, 0.16, growth=made)
-    assert answer.seconds == pytest.approx(20 + 4 * 80 / 0.16**2, rel=1e-4)
-    assert answer.reached == pytest.approx(0.16, rel=1e-4)
+    answer = required_duration(experiment, 0.1, growth=made)
+    assert answer.seconds == pytest.approx(20 + 4 * 80 / 0.1**2, rel=1e-4)
+    assert answer.reached == pytest.approx(0.1, rel=1e-4)
     assert not answer.checked
     assert "extrapolated" in repr(answer)
 
