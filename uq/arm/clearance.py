@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from identify.serial_arm.serial_chain import poses
 from uq.arm.arm import Arm
@@ -48,16 +48,6 @@ class Shape(NamedTuple):
     """Of its size along each axis [m]."""
     is_round: bool
 
-    def distance(self, point: Float[Array, "3 s"]) -> Float[Array, " s"]:
-        """Return how far points, in its own axes, are outside; negative inside [m]."""
-        if self.is_round:
-            across = jnp.sqrt(point[0] ** 2 + point[1] ** 2 + 1e-12)
-            beyond = jnp.stack([across - self.half[0], jnp.abs(point[2]) - self.half[2]])
-        else:
-            beyond = jnp.abs(point) - self.half[:, None]
-        outside = jnp.sqrt((jnp.maximum(beyond, 0.0) ** 2).sum(axis=0) + 1e-12)
-        return outside + jnp.minimum(beyond.max(axis=0), 0.0)
-
     def lowest(self, upwards: Float[Array, "3"]) -> Float[Array, ""]:
         """Return how far it reaches below its middle, if up is this in its own axes [m]."""
         if self.is_round:
@@ -74,6 +64,18 @@ class Shape(NamedTuple):
         along = np.zeros((count, 3))
         along[:, longest] = self.half[longest] * (2 * np.arange(count) + 1 - count) / count
         return along @ self.rotation.T + self.position, float(np.hypot(wide, self.half[longest] / count))
+
+
+def distance(
+    point: Float[Array, "p s 3"], half: Float[Array, "p 1 3"], is_round: Bool[Array, "p 1"]
+) -> Float[Array, "p s"]:
+    """Return how far points are outside of shapes, in the shapes' own axes; negative inside [m]."""
+    across = jnp.sqrt((point[..., :2] ** 2).sum(axis=-1) + 1e-12)
+    beyond = jnp.abs(point) - half
+    radial = jnp.stack([across - half[..., 0], jnp.full_like(across, -jnp.inf), beyond[..., 2]], axis=-1)
+    beyond = jnp.where(is_round[..., None], radial, beyond)
+    outside = jnp.sqrt((jnp.maximum(beyond, 0.0) ** 2).sum(axis=-1) + 1e-12)
+    return outside + jnp.minimum(beyond.max(axis=-1), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,20 +115,29 @@ class Clearance:
         frames = poses(self.arm.chain, q)
         turns = jnp.concatenate([jnp.eye(3)[None], frames.rotation])
         places = jnp.concatenate([jnp.zeros((1, 3)), frames.position])
-        at = [places[each.link] + turns[each.link] @ each.position for each in self.shapes]
-        turned = [turns[each.link] @ each.rotation for each in self.shapes]
-
-        def bound(covered: int, other: int) -> Array:
-            centres, radius = self.shapes[covered].cover()
-            link = self.shapes[covered].link
-            placed = places[link][:, None] + turns[link] @ centres.T
-            return self.shapes[other].distance(turned[other].T @ (placed - at[other][:, None])).min() - radius
-
-        gaps = [jnp.maximum(bound(a, b), bound(b, a)) for a, b in self.pairs]
+        gaps = [self._between(turns, places)] if self.pairs else []
         if (floor := self.arm.declared.floor) is not None:
-            moving = [k for k, each in enumerate(self.shapes) if each.link > 1]
-            gaps += [at[k][2] - self.shapes[k].lowest(turned[k][2]) - floor for k in moving]
-        return jnp.stack(gaps) if gaps else jnp.zeros(0)
+            moving = [each for each in self.shapes if each.link > 1]
+            heights = [places[each.link][2] + turns[each.link][2] @ each.position for each in moving]
+            lowest = [each.lowest(turns[each.link][2] @ each.rotation) for each in moving]
+            gaps.append(jnp.stack(heights) - jnp.stack(lowest) - floor)
+        return jnp.concatenate(gaps) if gaps else jnp.zeros(0)
+
+    def _between(self, turns: Float[Array, "m 3 3"], places: Float[Array, "m 3"]) -> Float[Array, " p"]:
+        """A lower bound of the distance of each pair: the larger of its two ways round."""
+        covers = [each.cover() for each in self.shapes]
+        most = max(len(centres) for centres, _ in covers)
+        filled = np.array([np.resize(centres, (most, 3)) for centres, _ in covers])
+        link, place = np.array([each.link for each in self.shapes]), np.array([each.position for each in self.shapes])
+        turn, half = np.array([each.rotation for each in self.shapes]), np.array([each.half for each in self.shapes])
+        is_round, radius = np.array([each.is_round for each in self.shapes]), np.array([size for _, size in covers])
+        spheres = places[link][:, None] + jnp.einsum("aij,asj->asi", turns[link], filled)
+        middle = places[link] + jnp.einsum("aij,aj->ai", turns[link], place)
+        axes = jnp.einsum("aij,ajk->aik", turns[link], turn)
+        covered, other = np.concatenate([np.array(self.pairs), np.array(self.pairs)[:, ::-1]]).T
+        local = jnp.einsum("pik,psi->psk", axes[other], spheres[covered] - middle[other][:, None])
+        outside = distance(local, jnp.asarray(half[other])[:, None], jnp.asarray(is_round[other])[:, None])
+        return (outside.min(axis=1) - radius[covered]).reshape(2, -1).max(axis=0)
 
     def touches(self, q: Float[np.ndarray, "t n"]) -> Iterator[Touch]:
         """Yield the first pair of each instant that is nearer than the clearance, by the shapes themselves."""
