@@ -14,8 +14,18 @@ import numpy as np
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.payload_information import about_cg, about_q
-from uq.arm.arm_design import DETERMINANT, ArmDesign, design_arm
-from uq.arm.joint_search import Candidate
+from uq.arm.arm_design import (
+    DETERMINANT,
+    PERIOD,
+    RAMP,
+    ROUNDS,
+    STEPS,
+    ArmDesign,
+    design_arm,
+    goal_function,
+    searched,
+)
+from uq.arm.joint_search import Candidate, JointSearch
 from uq.arm.mujoco_run import simulated
 from uq.arm.predicted_payload import average_expanded
 from uq.experiment.experiment import Experiment
@@ -42,6 +52,10 @@ def estimates(design: ArmDesign, candidate: Candidate, runs: int, seed: int) -> 
     return np.asarray(values), np.sqrt(covariance)
 
 
+def _silent(*_: object) -> None:
+    """Tell nobody."""
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -52,7 +66,9 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     experiment = Experiment.load(arguments.experiment)
     design = design_arm(experiment, starts=arguments.starts)
-    rival = design_arm(experiment, starts=arguments.starts, goal=DETERMINANT).designed
+    search = JointSearch(design.limits, design.noise, duration=design.duration, period=PERIOD, ramp=RAMP)
+    measure = goal_function(DETERMINANT, experiment, design.motions["random"].covariance)
+    rival, _ = searched(search, measure, starts=arguments.starts, seed=0, rounds=ROUNDS, steps=STEPS, tell=_silent)
     motions = design.motions | {"D-optimal": rival}
     promised = {name: average_expanded(each.covariance) for name, each in motions.items()}
     for name, averages in promised.items():

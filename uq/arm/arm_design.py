@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.motion.optimiser import minimise
+from identify.motion.optimiser import Optimum, minimise
 from rig.exceptions import listed, quoted
 from uq.arm.arm import Arm
 from uq.arm.arm_limits import ArmLimits
@@ -21,6 +21,8 @@ from uq.files.document import ExperimentError
 
 DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
 """Of the run, of its repeats and of starting and stopping, at least [s]; and how many random series are tried."""
+ROUNDS, STEPS = 10, 80
+"""Of the minimisation from each start, and steps in each round at most."""
 DETERMINANT = "determinant"
 """The goal of a D-optimal design: the least determinant of the covariance of all ten parameters."""
 ARM_GOALS = (*GOALS, DETERMINANT)
@@ -60,8 +62,8 @@ def design_arm(
     seed: int = 0,
     period: float = PERIOD,
     ramp: float = RAMP,
-    rounds: int = 10,
-    steps: int = 80,
+    rounds: int = ROUNDS,
+    steps: int = STEPS,
     random: int = RANDOM,
     progress: Progress | None = None,
 ) -> ArmDesign:
@@ -100,17 +102,24 @@ def design_arm(
     reference = random_series(search, random, seed)
     single = single_joints(limits, noise, duration, ramp)
     measure = goal_function(goal, experiment, reference.covariance)
+    designed, ends = searched(search, measure, starts=starts, seed=seed, rounds=rounds, steps=steps, tell=tell)
+    return ArmDesign(
+        experiment, limits, noise, goal, {"designed": designed, "random": reference, "single": single}, duration,
+        tuple((float(np.exp(end.goal)), end.excess) for end in ends),
+    )  # fmt: skip
+
+
+def searched(
+    search: JointSearch, measure: Goal, *, starts: int, seed: int, rounds: int, steps: int, tell: Progress
+) -> tuple[Candidate, list[Optimum]]:
+    """Return the best motion of several starts, and how each of these ended; see :func:`design_arm`."""
     lagrangian, ends = search.lagrangian(measure), []
     for number in range(starts):
         of_all = lambda done, *_, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
         first = search.start(1000 * seed + number)
         ends.append(minimise(lagrangian, first, rounds=rounds, steps=steps, progress=of_all))
     best = min(ends, key=lambda end: end.goal + 10 * max(end.excess - 0.01, 0.0))
-    designed = polished(search, measure, best.unknowns, steps, tell)
-    return ArmDesign(
-        experiment, limits, noise, goal, {"designed": designed, "random": reference, "single": single}, duration,
-        tuple((float(np.exp(end.goal)), end.excess) for end in ends),
-    )  # fmt: skip
+    return polished(search, measure, best.unknowns, steps, tell), ends
 
 
 def polished(search: JointSearch, measure: Goal, unknowns: np.ndarray, steps: int, tell: Progress) -> Candidate:
