@@ -22,6 +22,8 @@ DARK_COLOURS = PALETTE[0], PALETTE[1], PALETTE[3], PALETTE[6]
 """On which white is read; on the others black is."""
 MOST = 6
 """Parts that have a colour of their own."""
+LINES = 12
+"""Most sources that have a line each."""
 OTHERS = PALETTE[7]
 """Colour of all other parts together."""
 GRID, RULE, FILL = "#e4e4e4", "#808080", "#d4d4d4"

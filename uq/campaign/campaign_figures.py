@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 from identify.figure_style import (
     COLUMN,
     GRID,
+    LINES,
     PAGE,
     PALETTE,
     RULE,
@@ -31,8 +32,6 @@ from uq.campaign.statistics import GRAM_METRE, Statistics
 
 BESIDE = 5
 """Cases whose bars stand side by side; more have a line each."""
-LINES = 12
-"""Most lines of a figure below the first."""
 
 
 def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
@@ -86,14 +85,14 @@ def _line_by_line(cases: Mapping[str, Statistics]) -> FigureBase:
                 for name in ("three_sigma", "three_sigma_standard_error", "mean_error", "mean_error_standard_error")
             )
             top.barh(y, sigma, 0.7, color=[PALETTE[0], *[PALETTE[1]] * (len(names) - 1)])
-            style: dict[str, Any] = {"ecolor": "black", "elinewidth": 0.6, "capsize": 1.2, "capthick": 0.6}
+            style: dict[str, Any] = {"ecolor": "black", "elinewidth": 0.8}
             top.errorbar(sigma, y, xerr=sigma_error, fmt="none", **style)
             bottom.axvline(0, color=RULE, linewidth=0.6, zorder=1)
             bottom.errorbar(mean, y, xerr=mean_error, fmt="o", markersize=2.6, color=PALETTE[1], **style)
             bottom.plot(mean[:1], y[:1], "o", markersize=2.6, color=PALETTE[0], zorder=3)
             top.set_title(COMPONENTS[k])
             for axes in (top, bottom):
-                axes.tick_params(axis="y", length=0)
+                axes.tick_params(axis="y", left=False)
                 axes.grid(axis="x", color=GRID, linewidth=0.5)
         panels[0, 0].set_yticks(y, [label(display_name(name)) for name in names])
         panels[0, 0].invert_yaxis()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.figure_style import display_name
+from identify.figure_style import LINES, display_name
 from identify.reporting import Drawing, Result, Section, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import exact, fixed, rounded, significant, with_uncertainty
@@ -277,7 +277,8 @@ def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown[Statistics
 
             return contributions(cases)
 
-        what = f"3σ and mean error of each component{how}, all sources and each {kind} alone."
+        most = f", the {LINES} largest of {len(cases) - 1}" if len(cases) - 1 > LINES else ""
+        what = f"3σ and mean error of each component{how}, all sources and each {kind} alone{most}."
         return Drawing(stem(f"{kind}s", *pair), f"{', '.join(pair)}: {what}", draw)
 
     by_group = [drawing("group", pair, of.groups) for pair, of in breakdowns.items()]

@@ -77,7 +77,7 @@ def _stacks(axes: Axes, b: SourceBudget) -> None:
         base = base + heights
     axes.set(ylim=(0, 100), ylabel="Shapley share of the variance [%]", title="who causes the dispersion")
     axes.set_xticks(x, COLUMNS)
-    axes.tick_params(axis="x", length=0)
+    axes.tick_params(axis="x", bottom=False)
 
 
 def _split(axes: Axes, b: SourceBudget) -> None:
@@ -89,7 +89,7 @@ def _split(axes: Axes, b: SourceBudget) -> None:
     axes.bar(x, 100 - bias, 0.8, bottom=bias, color=DISPERSION, label="dispersion")
     axes.set(ylim=(0, 100), ylabel="share of the\nmean square [%]")
     axes.set_xticks(x, COLUMNS)
-    axes.tick_params(axis="x", length=0)
+    axes.tick_params(axis="x", bottom=False)
 
 
 def _tensor(axes: Axes, b: SourceBudget) -> None:
@@ -114,7 +114,7 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     axes.plot(100 * e.first.generalised[shown], y - 0.22, "|", color="black", markersize=5, label="first order")
     axes.plot(100 * e.total.generalised[shown], y + 0.22, "ko", markersize=3, markerfacecolor="white", label="total")
     axes.set_yticks(range(len(parts)), [name for name, *_ in parts])
-    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="y", left=False)
     axes.invert_yaxis()
     axes.set(xlabel="share of the tensor's variance [%]", title="the whole tensor")
     axes.set_xlim(left=min(0, float(np.nanmin(100 * e.first.generalised, initial=0))))
@@ -142,7 +142,7 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
         left.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
         right.set(xlim=(0, 100), xlabel="share of the mean square [%]")
         for axes in (left, right):
-            axes.tick_params(axis="y", length=0)
+            axes.tick_params(axis="y", left=False)
         handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
         labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
         figure.legend(handles, labels, loc="outside upper center", ncols=columns(labels, PAGE))
