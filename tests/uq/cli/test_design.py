@@ -176,7 +176,7 @@ def test_the_mean_error_stands_beside_the_dispersion(content, report):
         at = [row[0] for row in rows].index(name)
         figures = [[float(cell.replace("−", "-")) for cell in row[3:9]] for row in rows[at : at + 3]]
         sigma, mean, rms = np.array(figures)
-        np.testing.assert_allclose(mean, 1e3 * law.total.mean_error, rtol=6e-3)
+        np.testing.assert_allclose(mean, 1e3 * law.total.mean_error, atol=0.0051)  # two decimals, common to the row
         np.testing.assert_allclose(rms**2, sigma**2 + (3 * mean) ** 2, rtol=0.02)
         got = said["trajectories"][name]
         assert got["groups"]["total"]["mean_error"]["I33"] == pytest.approx(1e3 * law.total.mean_error[5])
@@ -192,7 +192,7 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(report, objective, cure):
     laws["designed"] = dataclasses.replace(laws["designed"], groups={"total": far}, sources=sources)
     changed = dataclasses.replace(report, laws=laws, design=dataclasses.replace(report.design, objective=objective))
     first, second = changed.findings()
-    assert re.fullmatch(r"designed: the mean error exceeds 3σ: I33 −[\d.]+ g·m² \(2 × 3σ\)\.", first)
+    assert re.fullmatch(r"designed: the mean error exceeds 3σ: I33 −[\d.]+ g·m² \(2\.00 × 3σ\)\.", first)
     assert second == f"Most of the mean error is that of omega precision, which a longer run does not reduce.{cure}"
     assert changed.to_dict()["warnings"] == list(changed.section().findings[:2]) == [first, second]
     assert changed.notes() == [f"attention: {first}", f"attention: {second}", *report.sensors.notes()]
@@ -206,7 +206,9 @@ def test_the_report_says_what_was_asked(content, report):
                   "out of reach: r cg", "Static poses to run", "Exported motion", "Average 3σ of the moments"):  # fmt: skip
         assert words in text, words
     assert text.count("change, %") >= 3
-    assert "No motion under these limits promises a 3σ of less than 1 g·m² (moments) and 0.5 g·m² (products)." in text
+    assert (
+        "No motion under these limits promises a 3σ of less than 1.00 g·m² (moments) and 0.500 g·m² (products)." in text
+    )
     assert "The bound leaves out: ramps take no time." in text
     assert report.trajectory_table().rows[-1][0] == "bound"
 
@@ -224,11 +226,11 @@ def test_where_a_constant_source_rules_the_bound_is_no_promise(report):
     ruled = dataclasses.replace(report, laws={**report.laws, "designed": changed})
     said = " ".join(ruled.verdicts())
     assert (
-        "The bound of the moments, 1 g·m², counts the load cell's noise alone, but r cg makes 100 % of the variance"
+        "The bound of the moments, 1.00 g·m², counts the load cell's noise alone, but r cg makes 100 % of the variance"
         in said
     )
     assert "No motion" not in said
-    assert ruled.trajectory_table().rows[-1][-4:] == ["1", "", "0.5", ""]
+    assert ruled.trajectory_table().rows[-1][-4:] == ["1.00", "", "0.500", ""]
 
 
 def test_the_page_loads_nothing_and_its_platform_moves(content):
