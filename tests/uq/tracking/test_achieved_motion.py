@@ -82,7 +82,7 @@ def test_planted_amplitude_and_lag_are_found(result):
     assert f.gain_standard_error.max() < 1e-3
     assert f.lag_standard_error.max() < 1e-4
     assert f.common_lag == pytest.approx(LAG, abs=2e-5)
-    assert any("93 % of the planned amplitude" in text for text in result.warnings)
+    assert any("93.0 % of the planned amplitude" in text for text in result.warnings)
 
 
 def test_a_smaller_amplitude_tells_less(result):
