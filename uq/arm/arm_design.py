@@ -118,13 +118,21 @@ def searched(
         of_all = lambda done, *_, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
         first = search.start(1000 * seed + number)
         ends.append(minimise(lagrangian, first, rounds=rounds, steps=steps, progress=of_all))
-    best = min(ends, key=lambda end: end.goal + 10 * max(end.excess - 0.01, 0.0))
-    return polished(search, measure, best.unknowns, steps, tell), ends
+    settled = [search.settled(end.unknowns) for end in ends]
+    best = int(np.argmin([float(measure(jnp.asarray(candidate.covariance))) for candidate, _ in settled]))
+    return polished(search, measure, ends[best].unknowns, *settled[best], steps, tell), ends
 
 
-def polished(search: JointSearch, measure: Goal, unknowns: np.ndarray, steps: int, tell: Progress) -> Candidate:
+def polished(
+    search: JointSearch,
+    measure: Goal,
+    unknowns: np.ndarray,
+    candidate: Candidate,
+    size: float,
+    steps: int,
+    tell: Progress,
+) -> Candidate:
     """Return the motion that a search ended with, minimised again on finer grids where its limits cost it its size."""
-    candidate, size = search.settled(unknowns)
     for number, times in enumerate(FINER_SEARCHES):
         tell("limits", number, len(FINER_SEARCHES))
         if size > FULL:

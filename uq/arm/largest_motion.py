@@ -12,6 +12,8 @@ from uq.files.document import ExperimentError
 
 HALVINGS, COARSE = 12, 5
 """Of the interval in which the largest size of a motion is sought, and of one joint's."""
+NEAR = (0.9995, 0.999, 0.998, 0.996, 0.993, 0.99, 0.985, 0.98, 0.97, 0.96, 0.94, 0.92, 0.9)
+"""Sizes that are looked at first."""
 LOOKS, SMALLER = 20, 0.95
 """How often a motion that touches something is made smaller, and by which factor."""
 
@@ -32,8 +34,10 @@ def largest_size(
         ExperimentError: no size does; the limit, the joint and the instant are named.
     """
     size, worst = 1.0, str(peaks[0]) if (peaks := limits.peaks_of(of_size(1.0), t))[0].share > 1 else ""
-    if worst:
-        size = _bisected(lambda size: limits.peaks_of(of_size(size), t)[0].share <= 1, HALVINGS)
+    met = lambda size: limits.peaks_of(of_size(size), t)[0].share <= 1  # noqa: E731
+    if worst:  # what keeps links apart at one size need not at a smaller one: sizes near the full one come first
+        near = next((each for each in NEAR if met(each)), None)
+        size = _bisected(met, HALVINGS) if near is None else near
     for _ in range(LOOKS):
         if size == 0:
             break
