@@ -17,7 +17,9 @@ from identify.serial_arm.joint_series import JointSeries
 from identify.serial_arm.payload_information import about_cg
 from rig.exceptions import RigError
 from uq.arm.arm_design import design_arm, goal_function
+from uq.arm.arm_limits import JointPeak
 from uq.arm.arm_report import arm_report
+from uq.arm.largest_motion import largest_size
 from uq.arm.mujoco_run import simulated
 from uq.arm.predicted_payload import average_expanded
 from uq.cli.main import main
@@ -190,3 +192,18 @@ def test_without_mujoco_its_name_is_told(design, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(RigError, match=r"pip install inertia-uq\[arm\]"):
         arm_report(design)
+
+
+def test_the_largest_size_is_near_the_full_one_where_some_smaller_ones_bring_links_too_near(design, monkeypatch):
+    sizes = []
+
+    def of_size(size):
+        sizes.append(size)
+        return design.designed.series
+
+    def peaks_of(series, t):
+        met = 0.95 < sizes[-1] < 0.99 or sizes[-1] < 0.4
+        return [JointPeak("clearance", 0.9 if met else 1.1, "forearm", 1.0)]
+
+    monkeypatch.setattr(design.limits, "peaks_of", peaks_of)
+    assert largest_size(design.limits, of_size, np.linspace(0, 8, 100))[0] == 0.985
