@@ -21,6 +21,7 @@ if jax.__version_info__ >= (0, 11, 1):  # which ends where it is given an option
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
     os.environ["INERTIA_CACHE"] = os.environ.get("INERTIA_TEST_CACHE") or tempfile.mkdtemp(prefix="inertia-tests-")
 keep_compiled()
+os.environ.pop("COLUMNS", None)  # xdist gives its workers 80: tables would wrap
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")

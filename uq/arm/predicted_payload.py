@@ -33,7 +33,8 @@ def declared_noise(experiment: Experiment, rate: float) -> Noise:
     """
     names = ("F", "M", "omega")
     anywhere = Peaks({name: np.zeros(3) for name in names}, {name: np.full(3, np.inf) for name in names})
-    counted = frozenset(s.name for s in experiment.sources if s.target in ("F", "M") and s.kind == "precision")
+    load_cell = frozenset({"F", "M"})
+    counted = frozenset(s.name for s in experiment.sources if s.error_kind.white and load_cell.issuperset({s.target}))
     constants = constants_of(experiment.sources, experiment.mixing)
     cases = [Case("noise", counted)]
     inputs = inputs_of_cases(cases, constants, experiment.sources, experiment.mixing, rate, anywhere)

@@ -115,7 +115,7 @@ def _run(argv: list[str], by_itself: bool) -> int:
         return 0 if argv else 2
     name, rest = argv[0], argv[1:]
     if name not in COMMANDS:
-        _complain(f"unknown command {quoted(name)}: choose one of {', '.join(COMMANDS)}")
+        _complain(f"unknown command {quoted(name[:30])}: choose one of {', '.join(COMMANDS)}")
         return 2
     if strange := [text for text in rest if not _is_unicode(text)]:
         _complain(f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1")

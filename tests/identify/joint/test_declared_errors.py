@@ -80,7 +80,7 @@ def test_a_declared_gain_reaches_the_mass():
 def test_an_estimate_that_leaves_its_prior_is_said_first():
     measured = measure(1, cell_turn=(0, 0, np.pi / 4), **SHORT)
     result = identified(measured, "joint")
-    assert any(text.startswith("the rotation vector of the IMU on axis 3 comes to -4") for text in result.warnings[:2])
+    assert any(text.startswith("the rotation vector of the IMU on axis 3 comes to −4") for text in result.warnings[:2])
 
 
 def test_an_interval_reaches_further_by_an_expected_error():
