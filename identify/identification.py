@@ -81,8 +81,8 @@ def identify(
         errors=errors or {},
     )  # fmt: skip
     result = estimator_of(method).fit(problem)
-    told = judged(covering_bias(result, result.bias), problem)
-    return checked(_validated(told, problem) if validate else told)
+    result = judged(covering_bias(result, result.bias), problem)
+    return checked(_validated(result, problem) if validate else result)
 
 
 def _validated(result: Identification, problem: Problem) -> Identification:

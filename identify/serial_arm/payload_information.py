@@ -46,12 +46,12 @@ def about_q(body: Body) -> Float[Array, "10"]:
     return jnp.concatenate([mass[None], mass * r_cg, parallel_axis(jnp.asarray(body.inertia), mass, r_cg)])
 
 
-def covariance_about_cg(told: Float[Array, "10 10"], body: Body) -> Float[Array, "10 10"]:
+def covariance_about_cg(fisher_information: Float[Array, "10 10"], body: Body) -> Float[Array, "10 10"]:
     """Return the covariance of (m, r_cg, tensor about the centre of gravity) that an information leaves.
 
     Args:
-        told: information of (m, m r, tensor about Q).
+        fisher_information: information of (m, m r, tensor about Q).
         body: at which the parameters' transformation is linearised.
     """
     slope = jax.jacfwd(about_cg)(about_q(body))
-    return slope @ jnp.linalg.solve(told, slope.T)
+    return slope @ jnp.linalg.solve(fisher_information, slope.T)

@@ -200,12 +200,12 @@ class UrRtde(Device):
         major = int.from_bytes(version[:4], "big")
         if major < 5 and self.rate > SLOW:
             raise RigError(f"a robot with software {major} sends at most {SLOW} Hz: set its option `rate` to {SLOW}")
-        said, _ = yield Inquire(DASHBOARD, WHO)
+        reply, _ = yield Inquire(DASHBOARD, WHO)
         recipe = yield from _ask(OUTPUTS, struct.pack(">d", self.rate) + ",".join(self.outputs).encode())
         self._take_recipe(recipe)
         if (yield from _ask(START)) != b"\1":
             raise RigError("the robot does not start its data: look for a message on its pendant")
-        words = said.decode("utf-8", "replace").split("\n")[1:3]
+        words = reply.decode("utf-8", "replace").split("\n")[1:3]
         model, serial = (word.strip() for word in words) if len(words) == 2 else ("", "")
         return Identity(
             model=model or "Universal Robots",

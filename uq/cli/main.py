@@ -155,7 +155,6 @@ def _notation(concisely: bool) -> contextlib.AbstractContextManager[None]:
     """How uncertainties are printed: 374.9 ± 4.9, or concisely 374.9(4.9)."""
     if not concisely:
         return contextlib.nullcontext()
-
     return concise()
 
 
