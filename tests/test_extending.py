@@ -5,10 +5,10 @@ import re
 import sys
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rig.record.port import converse
 from uq.sources.source import KINDS
 
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "extending.md"
@@ -58,38 +58,31 @@ def test_a_new_kind_of_error_source(folders, monkeypatch):
     files, sources, scripts = section("A new kind of error source")
     folders(files)
     names = run(scripts, sources)
-    kinds = {s.kind for s in names["experiment"].sources}
-    assert [name for name, *_ in files] == ["thermal_zero.py", "hysteresis.py"]
+    assert [name for name, *_ in files] == ["thermal_zero.py"]
     # 200 trials tell a 3σ within 5 %: 1e-4 false alarms in six components at 4.2 of these
     np.testing.assert_allclose(names["monte_carlo"], names["by_law"], rtol=0.21)
     assert (names["by_law"] > 0).all()
-    assert "hysteresis" in kinds
-    assert (names["hysteresis"].three_sigma > 0).all()
 
 
-def test_play_holds_the_reading_until_it_is_pushed(folders):
-    """Against plain Python, sample by sample; play of no width leaves the signal as it is."""
-    files, *_ = section("A new kind of error source")
-    folders(files)
-    from uq.sources.source import Source, kind_of
+class Wire:
+    """A port whose other end is the emulator."""
 
-    kind = kind_of("F", "hysteresis")
-    half = np.array([0.5, 0.0, 2.0])
-    signal = np.cumsum(np.random.default_rng(1).normal(size=(3, 50)), axis=1)
-    source, draws = Source("s", "F", "hysteresis", "g", np.ones(3)), {"s": jnp.asarray(half)}
-    sensed = np.asarray(kind.sensed(jnp.asarray(signal), [source], [True], draws))
-    reading = signal[:, 0]
-    for k, sample in enumerate(signal.T):
-        reading = np.minimum(np.maximum(reading, sample - half), sample + half)
-        np.testing.assert_array_equal(sensed[:, k], reading)
-    np.testing.assert_array_equal(sensed[1], signal[1])
+    def __init__(self, sensor):
+        self.sensor, self.answer = sensor, b""
+
+    def write(self, data):
+        self.answer += self.sensor.receive(data)
+
+    def read(self):
+        answer, self.answer = self.answer, b""
+        return answer
 
 
 def test_a_new_device(folders):
     files, _, scripts = section("A new device")
     folders(files)
     names = run(scripts, {})
-    assert names["identity"].model == "ACME 6"
+    assert converse(names["device"].start(), Wire(names["sensor"])).model == "ACME 6"
     assert names["sensor"].streaming
     assert [s.number for s in names["samples"]] == [0, 1, 3, 4]
     assert all(s.values == (1.0, 2.0, 3.0, 0.5, 0.25, 0.125) for s in names["samples"])
