@@ -1,9 +1,15 @@
 """How large the mean square of a signal of limited band can be, when its value and its integral are bounded.
 
-A signal of band B and modulus at most a obeys ``x'² + (2πB x)² ≤ (2πB a)²`` (Bernstein, Szegő), so ``x = a sin θ`` with
-``|θ'| ≤ 2πB``: it takes at least 1/(2B) from one bound to the other. If its integral keeps within ±v, no excursion
-between two zeros has an area above 2v. Among excursions of peak ``a s`` the mean square is largest for the fastest
-rise, a hold at the peak that fills the area, and the fastest fall (docs/explanation/design.md has the proof).
+Let x have band B and ``|x| ≤ a``, and let its integral keep within ±v. By Bernstein's inequality in Szegő's form
+``x'² + (2πB)² x² ≤ (2πB a)²``, so ``x = a sin θ`` with ``|θ'| ≤ Ω = 2πB``. Between two zeros x keeps its sign, so
+``∫|x| ≤ 2v``. Take such an excursion of peak ``a s``, ``s = sin θm``, and any ``κ < s²``. With ``p = (s² - κ)/s`` the
+function ``g(y) = y² - κ - p y`` is convex, negative at 0 and zero at s, so it is not positive in between. Since θ must
+rise to θm and fall again, at most at the rate Ω,
+
+    ∫(x²/a² - κ) dt = ∫ g(|x|/a) dt + p ∫ |x|/a dt ≤ (2/Ω) ∫₀^θm g(sin θ) dθ + 2 p v/a
+
+So the mean square is at most ``a²`` times the largest κ for which some θm makes the right side zero: that of the
+fastest rise, a hold at the peak that fills the area, and the fastest fall.
 """
 
 import numpy as np
