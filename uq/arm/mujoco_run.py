@@ -64,7 +64,7 @@ def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> Simu
     t = np.arange(round(series.duration * rate) + 1) / rate
     loaded.opt.timestep = 1 / rate
     command = JointStates(*map(np.asarray, series.states(t)))
-    data, plant = mujoco.MjData(loaded), mujoco.MjData(reckoned)
+    data, plant, sampled = mujoco.MjData(loaded), mujoco.MjData(reckoned), mujoco.MjData(loaded)
     data.qpos[order] = command.position[0]
     rows, contacts = [], dict[str, float]()
     for k, (position, speed, acceleration) in enumerate(zip(*command, strict=True)):
@@ -75,8 +75,12 @@ def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> Simu
         effort = np.clip(plant.qfrc_inverse[order], -arm.effort, arm.effort)
         data.qfrc_applied[order] = effort
         mujoco.mj_forward(loaded, data)
-        if k % STEPS == 0:
-            rows.append(np.concatenate([data.qpos[order], data.qvel[order], data.qacc[order], effort, data.sensordata]))
+        if k % STEPS == 0:  # MuJoCo's speeds are those of half a step before its positions
+            sampled.qpos[:], sampled.qvel[:] = data.qpos, data.qvel + data.qacc / (2 * rate)
+            sampled.qacc[:] = data.qacc
+            mujoco.mj_inverse(loaded, sampled)
+            states = sampled.qpos[order], sampled.qvel[order], sampled.qacc[order]
+            rows.append(np.concatenate([*states, effort, sampled.sensordata]))
         for pair in _touching(loaded, data):
             contacts.setdefault(pair, t[k])
         mujoco.mj_step(loaded, data)

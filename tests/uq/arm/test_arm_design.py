@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import uq.arm.arm_design as arm_design
 from identify.rigid_body.regressor import wrench_regressor
@@ -107,6 +108,14 @@ def test_mujoco_follows_and_touches_nothing(report):
     assert (run.tracking_error < 0.05).all(), run.tracking_error
     assert {peak.quantity for peak in run.peaks} == {"position", "speed", "acceleration", "effort"}
     assert max(peak.share for peak in run.peaks if peak.quantity == "speed") < 1.1
+
+
+def test_simulated_speeds_and_accelerations_are_the_derivatives_of_the_positions(report):
+    """By a cubic spline; half a step of the simulation, 1.25 ms, would shift speeds by 1e-3 of the acceleration."""
+    run = report.run
+    spline, largest = CubicSpline(run.t, run.joints.position), np.abs(run.joints.acceleration).max()
+    np.testing.assert_allclose(spline(run.t, 1), run.joints.speed, atol=3e-4 * largest)
+    np.testing.assert_allclose(spline(run.t, 2)[5:-5], run.joints.acceleration[5:-5], atol=3e-3 * largest)
 
 
 def test_a_contact_is_seen(design):
