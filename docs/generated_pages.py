@@ -34,7 +34,8 @@ def commands() -> str:
         parser = main.Parser(prog=f"inertia {name}", description=summary)
         module.configure(parser)
         usage = " ".join(parser.format_usage().removeprefix("usage: ").split())
-        lines += [f"## inertia {name}", "", f"{summary[0].upper()}{summary[1:]}.", ""]
+        end = "" if summary.endswith("?") else "."
+        lines += [f"## inertia {name}", "", f"{summary[0].upper()}{summary[1:]}{end}", ""]
         lines += ["```text", *textwrap.wrap(usage, 80, subsequent_indent="    ", break_on_hyphens=False), "```", ""]
         for action in parser._actions:
             if not isinstance(action, argparse._HelpAction):

@@ -6,6 +6,7 @@ faster (``tests/uq/trials/test_reference_trial.py``).
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -67,14 +68,14 @@ def true_signals(experiment, trajectory):
 def main():
     """Print the mean error and 3 sigma of each group on ten seconds of T1, in g m^2."""
     jax.config.update("jax_enable_x64", True)
-    experiment = Experiment.load("docs/experiments/t1-10s.toml")
+    experiment = Experiment.load(Path(__file__).with_name("experiments") / "t1-10s.toml")
     sources = experiment.sources
     names = ["total", *dict.fromkeys(source.group for source in sources)]
     groups = [{s.name for s in sources if name in ("total", s.group)} for name in names]
     tensors = campaign(true_signals(experiment, "T1"), 400.0, sources, groups, trials=200)
     for name, of_group in zip(names, jnp.moveaxis(tensors, 1, 0), strict=True):
         mean, sigma = of_group.mean(0) - experiment.body.inertia, of_group.std(0, ddof=1)
-        print(f"{name:10}", *(f"{1e3 * m:8.2f} ± {3e3 * s:6.2f}" for m, s in zip(mean, sigma, strict=True)))
+        print(f"{name:10}", *(f"{1e3 * m:z8.2f} ± {3e3 * s:6.2f}" for m, s in zip(mean, sigma, strict=True)))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The errors of a caller's mistake, in one line: a run that cannot be used, an unknown name, an unnamed argument."""
 
+import os
 from collections.abc import Callable, Iterable
 from functools import wraps
 from inspect import Parameter, signature
@@ -26,12 +27,16 @@ class UnknownNameError(KeyError):
 def explains_names(function: Callable[P, T]) -> Callable[P, T]:
     """Answer arguments that are given by position but must be named with the call as it should be.
 
+    So it answers the name of a file or preset in place of an argument ``experiment``.
+
     Raises:
         TypeError: when such a call is made.
     """
     parameters = signature(function).parameters.values()
     by_position = [each.name for each in parameters if each.kind is not Parameter.KEYWORD_ONLY]
     by_name = [each.name for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
+
+    place = by_position.index("experiment") if "experiment" in by_position else None
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -40,6 +45,11 @@ def explains_names(function: Callable[P, T]) -> Callable[P, T]:
             written = ", ".join([*by_position, *(f"{name}={_short(value)}" for name, value in more)])
             name = function.__name__
             raise TypeError(f"{name}() takes its other arguments by their names: write {name}({written})")
+        given = kwargs.get("experiment", args[place] if place is not None and place < len(args) else None)
+        if place is not None and isinstance(given, (str, os.PathLike)):
+            raise TypeError(
+                f"{function.__name__}() takes an Experiment, not its name: write Experiment.load({os.fspath(given)!r})"
+            )
         return function(*args, **kwargs)
 
     return call

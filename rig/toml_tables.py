@@ -90,15 +90,17 @@ def read_table(where: str, raw: object, table: type[T]) -> T:
     if not isinstance(raw, Mapping):
         raise TomlError(f"{where} is {quoted(raw)}: write a table")
     types, values = _types(table), {}
+    config = table.__struct_config__
+    tag = (config.tag_field,) if config.tag_field else ()
+    keys = (*table.__struct_encode_fields__, *tag)
     for field in msgspec.structs.fields(table):
         path = _path(where, field.encode_name)
         if field.encode_name in raw:
             values[field.name] = read_value(path, raw[field.encode_name], types[field.name])
         elif field.required:
+            _refuse_unknown(where, raw, keys)  # first: a misspelt key is missing, too
             raise TomlError(f"missing key {path}: add it")
-    config = table.__struct_config__
-    tag = (config.tag_field,) if config.tag_field else ()
-    _refuse_unknown(where, raw, (*table.__struct_encode_fields__, *tag))
+    _refuse_unknown(where, raw, keys)
     try:
         return table(**values)
     except WrongKeyError as mistake:

@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--objective", metavar="OBJECTIVE",
         help="what of each component counts: rms, 3√(σ² + mean error²), or 3sigma, the dispersion alone (rms)",
     )  # fmt: skip
-    parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (T1)")
+    parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (the first)")
     parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
     parser.add_argument(
         "--starts", type=whole_number, metavar="N", help="motions to start from, minutes each; the first in stages (1)"

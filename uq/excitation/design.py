@@ -113,7 +113,7 @@ def design(
     *,
     goal: str = "all",
     objective: str = "rms",
-    reference: str = "T1",
+    reference: str | None = None,
     duration: float | None = None,
     starts: int = 1,
     seed: int = 0,
@@ -137,7 +137,8 @@ def design(
         goal: ``all`` (averages of moments and of products, each against the reference's), ``moments``, ``products``,
             ``worst`` (component), ``axis 1`` to ``axis 3`` (principal moments, the least first).
         objective: ``rms`` or ``3sigma``: what of each component counts.
-        reference: name of the trajectory to be beaten; its size and speed are chosen for the limits.
+        reference: name of the trajectory to be beaten, None for the first; its size and speed are chosen for the
+            limits.
         duration: of the run [s]; None: the reference's.
         starts: motions to start from, some minutes each: the first in stages, which came out best in every study; the
             second a spiral that keeps the centre of gravity still, the others random.
@@ -153,14 +154,13 @@ def design(
     """
     _check(goal, objective, starts, period, duration)
     tell = progress_of(progress, "steps") or (lambda *_: None)
-    reference, given = experiment.select(reference)
-    _check_rate(experiment, reference, given)
+    beaten, given = experiment.select(reference)
+    _check_rate(experiment, beaten, given)
     _check_sources(experiment, given)
     limits = resolved_limits(experiment, FINER * GRID)
     fine = FINER * GRID * limits.bandwidth
     given = given if duration is None else scaled(given, 1.0, 1.0, duration)
-    if period * limits.bandwidth < 2 or 4 * period > given.duration:
-        raise ExperimentError(f"a period of {period:g} s: give 2 / bandwidth to a quarter of the duration")
+    _check_period(period, limits.bandwidth, given.duration)
     inertia = np.asarray(experiment.body.inertia)
 
     def measured_from(base: PredictedTrajectory) -> Measure:
@@ -187,6 +187,13 @@ def design(
         to_beat.mean_error, design_bound(experiment, to_beat.spec, limits), uses(experiment, best.spec, limits, fine),
         ends, min(highest_frequency(best.spec), limits.bandwidth), objective,
     )  # fmt: skip
+
+
+def _check_period(period: float, bandwidth: float, duration: float) -> None:
+    if period * bandwidth < 2:
+        raise ExperimentError(f"period is {period:g} s: give 2 / bandwidth or more, {2 / bandwidth:g} s")
+    if duration < 4 * period:
+        raise ExperimentError(f"a run of {duration:g} s: motions of period {period:g} s take {4 * period:g} s or more")
 
 
 def _check(goal: str, objective: str, starts: int, period: float, duration: float | None) -> None:

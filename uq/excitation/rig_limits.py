@@ -57,9 +57,22 @@ def _carried_at_home(experiment: Experiment, limits: Limits) -> None:
     motion = PlatformMotion(
         jnp.zeros(1), Pose(home.position[None], home.rotation[None]), Twist(still, still, still, still)
     )
-    worst = peaks(_effort(experiment, motion), limits, motion.t)
+    asked = _effort(experiment, motion)
+    worst = peaks(asked, limits, motion.t)
     if worst and worst[0].share > 1:
+        if worst[0].quantity == "length":
+            raise ExperimentError(
+                _length_at_home(float(asked.legs.length[0, worst[0].channel]), worst[0].channel, limits)
+            )
         raise ExperimentError(f"platform.limits: {worst[0]} at rest at home: raise the limit, or carry less")
+
+
+def _length_at_home(length: float, leg: int, limits: Limits) -> str:
+    low, high = limits.length[leg]
+    return (
+        f"platform.limits.length is {low:g} to {high:g} m, but leg {leg + 1} of platform.geometry is {length:.3f} m "
+        "long at home, where every motion starts and ends: give limits around it"
+    )
 
 
 def _effort(experiment: Experiment, motion: PlatformMotion) -> Effort:

@@ -159,8 +159,12 @@ class Experiment(Shown):
         """
         for key in ("mass", "inertia"):
             if getattr(self, key) is None:
-                raise ExperimentError(f"missing key body.{key}: a simulation needs it")
+                raise self._missing(f"body.{key}", "a simulation needs it")
         return Body(jnp.asarray(self.mass), jnp.asarray(self.stated_r_cg), jnp.asarray(self.inertia))
+
+    def _missing(self, key: str, advice: str) -> ExperimentError:
+        file = f" (in {self.file['file']})" if self.file else ""
+        return ExperimentError(f"missing key {key}: {advice}{file}")
 
     @property
     def platform(self) -> Platform:
@@ -181,7 +185,7 @@ class Experiment(Shown):
             ExperimentError: it is not stated.
         """
         if self.r_cg_from_q is None:
-            raise ExperimentError("missing key body.r_cg_from_q: add it; `inertia centre` finds it from static poses")
+            raise self._missing("body.r_cg_from_q", "add it; `inertia centre` finds it, --centre takes its result")
         return self.r_cg_from_q
 
     def estimator(self, name: str | None = None) -> EstimatorSpec:

@@ -81,8 +81,6 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         """Refuse what one table alone does not show."""
-        if self.body is None and self.poses is None:
-            raise WrongKeyError("body", "add it")
         names = [estimator.name for estimator in self.estimator]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise WrongKeyError("", f"two entries named '{twice}' in [[estimator]]: give each its own name")
@@ -90,8 +88,6 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
             raise WrongKeyError(
                 "", f"unknown estimator '{self.recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
-        if self.poses is None and self.body is not None and self.body.r_cg_from_q is None:
-            raise WrongKeyError("", "missing key body.r_cg_from_q: add it")
         self._refuse_two_masses()
 
     def _refuse_two_masses(self) -> None:

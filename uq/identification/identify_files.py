@@ -84,6 +84,7 @@ def identify_files(
         declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:
         experiment = replace(experiment, mass=experiment.scale[0])
+    experiment.stated_r_cg  # noqa: B018 - says at once where there is none
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)

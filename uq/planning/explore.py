@@ -6,6 +6,7 @@ What is redrawn comes from the law's numbers (:mod:`uq.propagation.adjustable_la
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from identify.exceptions import explains_names
 from uq.experiment.experiment import Experiment
 from uq.planning.adjustable_motion import explorable
 from uq.propagation.experiment_law import prepare_law
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from uq.planning.explorer import Explorer
 
 
+@explains_names
 def explore(
     experiment: Experiment,
     trajectories: str | Sequence[str] | None = None,

@@ -23,7 +23,7 @@ from uq.planning.required_duration import (
     growth_of,
     required_duration,
 )
-from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
+from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth, signed_tenth
 from uq.propagation.experiment_law import law
 from uq.report.input_tables import source_tables
 from uq.trials.progress_bar import Progress, progress_of
@@ -53,7 +53,7 @@ class MeasurementPlan(Result):
         now = " and ".join(f"{_average(sensors.three_sigma, goal)} g·m² ({goal})" for goal in BOTH)
         best = sensors.sources.index(sensors.best)
         changes = " and ".join(
-            f"{_average(sensors.halved[best], goal)} g·m² ({goal}, {100 * change:+.1f} %)".replace("-", "−")
+            f"{_average(sensors.halved[best], goal)} g·m² ({goal}, {signed_tenth(100 * change)} %)"
             for goal, change in zip(BOTH, sensors.changes()[best], strict=True)
         )
         where = f"{sensors.trajectory} of {seconds:g} s, {sensors.estimator}"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from identify.exceptions import explains_names
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import fixed, significant
@@ -64,7 +65,7 @@ class SensorWorth(Result):
             cells = [self.sources[k].replace("_", " ")]
             for goal in ("moments", "products"):
                 then = average((self.halved[k] / 3) ** 2, goal)
-                cells += [significant(GRAM_METRE * then), _signed(100 * (then / now[goal] - 1))]
+                cells += [significant(GRAM_METRE * then), signed_tenth(100 * (then / now[goal] - 1))]
             rows.append([*cells, *(fixed(value, 3) for value in self.derivative[k])])
         return head, rows
 
@@ -114,6 +115,7 @@ class SensorWorth(Result):
         ]
 
 
+@explains_names
 def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> SensorWorth:
     """Return what each source's size does to the 3σ of every component, by the law of propagation.
 
@@ -170,5 +172,6 @@ def _with(sources: Sequence[Source], which: int, factor: float) -> tuple[Source,
     return tuple(s.error_kind.resized(s, factor) if k == which else s for k, s in enumerate(sources))
 
 
-def _signed(value: float) -> str:
+def signed_tenth(value: float) -> str:
+    """Return a change with its sign, to a tenth; what rounds to zero has a plus."""
     return f"{round(value, 1) + 0.0:+.1f}".replace("-", "−")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown, large_mean_error
@@ -81,6 +82,7 @@ class PreparedLaw:
         return results
 
 
+@explains_names
 def law(
     experiment: Experiment,
     trajectories: str | Sequence[str] | None = None,

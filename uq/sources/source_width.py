@@ -78,6 +78,9 @@ def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
         shape = build(-ratio, ratio, nu)
         key, ratio = ("half_width", ratio) if table.half_width is not None else ("sigma", 1.0)
     figure = getattr(table, key)
+    if figure is None and table.half_width is not None:
+        advice = f'add distribution = "rectangular", or another of {", ".join(BOUNDED)}'
+        raise WrongKeyError(key, advice, "is missing, and half_width belongs to a distribution between limits")
     if figure is None:
         raise WrongKeyError(key, "add it")
     in_full_scale = ("full_scale",) if figure.shape != kind.shape else ()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from identify.exceptions import explains_names
 from identify.reporting import Drawing, Result, Section
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import common, fixed, significant, with_uncertainty
@@ -163,6 +164,7 @@ class Achieved(Result):
         return [self.summary(), *(f"attention: {text}" for text in self.warnings)]
 
 
+@explains_names
 def achieved(
     experiment: Experiment, path: str | Path, trajectory: str | None = None, *, estimator: str | None = None
 ) -> Achieved:

@@ -251,7 +251,7 @@ def test_slope_of_a_principal_moment(generator):
         ),
         (
             {"bandwidth": "3 Hz", "length": ["0.6 m", "0.7 m"], "speed": "1 m/s"},
-            r"length of leg \d at 0.000 s: 1\d\d.\d % of its limit at rest at home",
+            r"platform.limits.length is 0.6 to 0.7 m, but leg \d of platform.geometry is 0.5\d\d m long at home",
         ),
     ],
 )

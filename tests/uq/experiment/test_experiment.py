@@ -3,10 +3,12 @@
 import copy
 import tomllib
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from uq import identify_files, law, montecarlo, sensor_worth, simulate
 from uq.experiment.experiment import Experiment, ExperimentError, samples
 
 TEXT = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
@@ -62,8 +64,6 @@ def put(document, path, value):
         (("body", "mass"), "0 kg", "body.mass is '0 kg': write a value above zero"),
         (("body", "r_cg_from_q"), ["0 mm", "0 mm"], r"body.r_cg_from_q is \['0 mm', '0 mm'\]: write three values"),
         (("body", "r_cg_from_q"), ["0 mm", 0, "0 mm"], r"body.r_cg_from_q\[1\] is 0: write a value with its unit"),
-        (("body", "r_cg_from_q"), None, "missing key body.r_cg_from_q"),
-        (("body",), None, "missing key body"),
         (("body",), [], r"body is \[\]: write a table"),
         (("body", "inertia", "I11"), "1 kg*m^2", "body.inertia is no body's tensor"),
         (("body", "inertia", "I21"), "1 kg*m^2", "unknown key body.inertia.I21"),
@@ -163,6 +163,29 @@ def test_a_simulation_needs_a_body_and_a_recording_does_not(document):
     assert experiment.inertia is None
     with pytest.raises(ExperimentError, match=r"missing key body.inertia: a simulation needs it"):
         _ = experiment.body
+    del document["body"]
+    without = Experiment.from_dict(document)
+    with pytest.raises(ExperimentError, match=r"missing key body.mass"):
+        _ = without.body
+    with pytest.raises(ExperimentError, match=r"missing key body.r_cg_from_q: add it; `inertia centre` finds it"):
+        _ = without.stated_r_cg
+
+
+@pytest.mark.parametrize("function", [montecarlo, law, simulate, sensor_worth, identify_files])
+def test_the_name_of_an_experiment_in_its_place_is_answered_with_the_call(function):
+    given = {"experiment": "barreto2016"} if function is not identify_files else {"paths": [], "experiment": "e.toml"}
+    with pytest.raises(
+        TypeError, match=r"takes an Experiment, not its name: write Experiment.load\('(barreto2016|e.toml)'\)"
+    ):
+        function(**given)
+    with pytest.raises(TypeError, match=r"write Experiment.load\('e.toml'\)"):
+        function(*([[]] if function is identify_files else []), Path("e.toml"))
+
+
+def test_a_misspelt_key_is_told_before_it_is_missed(document):
+    document["trajectory"]["T1"]["rampp"] = document["trajectory"]["T1"].pop("ramp")
+    with pytest.raises(ExperimentError, match=r"unknown key trajectory.T1.rampp: did you mean ramp\?"):
+        Experiment.from_dict(document)
 
 
 def test_choices_by_name(preset):

@@ -11,6 +11,7 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import average, lasting
+from uq.planning.sensor_worth import signed_tenth
 from uq.sources.distributions import Normal
 
 FILE = "docs/experiments/t1-10s.toml"
@@ -105,6 +106,11 @@ def test_the_command_writes_its_answers(written):
     for text in ("Which sensor is worth improving?", "How long must I measure?", "left out, so not in any figure"):
         assert text in page
     assert (written / "durations.svg").exists()
+
+
+@pytest.mark.parametrize(("value", "text"), [(-0.04, "+0.0"), (-0.06, "−0.1"), (3.94, "+3.9")])
+def test_a_change_that_rounds_to_zero_has_no_minus(value, text):
+    assert signed_tenth(value) == text
 
 
 @pytest.mark.parametrize(

@@ -115,3 +115,11 @@ def test_the_law_predicts_the_references_trials(statistics, brief):
             difference = np.abs(getattr(predicted[name], figure) - getattr(measured, figure))
             error = getattr(measured, f"{figure}_standard_error")
             assert (difference <= 4.5 * error + 1e-14).all(), (name, figure, difference / error)
+
+
+def test_the_script_runs_from_any_folder_and_prints_no_negative_zero(reference, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    nearly = jnp.tile(jnp.array([0.3813, 0, 0, 0.0185, 0, 0.3791]) - 1e-9, (2, 4, 1))  # two trials, four groups
+    monkeypatch.setattr(reference, "campaign", lambda *_, trials: nearly)
+    reference.main()
+    assert "-0.00" not in capsys.readouterr().out
