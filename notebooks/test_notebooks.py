@@ -25,11 +25,15 @@ def client(notebook, folder):
 SHORTER = {
     r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
     r"starts=\d+, period=2.0, rounds=\d+, steps=\d+": "starts=1, period=2.0, rounds=2, steps=10",
+    r"steps=40, random=5": "steps=40, random=1",
+    r"designed = design_arm\(": "from uq.arm import arm_design, common_practice\n"
+    "arm_design.searched = lambda search, *_, **__: (common_practice.random_series(search, 1, 1), [])\n"
+    "designed = design_arm(",
     r"found = design\(": "from uq.excitation import rig_limits\n"
     "rig_limits.HALVINGS, rig_limits.PIECE = 3, 4096\nfound = design(",
     r"SAMPLES = 72_000": "SAMPLES = 12_000",
 }
-"""What a brief run replaces: few trials, a short and coarse search, a part of the samples."""
+"""What a brief run replaces: few trials, a short and coarse search or none, a part of the samples."""
 
 
 def shortened(notebook):
