@@ -1,22 +1,23 @@
 """The tensor, its uncertainty and what forbids a smaller one, from the sums of a run that is still being recorded.
 
 The estimate is (10) by ordinary least squares, constant offsets estimated along. Type A comes from the residuals'
-spectrum, a covariance across the axes for each band of frequency; what the declared sources do is drawn as
-``inertia identify`` draws it, but less often. Causes that need all samples (conventions, resonances, the admissible
-range, generalised least squares, the joint estimate) are left to ``inertia identify``.
+spectrum, a covariance across the axes for each band of frequency, from more lines where the bands above it agree; what
+the declared sources do is drawn as ``inertia identify`` draws it, but less often. Causes that need all samples
+(conventions, resonances, the admissible range, generalised least squares, the joint estimate) are left to it.
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identify.estimators.gram import Sums, normal_equations
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.type_a import Pooling
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
+from identify.signals.spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
 from uq.identification.combined_uncertainty import Systematic, combined_interval
@@ -30,6 +31,9 @@ TRIALS = 2000
 WRENCH = np.arange(ELEMENTS, ELEMENTS + 6)
 UNKNOWNS = 9
 """The tensor, and a constant moment."""
+REACH, OWN, PASSED, DISAGREE = 3, 100, 0.5, 2.5
+"""How many bands above it a band takes lines from; degrees of freedom of its own without which it cannot tell whether
+they agree; the gain of the filter that they need; and standard deviations at which they disagree."""
 
 
 class Fit(NamedTuple):
@@ -149,13 +153,45 @@ def _type_a(
     products = np.einsum("auf,bfg,cvg->bacuv", rows, of_features, rows, optimize=True)
     leverage = np.einsum("baauv,uv->ba", products, spread)
     free = np.maximum(count[:, None] - leverage, 1.0)
-    root = np.sqrt(free)
-    errors = np.einsum("ak,bkl,cl->bac", residual, spectra, residual) / (root[:, :, None] * root[:, None, :])
+    gain = np.maximum(sums.gain[filled] / count, LEAST_GAIN)[:, None, None]
+    squares = np.einsum("ak,bkl,cl->bac", residual, spectra, residual) / gain
+    taken = agreeing(squares, free, gain[:, 0, 0])
+    left = taken @ free
+    root = np.sqrt(left)
+    errors = gain * np.tensordot(taken, squares, 1) / (root[:, :, None] * root[:, None, :])
     scores = np.einsum("bac,bacuv->uv", errors, products)
     diagonal = np.einsum("uv,baavw,wu,baa->bau", spread, products, spread, errors, optimize=True)
     total = np.maximum(diagonal.sum(axis=(0, 1)), 1e-300)
-    freedom = total**2 / np.maximum((diagonal**2 / free[:, :, None]).sum(axis=(0, 1)), 1e-300)
+    of_lines = np.einsum("bk,bau->kau", taken, diagonal / left[:, :, None])  # bands that share lines err together
+    freedom = total**2 / np.maximum((of_lines**2 * free[:, :, None]).sum(axis=(0, 1)), 1e-300)
     return spread @ scores @ spread, np.clip(freedom, 1.0, 1e9)
+
+
+def agreeing(
+    squares: Float[np.ndarray, "b 3 3"], free: Float[np.ndarray, "b 3"], gain: Float[np.ndarray, " b"]
+) -> Bool[np.ndarray, "b b"]:
+    """Return for each band which bands of the residuals' spectrum tell its noise: itself and those above that agree.
+
+    A motion of one frequency fills one band, whose few lines would leave the uncertainty, and with it the time at which
+    it reaches a target, to chance. The next band is taken in unless its variance on some axis is ``DISAGREE`` standard
+    deviations from that of the bands taken before: the logarithm of a variance of n degrees of freedom has the variance
+    2/n. So noise that falls or rises with frequency stays apart.
+
+    Args:
+        squares: sums of the residuals' products across the axes, the filter's gain divided out.
+        free: degrees of freedom left in each band, by axis.
+        gain: mean power gain of the estimator's filter.
+    """
+    taken = np.eye(len(free), dtype=bool)
+    power = np.maximum(np.einsum("baa->ba", squares), 1e-300)
+    for b in map(int, np.flatnonzero((free >= OWN).all(axis=1) & (gain >= PASSED))):
+        for k in range(b + 1, min(b + REACH + 1, len(free))):
+            total, left = power[taken[b]].sum(axis=0), free[taken[b]].sum(axis=0)
+            apart = np.abs(np.log(power[k] / free[k] / (total / left)))
+            if gain[k] < PASSED or (apart > DISAGREE * np.sqrt(2 / left + 2 / free[k])).any():
+                break
+            taken[b, k] = True
+    return taken
 
 
 def _sums(products: np.ndarray) -> Sums:

@@ -16,6 +16,7 @@ from identify.estimators.regressor_rows import unbroken, usable_rows
 from identify.estimators.run_information import alpha_noise
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
+from identify.signals.filters import response
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
 from identify.signals.spectrum import Lines
 from uq.identification.run_sums import ELEMENTS, FEATURES, elements_of, smoothed
@@ -39,6 +40,7 @@ class RunningSums:
         delayed: for each delay, of the delayed elements with themselves, the elements, force and moment, (d, 18, 42).
         spectra: for each band, of the cosine transforms of features, force and moment, (bands, 19, 19).
         lines: how many lines of the transform each band holds.
+        gain: the sum of the filter's power gain at these.
         noise: what the gyro's noise adds to the normal equations, expected, (6, 6).
         seconds: of motion.
         left_out: samples that were left out, by reason.
@@ -51,7 +53,7 @@ class RunningSums:
         self.products = np.zeros((SIGNALS, SIGNALS))
         self.delayed = np.zeros((len(self.delays), ELEMENTS, ELEMENTS + SIGNALS))
         self.spectra = np.zeros((BANDS, len(REGRESSED), len(REGRESSED)))
-        self.lines = np.zeros(BANDS)
+        self.lines, self.gain = np.zeros(BANDS), np.zeros(BANDS)
         self.noise = np.zeros((6, 6))
         self.seconds = 0.0
         self.left_out: dict[str, int] = {}
@@ -122,7 +124,9 @@ class RunningSums:
             number = np.round(2 * BLOCK * lines.frequency).astype(int)  # of a whole block's line at this frequency
             band = np.minimum(np.ceil(np.log2(number + 1)).astype(int), BANDS - 1)
             edges = np.searchsorted(band, np.arange(BANDS + 1))
+            passed = response(self.estimator.filter_taps(rate), rate, lines.frequency) ** 2
             for b in np.unique(band):
                 part = transformed[edges[b] : edges[b + 1]]
                 self.spectra[b] += part.T @ part
                 self.lines[b] += len(part)
+                self.gain[b] += passed[edges[b] : edges[b + 1]].sum()
