@@ -1,8 +1,9 @@
 """A payload on an arm: the design against common practice and a D-optimal design, confirmed by simulated runs.
 
-``python -m benchmarks.studies.arm_designs [EXPERIMENT] [--starts N] [--runs N]`` prints predicted average 3σ of moments
-and of products of each motion in the same time, then, from one simulation of each motion in MuJoCo, whose joints track
-with error, and so many draws of the sensor's noise: the scatter seen, and how often intervals of 95 % hold the truth.
+``python -m benchmarks.studies.arm_designs [EXPERIMENT] [--starts N] [--runs N] [--plain-runs N]`` prints predicted
+average 3σ of moments and of products of each motion in the same time, then, from one simulation of each motion in
+MuJoCo, whose joints track with error, and so many draws of the sensor's noise: the scatter seen, and how often
+intervals of 95 % hold the truth. Last, on the designed motion: ``identify`` beside plain least squares.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.studies.plain_regression import beside_plain, coverage_lines
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.payload_information import about_cg, about_q
@@ -62,6 +64,7 @@ def main() -> None:
     parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--runs", type=int, default=500)
+    parser.add_argument("--plain-runs", type=int, default=100)
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     experiment = Experiment.load(arguments.experiment)
@@ -83,6 +86,8 @@ def main() -> None:
         covered = 100 * (np.abs(values - truth) <= 1.96 * stated).mean(axis=0)
         print(f"{name:12}  seen {averages[0]:.5f} / {averages[1]:.5f} g·m²", end="")
         print(f"  coverage {covered.min():.1f} to {covered.max():.1f} %, mean {covered.mean():.1f} %", flush=True)
+    beside = beside_plain(design.limits, design.noise, design.designed.series, arguments.plain_runs, 0)
+    print(*coverage_lines(design.limits, beside), sep="\n")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,163 @@
+"""Plain least squares on Pinocchio's regressor beside ``identify``: what their intervals cover, on the same samples.
+
+``python -m benchmarks.studies.plain_regression [EXPERIMENT] [--duration S] [--runs N]`` runs the best of 20 random
+Fourier series in MuJoCo once. N times it draws what is measured: joint angles in steps of their encoders, force and
+moment with noise and an offset. Plain is what a user writes: angles differentiated numerically, Pinocchio's regressor,
+``numpy.linalg.lstsq`` and the covariance ``s² (AᵀA)⁻¹``.
+"""
+
+import argparse
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pinocchio
+from scipy import signal
+
+from identify import Run, identify
+from identify.joint.alignment_prior import Alignment
+from identify.serial_arm.joint_series import JointSeries, JointStates
+from identify.serial_arm.payload_information import about_cg, about_q
+from uq.arm.arm import Arm
+from uq.arm.arm_design import PERIOD, RAMP, RANDOM
+from uq.arm.arm_limits import ArmLimits
+from uq.arm.clearance import Clearance
+from uq.arm.common_practice import random_series
+from uq.arm.joint_search import JointSearch
+from uq.arm.mujoco_run import SimulatedRun, simulated
+from uq.arm.predicted_payload import Noise, declared_noise
+from uq.experiment.experiment import Experiment
+
+STEP, OFFSET = 2 * np.pi / 2**19, np.repeat([2.0, 0.1], 3)
+"""Of an encoder of 19 bits [rad]; standard deviation of the cell's offset, drawn for each run [N, N·m]."""
+WINDOW, ORDER = 0.075, 4
+"""Of the Savitzky–Golay filter that differentiates the angles for ``identify`` [s]."""
+LOWPASS = 5
+"""Cut-off of the Butterworth filter of fourth order, forth and back, over the command's bandwidth."""
+FROM_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
+"""Places of mass, first moment and tensor (xx xy xz yy yz zz) in Pinocchio's ten parameters (xx xy yy xz yz zz)."""
+PARTS = {"mass": slice(0, 1), "r_CG": slice(1, 4), "tensor": slice(4, 10)}
+
+
+class Measured(NamedTuple):
+    """What a robot logs of a run."""
+
+    t: np.ndarray
+    angles: np.ndarray
+    wrench: np.ndarray
+
+
+class Stated(NamedTuple):
+    """Mass, r_CG and tensor about the centre of gravity, and half of the stated 95 % intervals."""
+
+    values: np.ndarray
+    half: np.ndarray
+
+
+def measured(run: SimulatedRun, noise: Noise, generator: np.random.Generator) -> Measured:
+    """Return a run as encoders and load cell read it."""
+    zero = generator.uniform(size=run.joints.position.shape[1])
+    angles = STEP * (np.round(run.joints.position / STEP + zero) - zero)
+    errors = generator.normal(size=run.wrench.shape) @ np.linalg.cholesky(noise.covariance).T
+    return Measured(run.t, angles, run.wrench + OFFSET * generator.normal(size=6) + errors)
+
+
+def plain(arm: Arm, gravity: float, log: Measured, *, offsets: bool, lowpass: float | None = None) -> Stated:
+    """Return what least squares on Pinocchio's regressor states, as its users write it.
+
+    Args:
+        arm: with Pinocchio's model.
+        gravity: local gravity [m/s²].
+        log: the samples.
+        offsets: whether six columns for the sensor's offsets are added.
+        lowpass: cut-off of a filter of angles and wrench [Hz]; None: none.
+    """
+    step, (t, angles, wrench) = log.t[1] - log.t[0], log
+    if lowpass is not None:
+        filter_ = signal.butter(4, lowpass, fs=1 / step, output="sos")
+        angles, wrench = (signal.sosfiltfilt(filter_, each, axis=0) for each in (angles, wrench))
+    speed = np.gradient(angles, step, axis=0)
+    acceleration = np.gradient(speed, step, axis=0)
+    arm.model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    data, frame = arm.model.createData(), arm.model.getFrameId(arm.declared.tool)
+    rows = np.zeros((len(t), 6, 16 if offsets else 10))
+    for row, *state in zip(rows, angles, speed, acceleration, strict=True):
+        pinocchio.rnea(arm.model, data, *state)
+        row[:, :10] = pinocchio.frameBodyRegressor(arm.model, data, frame)
+    rows[:, :, 10:] = np.eye(6)[:, : rows.shape[2] - 10]
+    columns, values = rows.reshape(-1, rows.shape[2]), wrench.ravel()
+    estimate = np.linalg.lstsq(columns, values)[0]
+    variance = ((values - columns @ estimate) ** 2).sum() / (len(values) - len(estimate))
+    covariance = variance * np.linalg.inv(columns.T @ columns)
+    return _about_cg(estimate[FROM_PINOCCHIO], covariance[np.ix_(FROM_PINOCCHIO, FROM_PINOCCHIO)])
+
+
+def _about_cg(parameters: np.ndarray, covariance: np.ndarray) -> Stated:
+    slope = np.asarray(jax.jacfwd(about_cg)(jnp.asarray(parameters)))
+    values = np.asarray(about_cg(jnp.asarray(parameters)))
+    return Stated(values, 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope)))
+
+
+def identified(limits: ArmLimits, gravity: float, log: Measured) -> Stated:
+    """Return what ``identify`` states of the same samples; its motion is that of the smoothed joints."""
+    step = log.t[1] - log.t[0]
+    length = 2 * round(WINDOW / step / 2) + 1
+    smoothed = (signal.savgol_filter(log.angles, length, ORDER, deriv=order, delta=step, axis=0) for order in range(3))
+    tool = limits.tool_of(JointStates(*smoothed))
+    run = Run.from_channels(
+        log.t, log.wrench[:, :3], log.wrench[:, 3:], log.t, tool.omega, specific_force=tool.specific_force
+    )
+    exact = Alignment(sigma_delay=0.0, sigma_rotation=0.0, sigma_gyro_bias=0.0, sigma_accelerometer_bias=0.0)
+    result = identify(run, r_cg=(0, 0, 0), sigma_r_cg=(1, 1, 1), method="joint", gravity=gravity, alignment=exact)
+    values = np.concatenate([[result.mass], result.r_cg, result.inertia])
+    return Stated(values, result.coverage_factors * result.parameters.standard_uncertainty)
+
+
+def beside_plain(limits: ArmLimits, noise: Noise, series: JointSeries, runs: int, seed: int) -> dict[str, Stated]:
+    """Return what each way states of so many draws of one run in MuJoCo, (runs, 10)."""
+    gravity, lowpass = limits.gravity, LOWPASS * limits.bandwidth
+    run = simulated(limits.arm, limits.body, gravity, series)
+    ways: dict[str, Any] = {
+        "identify": lambda log: identified(limits, gravity, log),
+        "plain": lambda log: plain(limits.arm, gravity, log, offsets=False),
+        "plain, offsets": lambda log: plain(limits.arm, gravity, log, offsets=True),
+        "plain, offsets, low-pass": lambda log: plain(limits.arm, gravity, log, offsets=True, lowpass=lowpass),
+    }
+    generator = np.random.default_rng([32, seed])
+    stated = [
+        {name: way(log) for name, way in ways.items()} for log in (measured(run, noise, generator) for _ in range(runs))
+    ]
+    return {name: Stated(*(np.array(each) for each in zip(*(of[name] for of in stated), strict=True))) for name in ways}
+
+
+def coverage_lines(limits: ArmLimits, stated: dict[str, Stated]) -> list[str]:
+    """Return a line a way: how many intervals hold the truth, and half their width over 1.96 times the scatter seen."""
+    truth = np.asarray(about_cg(about_q(limits.body)))
+    lines = []
+    for name, (values, half) in stated.items():
+        covered = 100 * (np.abs(values - truth) <= half).mean(axis=0)
+        width = half.mean(axis=0) / (1.96 * values.std(axis=0, ddof=1))
+        cells = [f"{part} {covered[of].mean():.1f} % (×{width[of].mean():.2g})" for part, of in PARTS.items()]
+        lines.append(f"{name:25}  covers {covered.mean():5.1f} %:  {'  '.join(cells)}")
+    return lines
+
+
+def main() -> None:
+    """Print the lines."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
+    parser.add_argument("--duration", type=float, default=60.0)
+    parser.add_argument("--runs", type=int, default=500)
+    arguments = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    experiment = Experiment.load(arguments.experiment)
+    arm = Arm.of(experiment)
+    limits, noise = ArmLimits(experiment, arm, Clearance.of(arm)), declared_noise(experiment, arm.declared.rate)
+    search = JointSearch(limits, noise, duration=arguments.duration, period=PERIOD, ramp=RAMP)
+    series = random_series(search, RANDOM, 0).series
+    print(*coverage_lines(limits, beside_plain(limits, noise, series, arguments.runs, 0)), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
