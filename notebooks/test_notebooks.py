@@ -32,6 +32,7 @@ SHORTER = {
     r"found = design\(": "from uq.excitation import rig_limits\n"
     "rig_limits.HALVINGS, rig_limits.PIECE = 3, 4096\nfound = design(",
     r"SAMPLES = 72_000": "SAMPLES = 12_000",
+    r'"duration": "20 s", "ramp": "3 s"': '"duration": "8 s", "ramp": "2 s"',
 }
 """What a brief run replaces: few trials, a short and coarse search or none, a part of the samples."""
 

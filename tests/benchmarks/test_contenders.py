@@ -36,8 +36,8 @@ class Played:
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [("float64", 1e-12), ("float32", 2e-5)])
-def test_the_numpy_versions_sums_are_those_of_the_loops_rows(short, generator, dtype, tolerance):
-    truth = truth_of(short)
+def test_the_numpy_versions_sums_are_those_of_the_loops_rows(brief, generator, dtype, tolerance):
+    truth = truth_of(brief)
     noise = generator.normal(size=truth.omega.shape)
     cast = truth._replace(omega=truth.omega.astype(dtype), wrench=truth.wrench.astype(dtype))
     gram, right = vectorised.sums(cast, Played(noise), dtype)
@@ -62,9 +62,9 @@ def ratios(experiment, trials, dtype):
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_the_engine_agrees_with_the_numpy_version(short, dtype):
+def test_the_engine_agrees_with_the_numpy_version(brief, dtype):
     trials = 1000
-    ratio, means = ratios(short, trials, dtype)
+    ratio, means = ratios(brief, trials, dtype)
     # 24 of each: 5 standard errors, 3e-5 false alarms
     np.testing.assert_allclose(ratio, 1, atol=5 / np.sqrt(trials))
     assert np.abs(means).max() < 5

@@ -65,12 +65,12 @@ def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, na
         assert np.abs(error[k, [1, 2, 4]]).max() < 2e-6 * preset.inertia.max()
 
 
-def test_motions_computed_together_are_those_computed_alone(short):
+def test_motions_computed_together_are_those_computed_alone(brief):
     """T2 and T4 are T1 and T3 about another point; the order in which they come does not matter."""
     for order in (("T1", "T2", "T3", "T4"), ("T4", "T2", "T3", "T1")):
-        found = true_motions(short, {name: short.trajectories[name] for name in order}, jax.devices())
+        found = true_motions(brief, {name: brief.trajectories[name] for name in order}, jax.devices())
         for name in order:
-            for together, alone in zip(found[name], true_motion(short, short.trajectories[name]), strict=True):
+            for together, alone in zip(found[name], true_motion(brief, brief.trajectories[name]), strict=True):
                 np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-13)
         assert found["T1"].rotation is found["T2"].rotation
         assert np.abs(found["T3"].specific_force_cg - found["T4"].specific_force_cg).max() > 1e-2
@@ -127,13 +127,13 @@ def test_conditioned_and_sampled_noise_have_the_same_distribution(brief):
     np.testing.assert_allclose(shared, np.std(two[:, 0, 0] - two[:, 1, 0], axis=0) / second[0, 0], rtol=0.2)
 
 
-def test_groups_share_their_draws(short):
+def test_groups_share_their_draws(brief):
     """In the linear regime the total is the sum of the sources: common random numbers make it hold trial by trial."""
     tiny = dataclasses.replace(
-        short, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 1e-4 * s.sigma) for s in short.sources)
+        brief, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 1e-4 * s.sigma) for s in brief.sources)
     )
     setup, result = estimates(tiny, 8)
-    error = result.inertia - np.asarray(errors(only(short), 1))[0, :, :1][None] - np.asarray(short.inertia)
+    error = result.inertia - np.asarray(errors(only(brief), 1))[0, :, :1][None] - np.asarray(brief.inertia)
     position = {case.name: k for k, case in enumerate(setup.cases)}
     groups = sum(error[:, :, k] for name, k in position.items() if name.startswith("group:"))
     sources = sum(error[:, :, k] for name, k in position.items() if name.startswith("source:"))
@@ -146,23 +146,23 @@ def test_groups_share_their_draws(short):
 
 
 def plain(found):
-    """Least squares alone, where a short run's tensor was moved to one that a body can have."""
+    """Least squares alone, where a brief run's tensor was moved to one that a body can have."""
     return found.inertia if found.admissible is None else found.admissible.plain
 
 
 @pytest.mark.parametrize("estimator", ["central", "smoothed"])
-def test_a_simulated_run_is_identified_as_its_trial_was(short, estimator):
+def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
     """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
-    one = dataclasses.replace(short, estimators=(short.estimator(estimator),))
+    one = dataclasses.replace(brief, estimators=(brief.estimator(estimator),))
     _, result = estimates(one, 4, estimators=(estimator,), sampling="samples")
-    constants = draw_constants(short.sources, (), jax.random.key(0), jnp.asarray(3), jnp.dtype(float))
+    constants = draw_constants(brief.sources, (), jax.random.key(0), jnp.asarray(3), jnp.dtype(float))
     found = identify(
         simulate(one, "T1", seed=0, trial=3).run,
-        r_cg=np.asarray(short.r_cg_from_q + constants["r_cg"]),
+        r_cg=np.asarray(brief.r_cg_from_q + constants["r_cg"]),
         estimator=one.estimators[0],
         offsets="none",
     )
-    np.testing.assert_allclose(plain(found), result.inertia[3, 0, 0], atol=1e-12 * short.inertia.max())
+    np.testing.assert_allclose(plain(found), result.inertia[3, 0, 0], atol=1e-12 * brief.inertia.max())
 
 
 @pytest.mark.parametrize(
@@ -187,8 +187,8 @@ def test_float32_draws_agree_with_float64_in_distribution(brief):
 
 
 @pytest.mark.optimised
-def test_draws_are_bit_identical_in_any_batch(short):
-    source, key = short.sources[0], jax.random.key(7)
+def test_draws_are_bit_identical_in_any_batch(brief):
+    source, key = brief.sources[0], jax.random.key(7)
     draw = lambda index, block: draw_block(source, key, index, block, jnp.dtype("float32"))  # noqa: E731
     one = jax.jit(draw)(jnp.asarray(5), jnp.asarray(3))
     many = jax.jit(jax.vmap(draw, in_axes=(0, None)))(jnp.arange(8), jnp.asarray(3))
@@ -198,9 +198,9 @@ def test_draws_are_bit_identical_in_any_batch(short):
     assert not (one == many[4]).any()
 
 
-def test_no_two_draws_are_alike(short):
+def test_no_two_draws_are_alike(brief):
     """Seed, source, trial and block each make other numbers; so do an experiment's bias and its samples."""
-    one, other = short.sources[0], short.sources[2]
+    one, other = brief.sources[0], brief.sources[2]
     dtype = jnp.dtype(float)
     draws = [
         draw_block(source, jax.random.key(seed), trial, block, dtype) / source.sigma[:, None]
@@ -219,20 +219,20 @@ def test_no_two_draws_are_alike(short):
     np.testing.assert_allclose(np.std(draws), 1, atol=5 / np.sqrt(2 * 60_000))
 
 
-def test_an_added_source_changes_no_draw(short):
-    setup, both = estimates(short, 3)
-    fewer_setup, fewer = estimates(only(short, "M_bias", "omega_precision"), 3)
+def test_an_added_source_changes_no_draw(brief):
+    setup, both = estimates(brief, 3)
+    fewer_setup, fewer = estimates(only(brief, "M_bias", "omega_precision"), 3)
     for name in ("source:M_bias", "source:omega_precision"):
         one = both.inertia[:, :, [c.name for c in setup.cases].index(name)]
         two = fewer.inertia[:, :, [c.name for c in fewer_setup.cases].index(name)]
         np.testing.assert_allclose(one, two, atol=1e-14)
 
 
-def test_a_new_number_does_not_compile_again(short):
-    estimates(short, 2)
+def test_a_new_number_does_not_compile_again(brief):
+    estimates(brief, 2)
     before = trial_loop._sharded._cached._cache_size()
     louder = dataclasses.replace(
-        short, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 2.5 * s.sigma) for s in short.sources), mass=12.0
+        brief, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 2.5 * s.sigma) for s in brief.sources), mass=12.0
     )
     estimates(louder, 2)
     assert trial_loop._sharded._cached._cache_size() == before
@@ -273,24 +273,24 @@ def test_without_float64_it_warns_and_still_answers(brief):
 
 
 @pytest.mark.parametrize("seconds", [2.5, 3.0, 3.0025])
-def test_any_number_of_samples(short, seconds):
+def test_any_number_of_samples(brief, seconds):
     """Fewer than a block, one block, one sample more; on two devices, an odd number of trials."""
-    spec = short.trajectories["T1"]
+    spec = brief.trajectories["T1"]
     old = spec.trajectory
-    brief = dataclasses.replace(old, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
-    one = dataclasses.replace(short, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=brief)})
+    fewer = dataclasses.replace(old, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
+    one = dataclasses.replace(brief, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=fewer)})
     results = [errors(one, 3, name="T", estimators=("central",), sampling="samples") for _ in range(2)]
     np.testing.assert_array_equal(*results)
     estimator = one.estimator("central")
     silent_r = dataclasses.replace(one, sources=tuple(s for s in one.sources if s.target != "r_cg"))
-    found = identify(simulate(silent_r, "T", trial=1).run, r_cg=short.r_cg_from_q, estimator=estimator, offsets="none")
+    found = identify(simulate(silent_r, "T", trial=1).run, r_cg=brief.r_cg_from_q, estimator=estimator, offsets="none")
     expected = errors(silent_r, 3, name="T", estimators=("central",), sampling="samples")[1, 0, 0]
-    np.testing.assert_allclose(plain(found) - short.inertia, expected, atol=1e-12)
+    np.testing.assert_allclose(plain(found) - brief.inertia, expected, atol=1e-12)
 
 
-def test_a_colon_in_a_name_is_part_of_the_name(short):
-    source = only(short, "M_bias").sources[0]
-    named = dataclasses.replace(short, sources=(dataclasses.replace(source, name="a:b", group="c:d"),))
+def test_a_colon_in_a_name_is_part_of_the_name(brief):
+    source = only(brief, "M_bias").sources[0]
+    named = dataclasses.replace(brief, sources=(dataclasses.replace(source, name="a:b", group="c:d"),))
     breakdown = montecarlo(named, trials=2, trajectories=["T1"], estimators=["central"])["T1", "central"]
     assert (list(breakdown.groups), list(breakdown.sources)) == (["total", "c:d"], ["a:b"])
 
@@ -302,12 +302,12 @@ def test_failed_trials_are_counted_and_left_out():
     assert Statistics.of(errors[2:3]).to_dict()["mean_error"]["I11"] is None
 
 
-def test_a_motion_about_one_axis_fails_every_trial_and_says_so(short):
-    class OneAxis(type(short.trajectories["T3"].trajectory)):
+def test_a_motion_about_one_axis_fails_every_trial_and_says_so(brief):
+    class OneAxis(type(brief.trajectories["T3"].trajectory)):
         def omega(self, t):
             return super().omega(t) * jnp.array([1.0, 0.0, 0.0])
 
-    spec = short.trajectories["T3"]
+    spec = brief.trajectories["T3"]
     old = spec.trajectory
     turning = OneAxis(
         angular_velocity=old.angular_velocity,
@@ -316,7 +316,7 @@ def test_a_motion_about_one_axis_fails_every_trial_and_says_so(short):
         ramp=old.ramp,
     )
     blind = dataclasses.replace(
-        only(short, "M_precision"), trajectories={"one": dataclasses.replace(spec, trajectory=turning)}
+        only(brief, "M_precision"), trajectories={"one": dataclasses.replace(spec, trajectory=turning)}
     )
     result = montecarlo(blind, trials=3, estimators=["central"])
     assert result["one", "central"].failed == 3
@@ -324,13 +324,13 @@ def test_a_motion_about_one_axis_fails_every_trial_and_says_so(short):
     assert result.to_dict()["trajectories"]["one"]["central"]["groups"]["total"]["three_sigma"]["I22"] is None
 
 
-def test_the_result_is_the_contract(short):
-    result = montecarlo(short, trials=4, trajectories=["T2"], estimators=["smoothed"])
+def test_the_result_is_the_contract(brief):
+    result = montecarlo(brief, trials=4, trajectories=["T2"], estimators=["smoothed"])
     content = result.to_dict()
     assert (content["trials"], content["seed"], content["unit"]) == (4, 0, "g*m^2")
     block = content["trajectories"]["T2"]["smoothed"]
     assert set(block["groups"]) == {"total", "load_cell", "cg", "imu"}
-    assert set(block["sources"]) == {s.name for s in short.sources}
+    assert set(block["sources"]) == {s.name for s in brief.sources}
     for part in ("mean_error", "mean_error_standard_error", "three_sigma", "three_sigma_standard_error"):
         assert set(block["groups"]["total"][part]) == {"I11", "I12", "I13", "I22", "I23", "I33"}
     total = result["T2", "smoothed"].total
@@ -349,13 +349,13 @@ def test_the_result_is_the_contract(short):
 
 
 @pytest.mark.parametrize("trials", [0, -3])
-def test_no_trials_are_refused(short, trials):
+def test_no_trials_are_refused(brief, trials):
     with pytest.raises(ExperimentError, match=f"{trials} trials: ask for one or more"):
-        montecarlo(short, trials=trials)
+        montecarlo(brief, trials=trials)
 
 
-def test_a_trial_is_a_pure_function_of_its_key(short):
-    setup = prepare_setup(short, short.trajectories["T1"], short.estimators)
+def test_a_trial_is_a_pure_function_of_its_key(brief):
+    setup = prepare_setup(brief, brief.trajectories["T1"], brief.estimators)
     first = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
     again = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
     other = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(3))

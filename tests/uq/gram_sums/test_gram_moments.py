@@ -130,11 +130,11 @@ def test_packing_is_undone_and_one_estimators_products_are_found(generator):
         )
 
 
-def test_a_prepared_run_has_the_moments_of_its_signals(short):
-    setup = prepare_setup(short, short.trajectories["T1"], short.estimators)
+def test_a_prepared_run_has_the_moments_of_its_signals(brief):
+    setup = prepare_setup(brief, brief.trajectories["T1"], brief.estimators)
     moments = gram_moments(setup)
     np.testing.assert_allclose(moments.sums, pack(setup.sums), rtol=1e-9, atol=1e-9)
-    white = next(s for s in short.sources if s.name == "omega_precision")
+    white = next(s for s in brief.sources if s.name == "omega_precision")
     shift = mean(moments, jnp.asarray(white.sigma**2)) - moments.sums
     of_squares = unpack(shift, 16).gram[0, 4:7]
     np.testing.assert_allclose(of_squares, setup.sums.gram[0, 0] * white.sigma**2, rtol=1e-9)

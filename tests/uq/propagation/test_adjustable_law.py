@@ -54,20 +54,20 @@ def test_parts_add_up_to_the_law(several):
         np.testing.assert_allclose(mean, total.mean_error, atol=1e-3 * np.sqrt(variance.min()))
 
 
-def test_a_part_is_what_a_source_does_alone(short):
+def test_a_part_is_what_a_source_does_alone(brief):
     """Where no noise of the gyro dilutes, a millionth of its variance: against the law of each source alone."""
-    prepared = prepare_law(short, "T3", "central")
-    constants = constants_of(short.sources, short.mixing)
-    parts = parts_of(short, prepared.runs["T3"], constants, short.trajectories["T3"].rate, np.array([1e-6]))
+    prepared = prepare_law(brief, "T3", "central")
+    constants = constants_of(brief.sources, brief.mixing)
+    parts = parts_of(brief, prepared.runs["T3"], constants, brief.trajectories["T3"].rate, np.array([1e-6]))
     alone = prepared.evaluate()["T3", "central"].sources
-    for i, s in enumerate(short.sources):
+    for i, s in enumerate(brief.sources):
         if s.name != "omega_precision":
             variance = parts.first[0, 0, i] + parts.second[0, 0, i]
             np.testing.assert_allclose(3 * np.sqrt(variance), alone[s.name].three_sigma, rtol=1e-3, atol=1e-8)
 
 
 @needs_chromium
-@pytest.mark.parametrize("which", ["several", "short"])
+@pytest.mark.parametrize("which", ["several", "brief"])
 def test_the_script_agrees_with_the_law_at_other_figures(which, request, tmp_path, generator):
     """Forty times other figures, from a fifth to five times: 3σ within 2 %, means within 2 % of 3σ and of themselves."""
     given = request.getfixturevalue(which)

@@ -75,10 +75,10 @@ def test_a_delays_derivatives_are_those_of_delayed_runs(many):
         np.testing.assert_allclose(got, expected, atol=2e-4 * np.abs(expected).max())
 
 
-def test_another_duration_compiles_nothing(short, monkeypatch):
+def test_another_duration_compiles_nothing(brief, monkeypatch):
     """The law visits other numbers of samples by the code that is there: nothing is traced again."""
-    plain = dataclasses.replace(short, estimators=short.estimators[:1])
-    spec = short.trajectories["T1"]
+    plain = dataclasses.replace(brief, estimators=brief.estimators[:1])
+    spec = brief.trajectories["T1"]
     summed(plain, spec)
     for name in ("sample", "sums_of_piece"):
         monkeypatch.setattr(pieces, name, lambda *_, **__: pytest.fail("traced again"))

@@ -67,8 +67,17 @@ def closed(brief):
 
 
 @pytest.fixture(scope="module")
-def result(short):
-    return budget(short, trials=60, trajectories="T1")
+def quiet(brief):
+    """A rig whose load cell has hardly a zero of the force: a share too small for a row."""
+    sources = tuple(
+        eqx.tree_at(lambda s: s.sigma, s, 1e-2 * s.sigma) if s.name == "F_bias" else s for s in brief.sources
+    )
+    return dataclasses.replace(brief, sources=sources)
+
+
+@pytest.fixture(scope="module")
+def result(quiet):
+    return budget(quiet, trials=60, trajectories="T1")
 
 
 # --- closed forms ---
@@ -118,9 +127,9 @@ def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(brief, close
 
 
 @pytest.fixture(scope="module")
-def bare(short):
+def bare(brief):
     """A set-up without sources."""
-    return prepare_setup(only(short), short.trajectories["T1"], [short.estimator("central")])
+    return prepare_setup(only(brief), brief.trajectories["T1"], [brief.estimator("central")])
 
 
 def board(bare, *groups, mixing=()):
@@ -216,9 +225,9 @@ def test_the_bias_share_has_an_honest_standard_error(bias, generator):
 
 
 @pytest.mark.parametrize("sampling", ["conditioned", "samples"])
-def test_choices_are_the_campaigns_own_trials(short, sampling):
+def test_choices_are_the_campaigns_own_trials(brief, sampling):
     """All from the first draws is the campaign's total; a twin's is the campaign's with that source renamed."""
-    some = only(short, "M_precision", "omega_precision", "omega_bias")
+    some = only(brief, "M_precision", "omega_precision", "omega_bias")
     options = {"trials": 3, "trajectories": "T1", "estimators": "central", "sampling": sampling}
     (setup, *_), errors = run(some, 3, sampling=sampling)
     np.testing.assert_allclose(errors[:, -1], montecarlo(some, **options).errors["T1"][:, 0, 0], atol=1e-13)
@@ -231,8 +240,8 @@ def test_choices_are_the_campaigns_own_trials(short, sampling):
         np.testing.assert_allclose(errors[:, -8 + 0b101], other, atol=1e-13)
 
 
-def test_each_alone_has_the_campaigns_mean_error(short, result):
-    campaign = montecarlo(short, trials=60, trajectories="T1")
+def test_each_alone_has_the_campaigns_mean_error(quiet, result):
+    campaign = montecarlo(quiet, trials=60, trajectories="T1")
     for estimator in ("central", "smoothed"):
         b = result["T1", estimator]
         for effects, statistics in ((b.sources, campaign["T1", estimator].sources),
@@ -241,7 +250,7 @@ def test_each_alone_has_the_campaigns_mean_error(short, result):
                 np.testing.assert_allclose(alone.mean_error, statistics[name].mean_error, atol=1e-11)
                 np.testing.assert_allclose(alone.three_sigma, statistics[name].three_sigma, atol=1e-10)
     mean = result["T1", "central"].mean_square.mean_error[5]
-    assert abs(1e3 * mean + 30.5) < 1  # regression dilution, nearly that of the preset
+    assert abs(1e3 * mean + 25.2) < 1  # regression dilution: of the preset 30.5, where a fifth of the run is no ramp
     assert result["T1", "central"].mean_square.bias_share[5] > 0.5
 
 
@@ -258,10 +267,10 @@ def test_the_tensors_share_does_not_hang_on_the_frame(linear, generator):
     assert np.abs(together.sources.shapley.value - separate.sources.shapley.value).max() > 0.01
 
 
-def test_a_source_of_no_size_has_no_share_but_is_there(short):
+def test_a_source_of_no_size_has_no_share_but_is_there(brief):
     silent = dataclasses.replace(
-        only(short, "M_bias", "F_bias"),
-        sources=tuple(eqx.tree_at(lambda s: s.sigma, s, s.sigma * (s.name == "M_bias")) for s in short.sources[1:4:2]),
+        only(brief, "M_bias", "F_bias"),
+        sources=tuple(eqx.tree_at(lambda s: s.sigma, s, s.sigma * (s.name == "M_bias")) for s in brief.sources[1:4:2]),
     )
     b = budget(silent, trials=5, trajectories="T1", estimators="central")["T1", "central"]
     assert b.sources.players == ("F_bias", "M_bias")
@@ -378,8 +387,8 @@ def toml(table, where=""):
     return "\n".join(lines)
 
 
-def test_mistakes_are_named(short):
+def test_mistakes_are_named(brief):
     with pytest.raises(ExperimentError, match="1 trials of a budget: ask for two or more"):
-        budget(short, trials=1)
+        budget(brief, trials=1)
     with pytest.raises(ExperimentError, match="from which anything is drawn"):
-        budget(only(short), trials=4)
+        budget(only(brief), trials=4)

@@ -51,7 +51,8 @@ def test_numbers_do_not_depend_on_batch_or_devices(brief):
 
 
 def quasi_random(brief, **options):
-    return montecarlo(brief, trajectories="T1", estimators="central", sampling="collapsed", **options)
+    options |= {"trajectories": "T1", "estimators": "central", "sampling": "collapsed", "batch": 100}  # one program
+    return montecarlo(brief, **options)
 
 
 def test_a_quasi_random_trial_depends_on_seed_and_number_alone(brief):
@@ -109,14 +110,14 @@ def test_without_errors_the_truth_comes_out(brief):
     np.testing.assert_allclose(result.errors["T1"], reference.errors["T1"], atol=1e-12 * brief.inertia.max())
 
 
-def test_what_cannot_be_drawn_is_refused(short):
-    noise = short.sources[[s.name for s in short.sources].index("omega_precision")]
+def test_what_cannot_be_drawn_is_refused(brief):
+    noise = brief.sources[[s.name for s in brief.sources].index("omega_precision")]
     heavy = dataclasses.replace(noise, shape=StudentT(0.0, 1.0, 5.0))
-    other = dataclasses.replace(short, sources=(heavy,))
+    other = dataclasses.replace(brief, sources=(heavy,))
     with pytest.raises(ExperimentError, match="the noise of omega_precision is not normal: draw samples"):
         montecarlo(other, trials=2, trajectories="T1", sampling="collapsed")
     with pytest.raises(ExperimentError, match="float64 only"):
-        montecarlo(short, trials=2, trajectories="T1", sampling="collapsed", dtype="float32")
+        montecarlo(brief, trials=2, trajectories="T1", sampling="collapsed", dtype="float32")
 
 
 TAILS = (0.005, 0.995)
