@@ -1,12 +1,19 @@
 """What a recorded run holds, as arrays."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.exceptions import RigError
+
+LATE = 1_000_000_000
+"""What a message may be later than one of a later stamp [ns]; beyond it a clock was set back."""
+CROWDED = 0.6
+"""Least step between stamps over their median, down to which they are a device's clock."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,6 +34,22 @@ class Channel:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.topic!r}: {len(self.log_time):,} samples)"
+
+    def in_order(self) -> Self:
+        """Return the messages in the order of their stamps, where some overtook others on their way.
+
+        That is so where the stamps, in order, do not crowd, and none lies far back. Other stamps that do not increase
+        are no clock's, or one that was set back, and the messages stay as they are.
+        """
+        steps = np.diff(np.sort(self.stamp))
+        if len(steps) < 10 or (np.diff(self.stamp) > 0).all() or steps.min() <= CROWDED * np.median(steps):
+            return self
+        if (np.maximum.accumulate(self.stamp) - self.stamp).max() > LATE:
+            return self
+        order = np.argsort(self.stamp)
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays: dict[str, Any] = {name: x[order] for name, x in values.items() if isinstance(x, np.ndarray)}
+        return replace(self, **arrays)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,6 +103,15 @@ class MotionChannel(Channel):
     position: NDArray[np.float64] | None = None
     velocity: NDArray[np.float64] | None = None
     sequence: NDArray[np.uint32] | None = None
+
+
+def counted_together(channels: Sequence[WrenchChannel | ImuChannel]) -> bool:
+    """Whether one counter numbers the messages of several topics: then a step of two is no loss."""
+    counters = [channel.sequence for channel in channels if channel.sequence is not None and len(channel.sequence)]
+    if len(counters) < 2 or max(x.min() for x in counters) > min(x.max() for x in counters):
+        return False
+    steps = np.diff(np.sort(np.concatenate(counters).astype(np.int64)))
+    return bool(steps.min() > 0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

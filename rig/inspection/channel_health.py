@@ -14,6 +14,8 @@ from rig.record import device_clock
 
 SensorChannel = WrenchChannel | ImuChannel
 LEAST_SAMPLES = 10
+WAIT = 0.1  # s without samples that a host may make, where the device's counter misses none
+CLOCKLESS = "take them from the device's clock; until then log times count"
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,12 @@ def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
 def _gaps(channel: SensorChannel) -> Iterator[Finding]:
     """Steps of the stamps beyond five periods: jitter stays within one or two, a lost sample makes two."""
     steps = np.diff(channel.stamp) * 1e-9
-    period = float(np.median(steps))
+    period = device_clock.steady_period(channel.stamp) * 1e-9
     wide = np.flatnonzero(steps > max(5 * period, 0.005))
+    wide = wide[_later_for_good((channel.stamp - channel.stamp[0]) * 1e-9, period, wide)]
+    sequence = channel.sequence
+    if sequence is not None and (np.diff(sequence.astype(np.int64))[wide] == 1).all() and steps.max() < WAIT:
+        wide = wide[:0]
     if len(wide):
         worst = wide[np.argmax(steps[wide])]
         after = (channel.stamp[worst] - channel.stamp[0]) * 1e-9
@@ -67,7 +73,6 @@ def _gaps(channel: SensorChannel) -> Iterator[Finding]:
             channel.topic,
             f"{len(wide)} gaps, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out",
         )
-    sequence = channel.sequence
     if sequence is not None and len(sequence) > 1 and sequence[-1] > sequence[0] and not len(wide):
         counted = np.diff(sequence.astype(np.int64))
         missing = int((counted[(counted > 1) & (counted < 2**16)] - 1).sum())
@@ -75,11 +80,22 @@ def _gaps(channel: SensorChannel) -> Iterator[Finding]:
             yield Finding("gap", channel.topic, f"{missing} samples missing by the device's counter: check the cable")
 
 
+def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which wide steps are not made up for: samples that only waited come in a burst, its last one without delay."""
+    late, ahead = time - np.arange(len(time)) * period, max(int(0.5 / max(period, 1e-9)), 1)
+    ends = [0, *(wide + 1).tolist(), len(time)]  # of the stretches between wide steps; half a second of each counts
+    least = [
+        (late[at : min(after, at + ahead)].min(), late[max(before, at - ahead) : at].min())
+        for before, at, after in zip(ends, ends[1:], ends[2:], strict=False)
+    ]
+    return np.array([then - before > 2.5 * period for then, before in least], bool)
+
+
 def _order(channel: SensorChannel) -> Iterator[Finding]:
     back = int((np.diff(channel.stamp) <= 0).sum())
     if back:
         stamped = bool((channel.stamp != channel.log_time).any())
-        which, cure = ("header stamps", "check the device's clock") if stamped else ("log times", "stamp the messages")
+        which, cure = ("header stamps", CLOCKLESS) if stamped else ("log times", "stamp the messages")
         yield Finding("order", channel.topic, f"{back} {which} do not increase: {cure}")
 
 

@@ -6,15 +6,16 @@ The report of a whole file; the checks are in ``rig.inspection.channel_health``.
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
 from rig.bags.topics import load
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import ImuChannel, WrenchChannel, counted_together
 from rig.inspection.channel_health import Finding, SensorChannel, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH
 from rig.mcap.message_fields import MOTIONS, WRENCHES
+from rig.record import device_clock
 
 TYPES = {WrenchChannel: WRENCH, ImuChannel: IMU}
 
@@ -78,8 +79,11 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     report.imported = "imported" in contents.metadata.get("rig.run", {})
     for topic, messages in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if messages.type_name == WRENCH else contents.imu(topic)
+        channels.append(channel.in_order())
+    if counted_together(channels):
+        channels = [replace(channel, sequence=None) for channel in channels]
+    for channel in channels:
         skew = clock_skew(channel)
-        channels.append(channel)
         report.channels.append(_describe(channel, skew))
         findings += channel_findings(channel, skew)
     report.findings = [*judge(channels, findings), *_end(contents.metadata)]
@@ -103,8 +107,7 @@ def _end(metadata: dict[str, dict[str, str]]) -> Iterator[Finding]:
 
 def _describe(channel: SensorChannel, skew: float) -> ChannelReport:
     stamp = channel.stamp
-    steps = np.diff(stamp)
-    period = float(np.median(steps)) * 1e-9 if len(steps) else 0.0
+    period = device_clock.steady_period(stamp) * 1e-9 if len(stamp) > 1 else 0.0
     return ChannelReport(
         topic=channel.topic,
         type=TYPES[type(channel)],

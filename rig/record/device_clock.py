@@ -90,6 +90,12 @@ def _edge(hull: list[tuple[int, int]]) -> ClockFit:
     return ClockFit(y0 - skew * (x0 - origin), skew, origin)
 
 
+def steady_period(times: NDArray[np.int64]) -> float:
+    """Return the period of samples that came in bursts or with jitter, from the median of spans over many [ns]."""
+    span = max(min(len(times) // 4, 1000), 1)
+    return float(np.median((times[span:] - times[:-span]) / span))
+
+
 def fit(device: NDArray[np.int64], arrival: NDArray[np.int64]) -> ClockFit:
     """The fit of a whole run: device times and arrival times [ns], shape (n,)."""
     if len(device) > 2:

@@ -16,7 +16,7 @@ from uq.experiment.recording_table import Recording
 from uq.recorded.angular_velocity import motion, upward
 from uq.recorded.declared_channels import Rig, declared
 from uq.recorded.instrument_metadata import about
-from uq.recorded.message_times import instants
+from uq.recorded.message_times import in_order, instants
 from uq.recorded.time_window import on_clock
 
 
@@ -81,6 +81,7 @@ def of_channels(
     Raises:
         RigError, RunError: see :func:`load_run`.
     """
+    bag, reordered = in_order(bag, recording.time)
     times, time_notes = instants((bag.wrench, bag.motion), recording.time)
     source = motion(bag, recording, times[1], band=band)
     posed = (times[1], upward(bag.motion))
@@ -101,7 +102,7 @@ def of_channels(
             about=about(bag.metadata, bag.wrench.log_time),
         ),
         tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
-        (*rig.assumptions, *source.notes),
+        (*rig.assumptions, *source.notes, *reordered),
         rig,
         None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
     )

@@ -1,9 +1,11 @@
 """Which of a message's two times is that of its measurement, and what becomes of times that jitter by arrival."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from identify.signals.resample import GAP, JITTER_WARNING
-from rig.channels import ImuChannel, MotionChannel, WrenchChannel
+from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.record import device_clock
 
 Channel = WrenchChannel | ImuChannel | MotionChannel
@@ -11,6 +13,17 @@ AHEAD = 0.5
 """Seconds over which the usual delay tells whether messages were lost or only late."""
 LATE = 0.1
 """Scatter of arrivals about a steady rate beyond which there is no such rate [s]."""
+
+
+def in_order(recording: Recording, choice: str | None) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording whose messages stand in the order of their stamps where these count, and what was done."""
+    wrench, motion = recording.wrench.in_order(), recording.motion.in_order()
+    if choice == "log" or not all(channel.stamp.any() and _increases(channel.stamp) for channel in (wrench, motion)):
+        return recording, ()
+    before, after = (recording.wrench, recording.motion), (wrench, motion)
+    moved = [new.topic for old, new in zip(before, after, strict=True) if old is not new]
+    done = f"messages of {' and '.join(moved)} overtook each other: they stand in the order of their stamps"
+    return replace(recording, wrench=wrench, motion=motion), (done,) * bool(moved)
 
 
 def instants(
@@ -68,7 +81,7 @@ def _ticks(channel: Channel) -> np.ndarray:
         number = counted.astype(np.int64) - int(counted[0])
         return np.round(number * (arrival[-1] - arrival[0]) / max(number[-1], 1)).astype(np.int64)
     number = np.arange(n)
-    period = _period(arrival)
+    period = device_clock.steady_period(arrival)
     late = arrival - np.round(number * period)
     ahead = max(int(AHEAD * 1e9 / period), 1)
     for k in np.flatnonzero(np.diff(arrival) > GAP * period):
@@ -84,9 +97,3 @@ def _counts(counter: np.ndarray) -> bool:
     """Whether a counter counts messages: up by one nearly always, and never down."""
     steps = np.diff(counter.astype(np.int64))
     return bool((steps > 0).all() and np.mean(steps == 1) > 0.9)
-
-
-def _period(arrival: np.ndarray) -> float:
-    """The steady rate's period [ns], from the middle half of the spans over many messages."""
-    span = max(min(len(arrival) // 4, 1000), 1)
-    return float(np.median((arrival[span:] - arrival[:-span]) / span))

@@ -6,6 +6,7 @@ import struct
 import numpy as np
 import pytest
 
+import rig
 from identify.signals.held_samples import held, repeats, saturated
 from identify.signals.run import Run, RunError
 from rig.bags import marks
@@ -246,6 +247,27 @@ def test_stamps_that_do_not_increase_give_way_to_the_log():
     assert instants((channel(stamp, log), channel(wild, log)), "header")[0][1] is not log
     assert instants((channel(stamp, log), channel(stamp, log)), "log")[0][0][0] == log[0]
     assert instants((channel(stamp, log), channel(stamp, log)), "log")[1] == ()
+
+
+def test_a_run_whose_messages_overtook_each_other_is_the_run_in_order(short, tmp_path, marked):
+    """The same samples written in another order of arrival: the same tensor, and it is said."""
+    path = write(tmp_path / "run.mcap", marked[1])
+    recording = rig.read(path)
+    late = np.zeros(len(recording.wrench.stamp), np.int64)
+    late[100:3000:97] = 3 * int(1e9 / 400)
+    order = np.argsort(recording.wrench.log_time + late, kind="stable")
+    arrays = {name: getattr(recording.wrench, name)[order] for name in ("stamp", "force", "moment")}
+    shuffled = dataclasses.replace(
+        recording.wrench, log_time=(recording.wrench.log_time + late)[order], sequence=None, **arrays
+    )
+    other = tmp_path / "other.mcap"
+    rig.write(other, wrench=shuffled, imu=recording.imu)
+    assert (np.diff(rig.read(other).wrench.stamp) < 0).any()
+    plain, again = (identify_files([file], declare(short)) for file in (path, other))
+    np.testing.assert_array_equal(again.inertia, plain.inertia)
+    assert any("overtook each other" in text for text in again.assumptions)
+    by_log = identify_files([other], declare(short, time="log"))
+    assert not any("overtook each other" in text for text in by_log.assumptions)
 
 
 @pytest.mark.parametrize("counted", [True, False])
