@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
@@ -109,7 +110,7 @@ class InertialParameters(Shown):
         self._need_mass("tensor about another point")
         start = np.concatenate([self.values, np.asarray(point, float)])
         spread = _block(self.covariance, np.zeros((3, 3)) if covariance is None else np.asarray(covariance, float))
-        return Tensor(*propagated(lambda x: parallel_axis(x[4:10], x[0], x[10:] - x[1:4]), start, spread))
+        return Tensor(*propagated(_about, start, spread))
 
     def in_frame(
         self, rotation: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None
@@ -121,17 +122,11 @@ class InertialParameters(Shown):
             origin: of the new frame, from that of this one, in this one [m].
             covariance: of a small turn about the new axes [rad] and of ``origin`` [m], (6, 6); None: they are exact.
         """
-        turn = jnp.asarray(np.asarray(rotation, float))
         start = np.concatenate([self.values[1:], np.zeros(3), np.asarray(origin, float)])
         finite = np.nan_to_num(self.covariance) if np.isnan(self.mass) else self.covariance
         spread = _block(finite, np.zeros((6, 6)) if covariance is None else np.asarray(covariance, float))
-
-        def moved(x):
-            turned = exponential(x[10:13]) @ turn
-            return jnp.concatenate([x[:1], turned @ (x[1:4] - x[13:]), rotate(x[4:10], turned)])
-
         mass = 0.0 if np.isnan(self.mass) else self.mass
-        values, covariance = propagated(moved, np.concatenate([[mass], start]), spread)
+        values, covariance = propagated(_in_frame, np.concatenate([[mass], start]), spread, np.asarray(rotation, float))
         covariance[0, 0] = self.covariance[0, 0]
         return InertialParameters(self.mass, values[1:4], values[4:], covariance)
 
@@ -157,6 +152,17 @@ class InertialParameters(Shown):
 def by_component(values: np.ndarray) -> dict[str, float]:
     """Return the six values of a packed tensor by their names."""
     return dict(zip(COMPONENTS, map(float, values), strict=True))
+
+
+def _about(start: Array) -> Array:
+    """The tensor about a point, from the ten parameters and the point's position."""
+    return parallel_axis(start[4:10], start[0], start[10:] - start[1:4])
+
+
+def _in_frame(start: Array, rotation: Array) -> Array:
+    """The ten parameters in another frame, from those of this one, a turn about the new axes and the new origin."""
+    turned = exponential(start[10:13]) @ rotation
+    return jnp.concatenate([start[:1], turned @ (start[1:4] - start[13:]), rotate(start[4:10], turned)])
 
 
 def _block(first: np.ndarray, second: np.ndarray) -> np.ndarray:

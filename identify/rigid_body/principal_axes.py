@@ -1,6 +1,7 @@
 """Principal moments and axes of a tensor, with their uncertainty; whether a body can have them."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,14 +85,34 @@ def principal(inertia: Float[Array, "6"]) -> tuple[Float[Array, "3"], Float[Arra
     return moments, axes * xp.array([1.0, 1.0, xp.sign(xp.linalg.det(axes))])[:, None]
 
 
-def propagated(function: Callable[[Any], Any], at: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a function's value and covariance: ``J V Jᵀ`` (JCGM 102, 6.2.1.3), J by autodiff."""
-    import jax  # the rest of this module starts without it
-    import jax.numpy as jnp
+def propagated(
+    function: Callable[..., Any], at: np.ndarray, covariance: np.ndarray, *exact: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a function's value and covariance: ``J V Jᵀ`` (JCGM 102, 6.2.1.3), J by autodiff.
 
-    point = jnp.asarray(at)
-    jacobian = np.asarray(jax.jacobian(function)(point))
-    return np.array(function(point)), jacobian @ covariance @ jacobian.T
+    Args:
+        function: pure JAX, of ``at`` and of what is ``exact``; compiled once if it is a module's.
+        at: the uncertain numbers.
+        covariance: theirs.
+        exact: what else it needs.
+    """
+    value, jacobian = value_and_jacobian(function, at, *exact)
+    return value, jacobian @ covariance @ jacobian.T
+
+
+def value_and_jacobian(
+    function: Callable[..., Any], at: np.ndarray, *exact: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a function's value and its derivatives by its first argument; arguments as of :func:`propagated`."""
+    value, jacobian = _compiled()(function, at, *exact)
+    return np.array(value), np.array(jacobian)
+
+
+@cache
+def _compiled() -> Callable[..., Any]:
+    import jax  # the rest of this module starts without it
+
+    return jax.jit(lambda f, *at: (f(*at), jax.jacobian(f)(*at)), static_argnums=0)
 
 
 def is_admissible(inertia: Float[Array, "6"]) -> Bool[Array, ""]:

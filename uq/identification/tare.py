@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
@@ -15,6 +13,7 @@ from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import LEFT, NORMAL
 from identify.rigid_body.fixture import Tare, check, left_over, subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.rigid_body.principal_axes import value_and_jacobian
 from identify.rounding import exact
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
@@ -166,8 +165,7 @@ def _half_width(
     whole: InertialParameters, fixture: InertialParameters, body: InertialParameters, factors: list[np.ndarray]
 ) -> np.ndarray:
     """Half of the interval of 95 % of each of the ten parameters; ``factors``: coverage factors of both, (10,) each."""
-    both = jnp.asarray(np.concatenate([whole.values, fixture.values]))
-    jacobian = np.asarray(jax.jacobian(left_over)(both))
+    _, jacobian = value_and_jacobian(left_over, np.concatenate([whole.values, fixture.values]))
     alone = [
         np.einsum("ij,jk,ik->i", by, parameters.covariance, by)
         for by, parameters in ((jacobian[:, :10], whole), (jacobian[:, 10:], fixture))
