@@ -1,9 +1,9 @@
 """Plain least squares on Pinocchio's regressor beside ``identify``: what their intervals cover, on the same samples.
 
-``python -m benchmarks.studies.plain_regression [EXPERIMENT] [--duration S] [--runs N]`` runs the best of 20 random
-Fourier series in MuJoCo once. N times it draws what is measured: joint angles in steps of their encoders, force and
-moment with noise and an offset. Plain is what a user writes: angles differentiated numerically, Pinocchio's regressor,
-``numpy.linalg.lstsq`` and the covariance ``s² (AᵀA)⁻¹``.
+``python -m benchmarks.studies.plain_regression [EXPERIMENT] [--duration S] [--runs N] [--designed]`` runs the best of
+20 random Fourier series, or the designed motion, in MuJoCo once. N times it draws what is measured: joint angles in
+steps of their encoders, force and moment with noise and an offset. Plain is what a user writes: angles differentiated
+numerically, Pinocchio's regressor, ``numpy.linalg.lstsq`` and the covariance ``s² (AᵀA)⁻¹``.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.serial_arm.joint_series import JointSeries, JointStates
 from identify.serial_arm.payload_information import about_cg, about_q
 from uq.arm.arm import Arm
-from uq.arm.arm_design import PERIOD, RAMP, RANDOM
+from uq.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm
 from uq.arm.arm_limits import ArmLimits
 from uq.arm.clearance import Clearance
 from uq.arm.common_practice import random_series
@@ -149,13 +149,17 @@ def main() -> None:
     parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
     parser.add_argument("--duration", type=float, default=60.0)
     parser.add_argument("--runs", type=int, default=500)
+    parser.add_argument("--designed", action="store_true")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     experiment = Experiment.load(arguments.experiment)
     arm = Arm.of(experiment)
     limits, noise = ArmLimits(experiment, arm, Clearance.of(arm)), declared_noise(experiment, arm.declared.rate)
-    search = JointSearch(limits, noise, duration=arguments.duration, period=PERIOD, ramp=RAMP)
-    series = random_series(search, RANDOM, 0).series
+    if arguments.designed:
+        series = design_arm(experiment, duration=arguments.duration, starts=1).designed.series
+    else:
+        search = JointSearch(limits, noise, duration=arguments.duration, period=PERIOD, ramp=RAMP)
+        series = random_series(search, RANDOM, 0).series
     print(*coverage_lines(limits, beside_plain(limits, noise, series, arguments.runs, 0)), sep="\n")
 
 
