@@ -11,6 +11,7 @@ import sys
 import numpy as np
 
 from rig.devices import create_device, microstrain, robotous, xsens
+from rig.devices.checksums import fletcher
 
 
 def in_garbage(kind: str, megabytes: float) -> tuple[int, int]:
@@ -77,7 +78,7 @@ def double_flips(count: int) -> None:
         "xsens": (xsens.encode(7, 70, values[:3], values[3:]), lambda f: not sum(f[1:]) & 255),
         "microstrain": (
             microstrain.encode(10**9, values[:3], values[3:]),
-            lambda f: f[-2:] == microstrain.checksum(f[:-2]),
+            lambda f: f[-2:] == fletcher(f[:-2]),
         ),
         "bota": (create_device("bota").emulator(rate=800.0).frame(1, 1.0, values), lambda f: False),
     }
