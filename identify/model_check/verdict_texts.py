@@ -61,8 +61,18 @@ def _cable(values: np.ndarray, spread: np.ndarray) -> str:
     return f"as if a cable pulled with up to {significant(force, 2)} N/rad and {significant(moment, 2)} N·m/rad (cable)"
 
 
+def _filter(values: np.ndarray, spread: np.ndarray) -> str:
+    if (values < 0).all():
+        return f"as if the IMU came late by {_figures(-1e3, 'ms')(values, spread)} against force and moment (filter)"
+    return f"as if force and moment came late by {_figures(1e3, 'ms')(values, spread)} (filter)"
+
+
+ESTIMATED = ", or let method joint estimate it"
+
 WORDS: Mapping[str, Words] = {
-    "delay": Words(_as("as if the angular velocity came late by {} (delay)", 1e3, "ms"), "declare the delay"),
+    "delay": Words(
+        _as("as if the angular velocity came late by {} (delay)", 1e3, "ms"), f"declare the delay{ESTIMATED}"
+    ),
     "rotation": Words(
         _as("as if the IMU were turned against the load cell by {} (rotation)", 180 / np.pi, "deg"),
         "correct imu_rotation_to_body or wrench_rotation_to_body",
@@ -116,9 +126,7 @@ WORDS: Mapping[str, Words] = {
         "calibrate it",
     ),
     "clock": Words(_as("as if the IMU's clock ran off by {} over the run (clock)", 1e3, "ms"), "check the stamps"),
-    "filter": Words(
-        _as("as if force and moment came late by {} (filter)", 1e3, "ms"), "give both sensors the same filter"
-    ),
+    "filter": Words(_filter, "give both sensors the same filter, or declare the delay" + ESTIMATED),
     "nonlinearity": Words(
         _only("as if the load cell were not linear (nonlinearity)"), "use its calibration, or load it less"
     ),

@@ -102,7 +102,7 @@ class Certificate(Result):
             self.drawings(),
             self.details(),
             list(map(sentence, result.assumptions)),
-            result.provenance,
+            result.provenance if result.tare is None else {**result.provenance, "tare": result.tare.provenance},
             front(report, result.provenance),
             verdict=self.verdict(),
         )

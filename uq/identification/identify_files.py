@@ -95,7 +95,7 @@ def identify_files(
     result = with_not_included(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment)
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
-    suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned)]
+    suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]

@@ -6,9 +6,11 @@ import numpy as np
 
 from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
 from identify.signals.run import Run
+from identify.static.centre_result import Centre
 from rig.inspection.channel_health import Finding
 from uq.experiment.experiment import Experiment
 from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
+from uq.inspection.imported_run import cured_in_map
 from uq.sources.constant_errors import declared_sigma
 
 
@@ -63,7 +65,18 @@ def _sigma_turn(experiment: Experiment, *, turn_free: bool) -> np.ndarray:
     return np.sqrt(sum((sigma**2 for sigma in sigmas), np.zeros(3)))
 
 
-def convention_warnings(run: Run, experiment: Experiment, *, turn_free: bool = False) -> tuple[str, ...]:
-    """The findings as warnings of a result; ``turn_free`` as in :func:`experiment_findings`."""
+def convention_warnings(
+    run: Run, experiment: Experiment, *, turn_free: bool = False, zero: Centre | None = None
+) -> tuple[str, ...]:
+    """The findings as warnings of a result; ``turn_free`` as in :func:`experiment_findings`.
+
+    What the load cell's zero explains, where static poses tell it, is no finding. The cell may have been zeroed since:
+    so it must be one without that zero, too.
+    """
     findings = experiment_findings(run, experiment, undone=True, turn_free=turn_free)
+    if findings and zero is not None:
+        rid = replace(run, force=run.force - zero.force_offset, moment=run.moment - zero.moment_offset)
+        still = {finding.kind for finding in experiment_findings(rid, experiment, undone=True, turn_free=turn_free)}
+        findings = [finding for finding in findings if finding.kind in still]
+    findings = list(map(cured_in_map, findings)) if run.about.get("imported") else findings
     return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in findings)

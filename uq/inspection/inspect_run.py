@@ -5,7 +5,6 @@ Without an experiment nothing here imports JAX: ``inertia inspect`` starts at on
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,7 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import LEAST_SAMPLES, Finding, SensorChannel
 from rig.inspection.inspect import Inspection, inspect
 from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
-
-HERE, IN_MAP = "in [recording]", "in [recording] of the map, on top of what it says, and import the table again"
+from uq.inspection.imported_run import cured_in_map
 
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
@@ -39,7 +37,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         OSError: it cannot be opened.
     """
     if experiment is None:
-        return _cured_in_map(inspect(path, judge=_without_experiment))
+        return _cured(inspect(path, judge=_without_experiment))
     from uq.inspection.experiment_findings import experiment_findings
     from uq.recorded.load_run import load
     from uq.recorded.time_window import cut
@@ -48,21 +46,13 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         run = cut(load(Path(path), experiment.recording, marks=False).run, None, ())
         return [*findings, *experiment_findings(run, experiment)]
 
-    return _cured_in_map(inspect(path, judge=judge))
+    return _cured(inspect(path, judge=judge))
 
 
-def _cured_in_map(report: Inspection) -> Inspection:
-    """An imported run states its units and axes: what is wrong in them is cured where they came from."""
+def _cured(report: Inspection) -> Inspection:
     if report.imported:
-        report.findings = [
-            finding if _of_experiment(finding.text) else replace(finding, text=finding.text.replace(HERE, IN_MAP))
-            for finding in report.findings
-        ]
+        report.findings = list(map(cured_in_map, report.findings))
     return report
-
-
-def _of_experiment(text: str) -> bool:
-    return any(f"set {key} =" in text for key in ("compensated", "zero"))
 
 
 def _without_experiment(channels: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:

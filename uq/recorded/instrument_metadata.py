@@ -20,7 +20,7 @@ def about(metadata: Mapping[str, Mapping[str, str]], log_time: np.ndarray) -> di
 
     Returns:
         Keys ``date`` (ISO, UTC), ``note``, ``instruments`` (a mapping of ``FACTS`` and ``name`` each), ``made_up``
-        (``"simulated"`` or ``"emulated"``); what is not known is not there.
+        (``"simulated"`` or ``"emulated"``), ``imported`` (from a table); what is not known is not there.
     """
     record = metadata.get("rig.run", {})
     facts: dict[str, Any] = {"instruments": _instruments(record)}
@@ -28,6 +28,8 @@ def about(metadata: Mapping[str, Mapping[str, str]], log_time: np.ndarray) -> di
         facts["date"] = datetime.fromtimestamp(int(log_time[0]) // 10**9, UTC).date().isoformat()
     if record.get("note"):
         facts["note"] = record["note"]
+    if "imported" in record:
+        facts["imported"] = True
     if "simulated" in record:
         facts["made_up"] = "simulated"
     elif any(value.startswith("emulator:") for key, value in record.items() if key.endswith(".port")):

@@ -30,7 +30,7 @@ VERDICTS = ("Nothing calls for attention.", "Read what calls for attention befor
 """Where a result says none, without findings and with them."""
 NARROW = 44
 """Characters of a table's row that a phone shows."""
-ELSEWHERE = ("experiment", "resolved", "report", "inputs", "experiment_file", "centre", "others")
+ELSEWHERE = ("tare", "experiment", "resolved", "report", "inputs", "experiment_file", "centre", "others")
 """Parts of the provenance that stand in other places of a page."""
 
 

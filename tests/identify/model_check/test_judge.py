@@ -10,6 +10,7 @@ from identify.exceptions import RunError
 from identify.joint.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
 from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Prediction, zero_unknowns
+from identify.model_check.verdict_texts import WORDS
 from identify.rigid_body.inertia import COMPONENTS
 from tests.laboratory import FULL_SCALE, measure
 from tests.laboratory_runs import identified, identified_files, run_of, source
@@ -209,3 +210,15 @@ def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatc
     assert [verdict.cause for verdict in result.consistency] == ["least squares"]
     assert "ordinary least squares and the fit of force and moment together differ by" in result.warnings[-1]
     assert result.misfit is not None
+
+
+@pytest.mark.parametrize(
+    ("late", "words"),
+    [
+        (4e-3, "as if force and moment came late by (4.00 ± 0.10, 4.00 ± 0.10) ms (filter)"),
+        (-4e-3, "as if the IMU came late by (4.00 ± 0.10, 4.00 ± 0.10) ms against force and moment (filter)"),
+    ],
+)
+def test_who_came_late_is_said_without_a_minus(late, words):
+    assert WORDS["filter"].phrase(np.full(2, late), np.full(2, 1e-4)) == words
+    assert "declare the delay, or let method joint estimate it" in WORDS["filter"].cure

@@ -12,7 +12,9 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
 from uq.campaign.simulation import simulate
 from uq.identification import tare
+from uq.identification.certificate import Certificate
 from uq.identification.tare import tared
+from uq.report.input_tables import input_table
 
 
 def half_width(result):
@@ -93,3 +95,12 @@ def test_the_method_reaches_the_tare(monkeypatch, by_joint, brief):
     stated = dataclasses.replace(brief, fixture=dataclasses.replace(FIXTURE, inertia=np.full(6, np.nan)))
     tare.tare_files(whole, ["empty.mcap"], stated, method="joint")
     assert asked["method"] == "joint"
+
+
+def test_the_certificate_names_the_files_of_the_tare(by_joint):
+    whole, fixture, _ = by_joint
+    files = {"inputs": [{"file": "empty.mcap", "sha256": "ab"}], "centre": {"file": "empty.json", "sha256": "cd"}}
+    of_whole = {"inputs": [{"file": "body.mcap", "sha256": "ef"}]}
+    result = tared(dataclasses.replace(whole, provenance=of_whole), dataclasses.replace(fixture, provenance=files))
+    rows = input_table(Certificate(result).section().provenance).rows
+    assert sorted(rows) == [("body.mcap", "ef"), ("empty.json", "cd"), ("empty.mcap", "ab")]

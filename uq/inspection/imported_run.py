@@ -1,0 +1,13 @@
+"""Where the findings of a run that was imported from a table are cured: in the map of its columns."""
+
+from dataclasses import replace
+
+from rig.inspection.channel_health import Finding
+
+HERE, IN_MAP = "in [recording]", "in [recording] of the map, on top of what it says, and import the table again"
+
+
+def cured_in_map(finding: Finding) -> Finding:
+    """Return a finding with the cure of an imported run, which states its units and axes."""
+    of_experiment = any(f"set {key} =" in finding.text for key in ("compensated", "zero"))
+    return finding if of_experiment else replace(finding, text=finding.text.replace(HERE, IN_MAP))
