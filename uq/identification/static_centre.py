@@ -10,6 +10,7 @@ from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError
 from identify.signals.segments import still
 from identify.static.accelerometer import Accelerometer
+from identify.static.attitude_turn import attitude_turn
 from identify.static.centre import centre
 from identify.static.centre_result import Centre
 from identify.static.creep import creeping
@@ -19,6 +20,7 @@ from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncert
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import weight_errors
+from uq.inspection.rotation_findings import axes_text
 from uq.recorded.declared_channels import Rig, declared
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.table_recording import as_recording, silenced
@@ -83,9 +85,21 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
         result,
         lasting_names=(*(f"attitude axis {k + 1}" for k in range(attitudes.lasting)), *names),
         zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig),
-        warnings=(*wrenches.warnings, *result.warnings),
+        warnings=(*_turned(wrenches, experiment.poses), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),
+    )
+
+
+def _turned(wrenches: _Wrenches, poses: Poses | None) -> tuple[str, ...]:
+    """That the sensor of the attitude is turned by more than is declared."""
+    turn = attitude_turn(wrenches.force, wrenches.specific_force)
+    if turn is None or float(np.linalg.norm(turn.vector)) < 3 * (0.0 if poses is None else poses.sigma_alignment):
+        return ()
+    cure = axes_text(turn.matrix @ wrenches.rig.imu_rotation)
+    return (
+        f"the forces fit the attitudes only with a turn of the attitudes' axes into the load cell's by {turn}: set "
+        f"imu_rotation_to_body = {cure} in [recording], or correct wrench_rotation_to_body, or declare sigma_alignment",
     )
 
 

@@ -181,6 +181,17 @@ def test_declared_conventions_and_every_attitude_give_the_same(tmp_path, generat
     np.testing.assert_allclose(found.zero, expected, rtol=1e-9)
 
 
+def test_a_turned_attitude_sensor_is_named_with_its_cure(tmp_path, generator):
+    """Declared 3 degrees off: the cure is the rotation that made the table, unless such a turn is declared."""
+    path, true = write(tmp_path / "p.csv", rows(generator)), np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]])
+    wrong = (Rotation.from_rotvec(np.radians([1.0, 2.0, 2.0])).as_matrix() @ true).tolist()
+    table = TABLE.replace('imu_rotation_to_body = "-y, z, -x"', f"imu_rotation_to_body = {wrong}")
+    (text,) = centre_file(path, experiment(table=table)).warnings
+    assert 'set imu_rotation_to_body = "-y, z, -x" in [recording]' in text
+    stated = experiment(table=table, extra='\nsigma_alignment = "2 deg"')
+    assert not any("turn" in text for text in centre_file(path, stated).warnings)
+
+
 def test_a_spreadsheets_dialect(tmp_path, generator):
     declared = experiment(extra='\ndelimiter = ";"\ndecimal = ","')
     path = write(tmp_path / "p.csv", rows(generator), delimiter=";", decimal=",", start="\ufeff")

@@ -1,0 +1,71 @@
+"""Whether the axes that tell the poses' attitude are turned against the load cell's: its forces alone show it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from identify.rounding import with_uncertainty
+
+LEAST_POSES = 6
+LEAST_TURN = np.radians(0.5)
+"""A smaller turn [rad] is what sensors are mounted to."""
+CHANCE = 1e-6
+"""Of a false alarm."""
+ROUNDING = 1e-6
+"""Of the forces: below it a residual says nothing."""
+
+
+class Turn(NamedTuple):
+    """The rotation vector from the attitude's axes into the load cell's, with its standard uncertainty [rad]."""
+
+    vector: Float[np.ndarray, "3"]
+    standard_uncertainty: Float[np.ndarray, "3"]
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "3 3"]:
+        """The rotation."""
+        return Rotation.from_rotvec(self.vector).as_matrix()
+
+    def __str__(self) -> str:
+        pairs = zip(np.degrees(self.vector), np.degrees(self.standard_uncertainty), strict=True)
+        return f"({', '.join(with_uncertainty(float(x), float(u)) for x, u in pairs)}) deg"
+
+
+def attitude_turn(force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndarray, "n 3"]) -> Turn | None:
+    """Return the turn R of ``F = m R f + F0``, fitted by least squares; None where the poses do not show one.
+
+    They show it where the fit without it has residuals larger than chance makes them (F test).
+
+    Args:
+        force: mean force on the body of each pose [N].
+        specific_force: its specific force by the sensor of the attitude, in the same axes as declared [m/s²].
+    """
+    count, offset = len(force), np.tile(np.eye(3), (len(force), 1))
+    freedom = 3 * count - 7
+    if count < LEAST_POSES:
+        return None
+    plain = np.column_stack([specific_force.reshape(-1), offset])
+    before = _square(plain, force)
+    turn = Rotation.identity()
+    for _ in range(5):  # each step turns by what the one before left
+        turned = turn.apply(specific_force)
+        rows = np.column_stack(
+            [turned.reshape(-1), np.cross(np.eye(3), turned[:, None]).transpose(0, 2, 1).reshape(-1, 3), offset]
+        )
+        if np.linalg.matrix_rank(rows) < 7:
+            return None
+        fitted = np.linalg.lstsq(rows, force.reshape(-1), rcond=None)[0]
+        turn = Rotation.from_rotvec(fitted[1:4] / fitted[0]) * turn
+    variance = (_square(rows, force) + ROUNDING**2 * float(np.square(force).sum())) / freedom
+    spread = np.sqrt(variance * np.diag(np.linalg.inv(rows.T @ rows))[1:4]) / abs(fitted[0])
+    shown = stats.f.sf((before - _square(rows, force)) / 3 / variance, 3, freedom) < CHANCE
+    return Turn(turn.as_rotvec(), spread) if shown and turn.magnitude() > LEAST_TURN else None
+
+
+def _square(rows: np.ndarray, force: np.ndarray) -> float:
+    """Sum of squares of what least squares leaves."""
+    fitted = np.linalg.lstsq(rows, force.reshape(-1), rcond=None)[0]
+    return float(np.square(force.reshape(-1) - rows @ fitted).sum())
