@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,15 +22,17 @@ from uq.files.document import ExperimentError
 
 DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
 """Of the run, of its repeats and of starting and stopping, at least [s]; and how many random series are tried."""
-ROUNDS, STEPS = 10, 80
+ROUNDS, STEPS = 7, 80
 """Of the minimisation from each start, and steps in each round at most."""
+HEAVY = 3e4
+"""Largest penalty: it meets limits within a per cent or two; a heavier one hinders the steps."""
 DETERMINANT = "determinant"
 """The goal of a D-optimal design: the least determinant of the covariance of all ten parameters."""
 ARM_GOALS = (*GOALS, DETERMINANT)
-FULL, FINER_SEARCHES = 0.99, (2,)
-"""Size from which a motion counts as met by its limits, and how many times finer it is searched again if it is not."""
-POLISH, HEAVY = 3, 1e4
-"""Rounds of that, and its first penalty."""
+CLOSER, CYCLES = 2, 2
+"""How many times finer the best start is searched again, and how often."""
+RELAXED: dict[str, Any] = {"rounds": 3, "penalty": 1e3, "growth": 5.0, "heaviest": 2e4}
+"""How: the limits give way at first, so that the motion leaves what only they hold it in."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -117,31 +120,24 @@ def searched(
     for number in range(starts):
         of_all = lambda done, *_, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
         first = search.start(1000 * seed + number)
-        ends.append(minimise(lagrangian, first, rounds=rounds, steps=steps, progress=of_all))
-    settled = [search.settled(end.unknowns) for end in ends]
-    best = int(np.argmin([float(measure(jnp.asarray(candidate.covariance))) for candidate, _ in settled]))
-    return polished(search, measure, ends[best].unknowns, *settled[best], steps, tell), ends
+        ends.append(minimise(lagrangian, first, rounds=rounds, steps=steps, heaviest=HEAVY, progress=of_all))
+    settled = [search.settled(end.unknowns)[0] for end in ends]
+    worth = [float(measure(jnp.asarray(candidate.covariance))) for candidate in settled]
+    best = int(np.argmin(worth))
+    return polished(search, measure, ends[best].unknowns, settled[best], steps, tell), ends
 
 
 def polished(
-    search: JointSearch,
-    measure: Goal,
-    unknowns: np.ndarray,
-    candidate: Candidate,
-    size: float,
-    steps: int,
-    tell: Progress,
+    search: JointSearch, measure: Goal, unknowns: np.ndarray, candidate: Candidate, steps: int, tell: Progress
 ) -> Candidate:
-    """Return the motion that a search ended with, minimised again on finer grids where its limits cost it its size."""
-    for number, times in enumerate(FINER_SEARCHES):
-        tell("limits", number, len(FINER_SEARCHES))
-        if size > FULL:
-            break
-        again = search.finer(times)
-        end = minimise(again.lagrangian(measure), unknowns, rounds=POLISH, steps=steps, penalty=HEAVY)
-        better, size = again.settled(end.unknowns)
-        unknowns = end.unknowns
-        candidate = min(candidate, better, key=lambda each: float(measure(jnp.asarray(each.covariance))))
+    """Return the best of the motion that a search ended with and of its relaxed searches on a finer grid."""
+    closer = search.finer(CLOSER)
+    lagrangian = closer.lagrangian(measure)
+    for number in range(CYCLES):
+        tell("limits", number, CYCLES)
+        unknowns = minimise(lagrangian, unknowns, steps=steps, **RELAXED).unknowns
+        again, _ = closer.settled(unknowns)
+        candidate = min(candidate, again, key=lambda each: float(measure(jnp.asarray(each.covariance))))
     return candidate
 
 
