@@ -16,7 +16,8 @@ from identify.motion.trajectory import sample
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body, pack
 from identify.rigid_body.rotation import exponential
-from identify.signals.band_limited_run import in_band, low_pass, spline_of
+from identify.signals.band_limited_run import in_band, low_pass
+from identify.signals.resample import uniform_spline
 from identify.signals.run import Run
 from tests.gram_lab import accumulate
 
@@ -92,7 +93,7 @@ class Laboratory:
         omega = seen + gyro + s["omega_bias"] * rng.standard_normal(3)
         return dataclasses.replace(
             silent, force=silent.force + noise[:, :3].T, moment=silent.moment + noise[:, 3:].T,
-            motion=jnp.asarray(spline_of(omega, silent.step)),
+            motion=jnp.asarray(uniform_spline(omega, silent.step, degree=5).pieces),
         )  # fmt: skip
 
     @cached_property

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from identify.model_check.predicted_wrench import Prediction
 from identify.rigid_body.regressor import cross_matrices, cross_matrix
+from identify.signals.resample import uniform_spline
 
 
 class Cause(NamedTuple):
@@ -126,8 +126,8 @@ def _late(run: Prediction) -> np.ndarray:
 
 def derivative(run: Prediction, signal: np.ndarray, order: int) -> np.ndarray:
     """Return a derivative of a signal of a run's rows by time."""
-    t = run.signals.interval * np.arange(len(signal))
-    return np.asarray(scipy.interpolate.make_interp_spline(t, signal, k=5).derivative(order)(t))
+    step = run.signals.interval
+    return uniform_spline(signal, step, degree=5)(step * np.arange(len(signal)), order)
 
 
 def _carried(run: Prediction, force: Float[np.ndarray, "n 3 p"]) -> np.ndarray:

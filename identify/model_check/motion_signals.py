@@ -8,14 +8,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from identify.joint.joint_model import WANDER
 from identify.rigid_body.regressor import cross_matrices
-from identify.rigid_body.rotation import cumulative_product
+from identify.rigid_body.rotation import (
+    closest_rotation,
+    cumulative_product,
+    exponential,
+    exponentials,
+    rotation_vectors,
+)
 from identify.signals.band_limited_run import InBand, in_band
+from identify.signals.resample import UniformSpline
 from identify.signals.run import Run
 
 
@@ -50,8 +55,7 @@ class MotionSignals:
     @property
     def attitude(self) -> np.ndarray:
         """Rotation vector from the mean attitude, in B [rad]."""
-        turns = Rotation.from_matrix(self.turns)
-        return np.asarray((turns.mean().inv() * turns).as_rotvec())
+        return rotation_vectors(closest_rotation(self.turns.mean(axis=0)).T @ self.turns)
 
     @cached_property
     def spin(self) -> Float[np.ndarray, "n 3 3"]:
@@ -76,8 +80,7 @@ class Recorded:
         """Reduce a run; RunError where it is too short."""
         self.rows: InBand = in_band(run, band, reach=reach, accelerometer=run.specific_force is not None)
         self.used = np.asarray(self.rows.used) > 0
-        pieces = np.asarray(self.rows.motion)
-        self.motion = scipy.interpolate.PPoly(pieces, self.rows.step * np.arange(pieces.shape[1] + 1))
+        self.motion = UniformSpline(np.asarray(self.rows.motion), self.rows.step)
 
     def slow_basis(self, t: np.ndarray) -> Float[np.ndarray, "n terms"]:
         """Return one and the slow terms of the gyro's random walk, at some instants."""
@@ -89,12 +92,12 @@ class Recorded:
     def signals(self, slow: Float[np.ndarray, "terms 3"], x: Mapping[str, np.ndarray]) -> MotionSignals:
         """Return the signals for these slow errors of the gyro, and the delay, rotation, drift and scale of x."""
         rows, used, scale = self.rows, self.used, 1 + x["gyro_scale"]
-        turn = Rotation.from_rotvec(x["rotation"]).as_matrix()
+        turn = exponential(x["rotation"])
         t = np.asarray(rows.t)
         value, slope, second = (self.motion(t + float(x["delay"][0]), order)[used] for order in range(3))
         omega = (value[:, :3] - self._slow(t, slow, x)[used]) / scale
         read = value.shape[1] > 3
-        later = Rotation.from_rotvec(float(x["delay"][0]) * omega).as_matrix()
+        later = exponentials(float(x["delay"][0]) * omega)
         alpha, jerk = (slope[:, :3] - x["gyro_drift"]) / scale, second[:, :3] / scale
         return MotionSignals(
             t=t[used],
@@ -119,5 +122,5 @@ class Recorded:
         starts = step * np.arange(self.rows.motion.shape[1])
         points = [starts + (0.5 + sign * np.sqrt(3) / 6) * step for sign in (-1, 1)]
         first, second = ((self.motion(t)[:, :3] - self._slow(t, slow, x)) / (1 + x["gyro_scale"]) for t in points)
-        turns = Rotation.from_rotvec(step / 2 * (first + second) + np.sqrt(3) / 12 * step**2 * np.cross(first, second))
-        return cumulative_product(np.concatenate([np.eye(3)[None], turns.as_matrix()]))
+        turns = exponentials(step / 2 * (first + second) + np.sqrt(3) / 12 * step**2 * np.cross(first, second))
+        return cumulative_product(np.concatenate([np.eye(3)[None], turns]))

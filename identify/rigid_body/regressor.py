@@ -14,6 +14,13 @@ from jaxtyping import Float
 
 Array = Any  # of JAX or NumPy: jaxtyping's Array would import JAX
 
+
+def library_of(*arrays: Any) -> Any:
+    """Return the array library that computes with all of these: JAX where one of them is its array, else NumPy."""
+    of_numpy = np.ndarray | np.generic | float | int
+    return next((x.__array_namespace__() for x in arrays if not isinstance(x, of_numpy)), np)
+
+
 FEATURES = ("1", "w1", "w2", "w3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3", "a1", "a2", "a3")
 OMEGA, PRODUCTS, ALPHA = slice(1, 4), slice(4, 10), slice(10, 13)
 """Where omega, its products and alpha stand among the features."""

@@ -31,10 +31,13 @@ def nearest_rotation(matrix: ArrayLike) -> Float[np.ndarray, "3 3"]:
         raise ValueError("is no rotation: its rows must be of unit length and at right angles")
     if np.linalg.det(rows) < 0:
         raise ValueError("is left-handed: change the sign of one axis, or swap two")
-    if np.array_equal(rows @ rows.T, np.eye(3)):
-        return rows
-    left, _, right = np.linalg.svd(rows)
-    return left @ right
+    return rows if np.array_equal(rows @ rows.T, np.eye(3)) else closest_rotation(rows)
+
+
+def closest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation whose elements are closest to a matrix's: of a mean of rotations, the mean rotation."""
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left * [1, 1, np.linalg.det(left @ right)] @ right)
 
 
 def from_quaternion(w: float, x: float, y: float, z: float) -> Float[np.ndarray, "3 3"]:
@@ -92,6 +95,21 @@ def exponentials(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
     hats = cross_matrices(turns)
     sine, cosine = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
     return np.asarray(np.eye(3) + sine * hats + cosine * (hats @ hats))
+
+
+def rotation_vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Return the rotation vectors [rad] of many rotation matrices, of length π at most, in NumPy."""
+    trace, unit = np.trace(rotations, axis1=1, axis2=2)[:, None, None], np.eye(3)
+    products = np.empty((len(rotations), 4, 4))  # of the quaternion with itself, four times
+    products[:, 0, 0] = 1 + trace[:, 0, 0]
+    products[:, 0, 1:] = products[:, 1:, 0] = np.einsum("kij,nij->nk", CROSS, rotations)
+    products[:, 1:, 1:] = rotations + rotations.swapaxes(1, 2) + (1 - trace) * unit
+    largest = np.argmax(np.diagonal(products, axis1=1, axis2=2), axis=1)
+    quaternions = products[np.arange(len(rotations)), largest]
+    quaternions *= np.where(quaternions[:, :1] < 0, -1, 1) / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    sine = np.linalg.norm(quaternions[:, 1:], axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, quaternions[:, :1])
+    return np.asarray(quaternions[:, 1:] * np.where(sine > 0, angle / np.where(sine > 0, sine, 1), 2))
 
 
 def cumulative_product(matrices: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:

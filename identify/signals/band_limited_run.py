@@ -5,16 +5,14 @@ are then decimated, the load cell to a few samples a period and the motion to ma
 samples is exact to rounding. White noise stays white in the band: a decimated sample's is ``sigma / sqrt(factor)``.
 """
 
-from math import factorial
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Float, Int
 
 from identify.rigid_body.regressor import Array
 from identify.signals.filters import apply, kaiser, kaiser_shape
+from identify.signals.resample import uniform_spline
 from identify.signals.run import Run, RunError
 
 ROWS_PER_PERIOD = 10.0
@@ -102,8 +100,8 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
     usable = _usable(run, len(taps))[first :: fine * stride][:rows]
     return InBand(
         step * np.arange(margin, margin + rows * stride, stride), wrench[:, :3].T, wrench[:, 3:].T, usable,
-        spline_of(_decimated(motion, taps, fine), step), float(step), stride, margin, fine * stride,
-        float(band),
+        uniform_spline(_decimated(motion, taps, fine), step, degree=DEGREE).pieces, float(step), stride, margin,
+        fine * stride, float(band),
     )  # fmt: skip
 
 
@@ -133,13 +131,6 @@ def _usable(run: Run, taps: int) -> np.ndarray:
     if run.missing is None:
         return np.ones(len(run.t) - taps + 1)
     return (np.convolve(run.missing, np.ones(taps), "valid") < 0.5).astype(float)
-
-
-def spline_of(nodes: np.ndarray, step: float) -> np.ndarray:
-    """Return the coefficients (degree + 1, cells, channels) of the interpolating spline, highest power of [s] first."""
-    t = step * np.arange(len(nodes))
-    spline = scipy.interpolate.make_interp_spline(t, nodes, k=DEGREE)
-    return np.stack([spline.derivative(k)(t[:-1]) / factorial(k) for k in range(DEGREE, -1, -1)])
 
 
 def evaluate(

@@ -1,7 +1,17 @@
-"""Samples of two sensors at common, uniform instants: gaps, jitter, unequal rates, interpolation."""
+"""Samples of two sensors at common, uniform instants: gaps, jitter, unequal rates, interpolation.
+
+The spline through uniform samples is in NumPy: SciPy's import takes longer than every spline of a run. With B-splines
+at the samples, the coefficients are the samples through the inverse of a short symmetric filter (Unser, Aldroubi and
+Eden 1993, doi:10.1109/78.193220). What that leaves open at the ends is settled as SciPy does it: no knot at the samples
+next to either end.
+"""
+
+from math import comb, factorial
+from typing import NamedTuple
 
 import numpy as np
 import scipy
+from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.signals.filters import apply, lowpass
@@ -14,6 +24,66 @@ GAP = 5.0
 """Sample intervals without a sample that count as a gap."""
 UNEQUAL = 1.2
 """Ratio of two rates beyond which the faster sensor would alias into the slower one's band."""
+AT_SAMPLES = {3: np.array([1, 4, 1]) / 6, 5: np.array([1, 26, 66, 26, 1]) / 120}
+"""A B-spline's values, by degree."""
+REACH = 64
+"""Samples after which the inverse of the filter has died out, to below rounding."""
+
+
+class UniformSpline(NamedTuple):
+    """A spline, cell by cell between its nodes."""
+
+    pieces: Float[np.ndarray, "powers cells channels"]
+    """Coefficients of the powers of the time since the cell's node [s], the highest first."""
+    step: float
+    """From node to node [s]."""
+
+    def __call__(self, t: Float[np.ndarray, " n"], order: int = 0) -> Float[np.ndarray, "n channels"]:
+        """Return its values, or its derivative of an order, at instants [s] after the first node."""
+        cell = np.clip(np.floor(t / self.step).astype(int), 0, self.pieces.shape[1] - 1)
+        since = (t - self.step * cell)[:, None]
+        degree = len(self.pieces) - 1
+        total = np.zeros((len(t), self.pieces.shape[2]))
+        for power, pieces in zip(range(degree, order - 1, -1), self.pieces, strict=False):
+            total = total * since + factorial(power) / factorial(power - order) * pieces[cell]
+        return total
+
+
+def uniform_spline(samples: Float[np.ndarray, "n channels"], step: float, *, degree: int = 3) -> UniformSpline:
+    """Return the spline through samples at every step [s], at least as many as its degree and one more.
+
+    Args:
+        samples: at the nodes.
+        step: from node to node [s].
+        degree: 3 or 5.
+    """
+    coefficients, count = _coefficients(samples, degree), len(samples) - 1
+    windows = np.stack([coefficients[k : k + count] for k in range(degree + 1)])
+    scales = step ** -np.arange(degree, -1.0, -1.0)
+    return UniformSpline(np.tensordot(scales[:, None] * _powers(degree), windows, axes=1), step)
+
+
+def _powers(degree: int) -> np.ndarray:
+    """Of each power, the highest first, the coefficient in the B-splines that reach into a cell of unit length."""
+    table = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):  # sums of truncated powers (u + reach)^degree
+        for j in range(degree - k + 1):
+            reach, sign = degree - k - j, (-1) ** j * comb(degree + 1, j) / factorial(degree)
+            table[:, k] += [sign * comb(degree, p) * reach ** (degree - p) for p in range(degree, -1, -1)]
+    return table
+
+
+def _coefficients(samples: np.ndarray, degree: int) -> np.ndarray:
+    """Of the B-splines at the samples and half a degree beyond either end."""
+    n, half, taps = len(samples), degree // 2, AT_SAMPLES[degree]
+    inverse = np.fft.fftshift(np.fft.irfft(1 / np.abs(np.fft.rfft(taps, 2 * REACH + 2)), 2 * REACH + 2))[1:]
+    beyond = REACH + half
+    inside = apply(np.pad(samples.T, ((0, 0), (beyond, beyond))), inverse).T
+    decays = np.array([root for root in np.roots(taps) if abs(root) < 1]).real
+    of_start = decays ** np.arange(n + 2.0 * half)[:, None]
+    ends = np.concatenate([of_start, of_start[::-1]], axis=1)  # what the samples do not see
+    jumps = lambda c: np.diff(c, degree + 1, axis=0)[np.r_[:half, -half:0]]  # noqa: E731  at what shall be no knot
+    return np.asarray(inside - ends @ np.linalg.solve(jumps(ends), jumps(inside)))
 
 
 def is_uniform(t: np.ndarray) -> bool:

@@ -4,6 +4,7 @@ import argparse
 import codecs
 import contextlib
 import errno
+import gc
 import importlib
 import importlib.metadata
 import importlib.util
@@ -41,6 +42,8 @@ BROKEN_PIPE = 141
 WITHOUT_JAX = ("record", "recover", "inspect", "schema")
 LEAST_MEMORY = 7 * 2**28
 """Bytes of address space below which JAX does not start but aborts the process, with a page of its own."""
+SELDOM = 1_000_000
+"""New objects after which the garbage collector looks for circles that nothing leads to."""
 CURES = {
     errno.ENOSPC: "free some space",
     errno.EDQUOT: "free some space",
@@ -139,6 +142,8 @@ def _run(argv: list[str], by_itself: bool) -> int:
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     # Matrices are small here: two threads of BLAS would wait for each other, and starting them takes 0.05 s.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if by_itself:  # imports and traces make millions of objects that stay: looking through them takes 0.3 s
+        gc.set_threshold(SELDOM)
     with _leaving_at_once() if by_itself else contextlib.nullcontext():
         module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])

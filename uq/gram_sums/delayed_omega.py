@@ -46,8 +46,9 @@ class DelayedOmega(NamedTuple):
 
 def longest_delay(sources: Sequence[Source]) -> float:
     """Return the longest delay that matters [s]: all sources' means and six standard deviations together."""
-    field = lambda source, draw: float(abs(effect(source, jnp.asarray(draw)).gyro_delay))  # noqa: E731
-    return sum(field(s, s.mean) + SIGMAS * field(s, s.standard_deviation) for s in sources if s.constant)
+    size = lambda source, draw: float(abs(effect(source, draw)))  # noqa: E731
+    delays = [source for source in sources if source.perturbs == "gyro_delay"]
+    return sum(size(s, s.mean) + SIGMAS * size(s, s.standard_deviation) for s in delays)
 
 
 def delayed_omega(trajectory: Trajectory, t: Float[Array, " n"], reach: float) -> DelayedOmega:

@@ -10,7 +10,6 @@ to samples.
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -18,14 +17,22 @@ from jaxtyping import Float
 from identify.estimators.gram import shift_omega
 from identify.motion.trajectory import Motion
 from identify.rigid_body.dynamics import wrench
-from identify.rigid_body.inertia import Body, unpack
-from identify.rigid_body.regressor import ALPHA, Array, features
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import (
+    ALPHA,
+    FIRST_MOMENT_OF_FEATURES,
+    OMEGA_R_OF_FEATURES,
+    Array,
+    cross_matrix,
+    features,
+    library_of,
+)
 from identify.rigid_body.rotation import exponential
 from uq.sources.constant_errors import Errors, no_errors, perturbed
 from uq.sources.source import Source
 
-MOTION = 18
-"""Functions of time in which the true wrench is linear."""
+OF_MOTION = slice(4, 13)
+"""Where the first nine of the functions of time in which the true wrench is linear stand among the features."""
 OF_THE_RIG = frozenset({"gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"})
 """Errors that change the true wrench."""
 OF_THE_GYRO = frozenset({"gyro_misalignment", "gyro_scale", "gyro_drift"})
@@ -68,11 +75,12 @@ class Columns(eqx.Module):
 
     def map(self, body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 columns"]:
         """Return the matrix that gives the measured wrench, without offset and noise, from the columns."""
-        maps = [jnp.eye(6)]
+        sensed = cell_map(errors)
+        maps = [sensed, *([errors.cell_drift[:, None]] if self.time else [])]
         if self.motion:
-            maps.append(true_wrench_map(body, platform, errors) - true_wrench_map(body, platform, no_errors()))
-        sensed = [cell_map(errors) @ matrix for matrix in maps]
-        return jnp.concatenate([sensed[0], *([errors.cell_drift[:, None]] if self.time else []), *sensed[1:]], axis=1)
+            change = true_wrench_map(body, platform, errors) - true_wrench_map(body, platform, no_errors())
+            maps.append(sensed @ change)
+        return library_of(*maps).concat(maps, axis=1)
 
 
 def functions_of(motion: Motion) -> Float[Array, "18 n"]:
@@ -83,49 +91,36 @@ def functions_of(motion: Motion) -> Float[Array, "18 n"]:
 
 
 def true_wrench_map(body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 18"]:
-    """Return the matrix that gives the true wrench from the functions of the motion."""
-    wrench_of = lambda functions: true_wrench(body, platform, errors, functions)  # noqa: E731
-    return jax.vmap(wrench_of, out_axes=1)(jnp.eye(MOTION))
+    """Return the matrix that gives the true wrench from the functions of the motion.
 
-
-def true_wrench(body: Body, platform: Platform, errors: Errors, functions: Float[Array, "18"]) -> Float[Array, "6"]:
-    """Return the wrench on the body at Q of (4) and (5) with errors of gravity, platform, centre of gravity and air.
-
-    The load cell carries less by the weight of the displaced air, at that air's centre. Entrained air adds inertia but
-    no weight: the air around it carries that.
+    The wrench on the body at Q of (4) and (5) with errors of gravity, platform, centre of gravity and air. The load
+    cell carries less by the weight of the displaced air, at that air's centre. Entrained air adds inertia but no
+    weight: the air around it carries that.
     """
-    outer, alpha, axes = _symmetric(functions[:6]), functions[6:9], functions[9:].reshape(3, 3)
-
-    def acceleration(offset):  # alpha × ρ + omega × (omega × ρ)
-        return jnp.cross(alpha, offset) + outer @ offset - jnp.trace(outer) * offset
-
-    def rate_of_spin(tensor):  # I alpha + omega × I omega
-        product = outer @ tensor
-        return tensor @ alpha + jnp.stack([product[1, 2] - product[2, 1], product[2, 0] - product[0, 2],
-                                           product[0, 1] - product[1, 0]])  # fmt: skip
-
-    acceleration_cg = acceleration(jnp.asarray(platform.r_cg_from_still) + errors.r_cg_from_omb)
-    up = (platform.gravity + errors.gravity) * (exponential(errors.tilt)[2] @ axes)
-    displaced, of_displaced = _mass_and_first_moment(errors.displaced_air)
-    entrained, of_entrained = _mass_and_first_moment(errors.entrained_air)
-    force = (body.mass + entrained) * acceleration_cg + acceleration(of_entrained) + (body.mass - displaced) * up
-    about_cg = rate_of_spin(unpack(body.inertia) + unpack(errors.entrained_air[4:]))
-    about_cg = about_cg + jnp.cross(of_entrained, acceleration_cg) - jnp.cross(of_displaced, up)
-    return jnp.concatenate([force, about_cg + jnp.cross(body.r_cg_from_q, force)])
+    xp = library_of(*errors, *body, platform.gravity, platform.r_cg_from_still)
+    displaced, of_displaced = errors.displaced_air[0], errors.displaced_air[1:4]
+    entrained, of_entrained = errors.entrained_air[0], errors.entrained_air[1:4]
+    acceleration_cg = _acceleration(platform.r_cg_from_still + errors.r_cg_from_omb)
+    level = exponential(errors.tilt)[2]
+    axes = (level[None, :, None] * np.eye(3)[:, None]).reshape(3, 9)
+    up = xp.concat([np.zeros((3, 9)), (platform.gravity + errors.gravity) * axes], axis=1)
+    force = (body.mass + entrained) * acceleration_cg + _acceleration(of_entrained) + (body.mass - displaced) * up
+    spun = xp.tensordot(OMEGA_R_OF_FEATURES[OF_MOTION], body.inertia + errors.entrained_air[4:], axes=1).T
+    about_cg = xp.concat([spun, np.zeros((3, 9))], axis=1)
+    about_cg = about_cg + cross_matrix(of_entrained) @ acceleration_cg - cross_matrix(of_displaced) @ up
+    return xp.concat([force, about_cg + cross_matrix(body.r_cg_from_q) @ force])
 
 
-def _mass_and_first_moment(air: Array) -> tuple[Array, Array]:
-    return air[0], air[1:4]
-
-
-def _symmetric(products: Array) -> Array:
-    xx, yy, zz, xy, xz, yz = products
-    return jnp.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def _acceleration(offset: Float[Array, "3"]) -> Float[Array, "3 18"]:
+    """``alpha × ρ + omega × (omega × ρ)`` from the functions of the motion."""
+    xp = library_of(offset)
+    of_motion = xp.tensordot(FIRST_MOMENT_OF_FEATURES[OF_MOTION], offset, axes=1).T
+    return xp.concat([of_motion, np.zeros((3, 9))], axis=1)
 
 
 def cell_map(errors: Errors) -> Float[Array, "6 6"]:
     """Return the map from the true wrench to the measured one: sensor axes, cross-talk, then scale factors."""
-    crossed = (jnp.eye(6) + errors.cell_cross_talk).reshape(6, 2, 3)
+    crossed = (np.eye(6) + errors.cell_cross_talk).reshape(6, 2, 3)
     return (1 + errors.cell_scale)[:, None] * (crossed @ exponential(errors.cell_misalignment).T).reshape(6, 6)
 
 
@@ -168,13 +163,13 @@ def map_of_true_elements(errors: Errors) -> Float[Array, "13 18"]:
     upper, lower = ROWS @ g, COLUMNS @ g
     squares = (upper @ ROWS.T) * (lower @ COLUMNS.T) + TWICE * (upper @ COLUMNS.T) * (lower @ ROWS.T)
     products = [_both(b, b) / 2, _both(b, g), squares, _both(b, d), _both(d, g), _both(d, d) / 2, np.zeros((6, 3))]
-    none = np.zeros((3, 9))
-    return jnp.concatenate(
+    none, concat = np.zeros((3, 9)), library_of(g, b, d).concat
+    return concat(
         [
             np.eye(1, 18),
-            jnp.concatenate([b, g, none[:, :6], d, none[:, :7]], axis=1),
-            jnp.concatenate(products, axis=1),
-            jnp.concatenate([d, none, none[:, :5], g], axis=1),
+            concat([b, g, none[:, :6], d, none[:, :7]], axis=1),
+            concat(products, axis=1),
+            concat([d, none, none[:, :5], g], axis=1),
         ]
     )
 

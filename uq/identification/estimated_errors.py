@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Mapping
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.joint.priors import ConstantError, root_of
@@ -58,21 +57,16 @@ def estimated_errors(
             unknown, numbers = UNKNOWN.get(source.perturbs) or _drift(source, duration)
             shape = np.shape(source.sigma)
             basis = np.eye(int(np.prod(shape))).reshape(-1, *shape)
-            by_draw = np.stack([numbers(_field(source, np.asarray(unit))) for unit in basis], axis=1)
+            by_draw = np.stack([numbers(effect(source, unit)) for unit in basis], axis=1)
             axes = by_draw @ draw_root(source, experiment.mixing)
             priors[source.name] = ConstantError(
                 unknown,
-                numbers(_field(source, np.broadcast_to(source.mean, shape))),
+                numbers(effect(source, np.broadcast_to(source.mean, shape))),
                 axes @ axes.T,
                 source.name not in redrawn,
                 axes,
             )
     return priors
-
-
-def _field(source: Source, draw: np.ndarray) -> np.ndarray:
-    assert source.perturbs is not None  # noqa: S101 - the caller chose it so
-    return np.asarray(getattr(effect(source, jnp.asarray(draw, float)), source.perturbs))
 
 
 def draw_root(source: Source, mixing: Collection[Mixing]) -> np.ndarray:

@@ -13,9 +13,7 @@ by the errors is that of the estimate. H takes the place of the undisturbed elem
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from identify.choices import OffsetChoice
@@ -23,9 +21,10 @@ from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
 from identify.estimators.regressor_rows import unbroken, usable_rows
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, library_of
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
+from identify.signals.resample import uniform_spline
 from identify.signals.run import Run, RunError
 from identify.signals.spectrum import Lines
 from uq.gram_sums.error_maps import Columns, map_of_true_elements
@@ -102,10 +101,10 @@ def run_sums(
     fixed = None
     if weighed is not None:
         fixed = Lines.of(unbroken(keep), run.rate).samples(weighed)[reached].reshape(-1, ELEMENTS).T
-    spline = scipy.interpolate.CubicSpline(run.t, run.omega) if len(delays) > 1 else None
+    spline = uniform_spline(run.omega, 1 / run.rate) if len(delays) > 1 else None
     gram, with_wrench = [], []
     for delay in delays:
-        shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
+        shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
         elements = elements_of(run, shifted, estimator)[:, span]
         if offsets == "estimate":
             elements = elements - elements.mean(axis=1, keepdims=True)
@@ -129,9 +128,9 @@ def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], 
         columns: what they make of the wrench, :meth:`uq.gram_sums.error_maps.Columns.map`.
         at: weights of the delays.
     """
-    gram, wrench = jnp.tensordot(at, sums.gram, axes=1), jnp.tensordot(at, sums.wrench, axes=1)
+    gram, wrench = _at_delay(sums, at)
     elements = map_of_true_elements(errors)
-    both = elements @ wrench @ columns.T + jnp.outer(elements @ gram[:, 0], errors.cell_bias)
+    both = elements @ (wrench @ columns.T) + (elements @ gram[:, 0])[:, None] * errors.cell_bias[None]
     return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
 
 
@@ -151,21 +150,28 @@ def weighed_equations(
         at: weights of the delays.
         r_cg: believed centre of gravity, ``r'`` [m].
     """
-    gram, wrench = jnp.tensordot(at, sums.gram, axes=1), jnp.tensordot(at, sums.wrench, axes=1)
+    gram, wrench = _at_delay(sums, at)
     rows = (gram @ map_of_true_elements(errors).T).reshape(3, 6, -1)
-    both = (wrench @ columns.T + jnp.outer(gram[:, 0], errors.cell_bias)).reshape(3, 6, 6)
-    about_cg = both[..., 3:] - jnp.cross(r_cg, both[..., :3])
-    return jnp.einsum("apk,kaq->pq", rows, jnp.asarray(OMEGA_R_OF_FEATURES)), jnp.einsum("apa->p", about_cg)
+    both = (wrench @ columns.T + gram[:, :1] * errors.cell_bias[None]).reshape(3, 6, 6)
+    xp = library_of(both, r_cg)
+    about_cg = both[..., 3:] - xp.cross(r_cg, both[..., :3])
+    return library_of(rows).einsum("apk,kaq->pq", rows, OMEGA_R_OF_FEATURES), xp.einsum("apa->p", about_cg)
+
+
+def _at_delay(sums: RunSums, at: Float[Array, " delays"]) -> RunSums:
+    """The sums at a delay, from those at the nodes."""
+    xp = library_of(*sums, at)
+    return RunSums(*(xp.tensordot(at, each, axes=1) for each in sums))
 
 
 def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:
     """Return the weights of Lagrange's polynomial through the nodes, at a delay [s] within them."""
     if len(nodes) == 1:
-        return jnp.ones(1)
-    same = jnp.eye(len(nodes), dtype=bool)
-    inside = jnp.clip(delay, jnp.min(nodes), jnp.max(nodes))
-    apart = jnp.where(same, 1.0, nodes[:, None] - nodes[None])
-    return jnp.prod(jnp.where(same, 1.0, (inside - nodes)[None] / apart), axis=1)
+        return np.ones(1)
+    xp, same = library_of(nodes, delay), np.eye(len(nodes), dtype=bool)
+    inside = xp.clip(delay, xp.min(nodes), xp.max(nodes))
+    apart = xp.where(same, 1.0, nodes[:, None] - nodes[None])
+    return xp.prod(xp.where(same, 1.0, (inside - nodes)[None] / apart), axis=1)
 
 
 def elements_of(

@@ -44,7 +44,7 @@ from uq.identification.combined_uncertainty import (
     widened_by_sources,
 )
 from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums, weighed_equations
-from uq.sources.constant_errors import Errors, errors_of_cases
+from uq.sources.constant_errors import Errors, errors_of_cases, over_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
 from uq.trials.trial_loop import all_trials, finite_trials
@@ -283,10 +283,15 @@ def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, 
 
 def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
     """Return the pooled tensor that the estimator gives with these errors, one set a mounting: smooth in them."""
-    normal, right = jnp.zeros((6, 6)), jnp.zeros(6)
+    return solve_normal(*equations(problem, errors)).inertia
+
+
+def equations(problem: Problem, errors: Sequence[Errors]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
+    """Return the pooled normal equations with these errors, in JAX or, where all is of NumPy, in NumPy."""
+    normal, right = np.zeros((6, 6)), np.zeros(6)
     for sums, error in zip(problem.sums, errors, strict=True):
         if problem.offsets == "still":
-            error = error._replace(cell_bias=jnp.zeros(6))
+            error = error._replace(cell_bias=np.zeros(6))
         columns = problem.columns.map(problem.body, problem.platform, error)
         at, r_cg = delay_weights(problem.nodes, error.gyro_delay), problem.body.r_cg_from_q + error.r_cg
         if problem.weighed:
@@ -294,15 +299,15 @@ def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
         else:
             matrix, side = normal_equations(measured(sums, error, columns, at), r_cg)
         normal, right = normal + matrix, right + side
-    return solve_normal(normal, right).inertia
+    return normal, right
 
 
 def errors_of(problem: Problem, drawn: Mapping[Name, Array], cases: Sequence[frozenset[Name]]) -> Errors:
     """Return the errors that act in each case, with those of the centre of gravity that a source has made before."""
     errors = errors_of_cases(problem.sources, drawn, cases)
     for name, by_draw in problem.centre_by_draw.items():
-        acts = jnp.asarray([float(name in case) for case in cases])
-        errors = errors._replace(r_cg=errors.r_cg + jnp.outer(acts, by_draw @ drawn[name].ravel()))
+        acts = np.array([[float(name in case)] for case in cases])
+        errors = errors._replace(r_cg=errors.r_cg + acts * (by_draw @ drawn[name].ravel()))
     return errors
 
 
@@ -313,7 +318,7 @@ def _of_axes(problem: Problem, name: Name, axes: Float[Array, "k n"]) -> Float[A
 
     def of(axis):
         drawn = nothing | {name: axis.reshape(nothing[name].shape)}
-        alone = jax.tree.map(lambda leaf: leaf[0], errors_of(problem, drawn, (frozenset([name]),)))
+        alone = Errors(*(leaf[0] for leaf in errors_of(problem, drawn, (frozenset([name]),))))
         return estimate(problem, [alone] * len(problem.sums))
 
     return jax.vmap(of)(axes)
@@ -339,6 +344,6 @@ def _trials(
 ) -> Float[Array, "trials cases 6"]:
     def of_trial(index):
         errors = [errors_of(problem, drawn, problem.cases) for drawn in draws(problem, key, index)]
-        return jax.vmap(lambda *of: estimate(problem, of))(*errors)
+        return over_cases(lambda *of: estimate(problem, of), errors)
 
     return jax.vmap(of_trial)(indices)

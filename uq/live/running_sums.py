@@ -17,6 +17,7 @@ from identify.estimators.run_information import alpha_noise
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
+from identify.signals.resample import uniform_spline
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
 from identify.signals.spectrum import Lines
 from uq.identification.run_sums import ELEMENTS, FEATURES, elements_of, smoothed
@@ -107,11 +108,11 @@ class RunningSums:
 
     def _add_delayed(self, block: Block, rows: np.ndarray, keep: np.ndarray) -> None:
         run, others = block.run, rows
-        spline = scipy.interpolate.CubicSpline(run.t, run.omega) if len(self.delays) > 1 else None
+        spline = uniform_spline(run.omega, 1 / run.rate) if len(self.delays) > 1 else None
         for number, delay in enumerate(self.delays):
             left = rows[:ELEMENTS]
             if spline is not None:
-                shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]))
+                shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
                 left = elements_of(run, shifted, self.estimator, begin=0.0)[:, keep]
             self.delayed[number] += left @ np.concatenate([left, others]).T
 

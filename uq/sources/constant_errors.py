@@ -1,17 +1,17 @@
 """Constant errors of one experiment: what each source's draw amounts to, and what several amount to together.
 
-Errors of one kind on one quantity add: two scale factors of 0.1 % are one of 0.2 %. All are smooth in the draws.
+Errors of one kind on one quantity add: two scale factors of 0.1 % are one of 0.2 %. All are smooth in the draws,
+arrays of JAX or of NumPy. What no source sets is zero and stays an array of NumPy, of which JAX traces nothing.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.regressor import Array
+from identify.rigid_body.regressor import Array, library_of
 from uq.sources.source import Source
 
 CELL_CHANNELS = {"F": 0, "M": 3}
@@ -63,30 +63,51 @@ def no_errors() -> Errors:
     return Errors(*(np.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
 
 
-def effect(source: Source, draw: Float[Array, "..."]) -> Errors:
-    """Return what a constant source's draw [SI] amounts to: linear in it."""
-    if source.perturbs is None:
-        return no_errors()
+def effect(source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return what a constant source's draw [SI] adds to the field that it perturbs: linear in it."""
     value, first = source.error_kind.value(source, draw), CELL_CHANNELS.get(source.target)
-    if first is not None:  # of force or moment: three of the load cell's six channels
-        value = jnp.concatenate([jnp.zeros(first), value, jnp.zeros(3 - first)])
-    return no_errors()._replace(**{source.perturbs: value})
+    if first is None:
+        return value
+    # of force or moment: three of the load cell's six channels
+    return library_of(value).concat([np.zeros(first), value, np.zeros(3 - first)])
 
 
 def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
     """Return the errors that act in each case, a set of names of sources; the cases on the leading axis."""
-    constant = [source for source in sources if source.constant]
-    effects = [no_errors(), *(effect(source, draws[source.name].astype(float)) for source in constant)]
-    acting = jnp.asarray([[1.0, *(float(s.name in case) for s in constant)] for case in cases]).reshape(
-        len(cases), len(effects)
-    )
-    return jax.tree.map(lambda *parts: jnp.tensordot(acting, jnp.stack(parts), axes=1), *effects)
+    effects: dict[str, list[Array]] = {}
+    acting: dict[str, list[list[float]]] = {}
+    for source in sources:
+        if source.constant and source.perturbs is not None:
+            field = source.perturbs
+            effects.setdefault(field, []).append(effect(source, draws[source.name].astype(float)))
+            acting.setdefault(field, []).append([float(source.name in case) for case in cases])
+    fields = {field: np.zeros((len(cases), *zero.shape)) for field, zero in no_errors()._asdict().items()}
+    for field, parts in effects.items():
+        xp, nothing = library_of(*parts), np.zeros(len(cases))
+        # two columns at least: XLA would make each draw anew wherever a product of one is used
+        weights = xp.asarray([nothing, *acting[field]]).T
+        fields[field] = xp.tensordot(weights, xp.stack([xp.zeros_like(parts[0]), *parts]), axes=1)
+    return Errors(**fields)
 
 
 def errors_of(sources: Sequence[Source], draws: Mapping[str, Array]) -> Errors:
     """Return the errors of all constant sources together: smooth in the draws."""
     together = errors_of_cases(sources, draws, [frozenset(source.name for source in sources)])
-    return jax.tree.map(lambda leaf: leaf[0], together)
+    return Errors(*(leaf[0] for leaf in together))
+
+
+def over_cases(function: Callable[..., Any], errors: Sequence[Errors], *others: Any, out_axes: int = 0) -> Any:
+    """Return what a function of errors (and of others) gives in each case: ``vmap``, with zeros not traced.
+
+    Args:
+        function: of one case's errors, one argument each, then of the others.
+        errors: of :func:`errors_of_cases`.
+        others: any trees of arrays, the cases leading.
+        out_axes: where the cases stand in the result.
+    """
+    moving = [{field: x for field, x in each._asdict().items() if not isinstance(x, np.ndarray)} for each in errors]
+    of_case = lambda moving, *rest: function(*(no_errors()._replace(**each) for each in moving), *rest)  # noqa: E731
+    return jax.vmap(of_case, out_axes=out_axes)(moving, *others)
 
 
 def perturbed(sources: Sequence[Source]) -> frozenset[str]:
@@ -96,6 +117,5 @@ def perturbed(sources: Sequence[Source]) -> frozenset[str]:
 
 def declared_sigma(sources: Sequence[Source], field: str) -> np.ndarray:
     """Return the standard deviation of one field of :class:`Errors`, of all sources that set it together; SI."""
-    effects = [effect(s, jnp.asarray(s.standard_deviation)) for s in sources if s.perturbs == field]
-    zero = np.zeros(getattr(no_errors(), field).shape)
-    return np.asarray(np.sqrt(sum((np.square(getattr(each, field)) for each in effects), zero)))
+    effects = [effect(source, source.standard_deviation) for source in sources if source.perturbs == field]
+    return np.asarray(np.sqrt(sum(map(np.square, effects), np.zeros(getattr(no_errors(), field).shape))))

@@ -29,6 +29,10 @@ SENSOR: Mapping[str, str] = MappingProxyType({"F": "cell", "M": "cell", "wrench"
 """Which sensor measures a target."""
 
 
+Draw = Float[Array | np.ndarray, "..."] | float
+"""What a constant source draws, in SI."""
+
+
 class Source(eqx.Module):
     """One error source. A constant's draw is ``mean + sigma * shape``; noise is ``sigma * shape`` at each sample."""
 
@@ -224,7 +228,7 @@ class ErrorKind:
         sizes = {name: np.asarray(factor * source.settings[name]) for name in self.sizes if name in source.settings}
         return replace(source, sigma=np.asarray(factor * source.sigma), settings={**source.settings, **sizes})
 
-    def value(self, source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
+    def value(self, source: Source, draw: Draw) -> Draw:
         """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it.
 
         Of the load cell's six channels, a force's or a moment's three.

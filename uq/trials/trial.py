@@ -49,7 +49,7 @@ from uq.gram_sums.setup import (
     cases_of,
     noisy_count,
 )
-from uq.sources.constant_errors import Errors, errors_of_cases, perturbed
+from uq.sources.constant_errors import Errors, errors_of_cases, over_cases, perturbed
 from uq.sources.draws import BLOCK, Mixing, draw_constants, draw_sums, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.random_normals import joined
 from uq.sources.source import Source
@@ -329,14 +329,14 @@ def _problems(setup: Setup, plan: Plan, errors: Errors, sums: _AllSums) -> tuple
     def of_case(errors, on, sums):
         noise = jnp.einsum("akj,kt->atj", sums.noise, on).reshape(-1, 6)
         measured = sums.wrench @ setup.columns.map(setup.body, setup.platform, errors).T + noise
-        measured = measured + jnp.outer(sums.gram[:, 0], errors.cell_bias)
+        measured = measured + sums.gram[:, :1] * errors.cell_bias[None]
         m = element_map(errors, gyro_mapped=setup.gyro_mapped)
         places = [_elements_of(setup, k) for k in range(len(setup.estimators))]
         problems = [Sums(m @ sums.gram[np.ix_(k, k)] @ m.T, m @ measured[k, :3], m @ measured[k, 3:]) for k in places]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
 
     active = np.reshape(on, (len(setup.cases), len(cell), 2))
-    problems = jax.vmap(of_case, out_axes=1)(errors, active, jax.tree.map(lambda leaf: leaf[variant], sums))
+    problems = over_cases(of_case, [errors], active, jax.tree.map(lambda leaf: leaf[variant], sums), out_axes=1)
     return problems, setup.body.r_cg_from_q[None] + errors.r_cg
 
 

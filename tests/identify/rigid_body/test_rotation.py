@@ -5,7 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.rigid_body.gravity import normal_gravity
-from identify.rigid_body.rotation import from_axes, from_quaternion, nearest_rotation
+from identify.rigid_body.rotation import (
+    closest_rotation,
+    from_axes,
+    from_quaternion,
+    nearest_rotation,
+    rotation_vectors,
+)
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import Recording
 from uq.files.schema import declared_table
@@ -25,6 +31,17 @@ def test_signed_axes_say_which_sensor_axis_each_body_axis_is():
 def test_a_quaternion_is_scipys(generator):
     x, y, z, w = Rotation.random(rng=generator).as_quat()
     np.testing.assert_allclose(from_quaternion(w, x, y, z), Rotation.from_quat([x, y, z, w]).as_matrix(), atol=1e-15)
+
+
+def test_rotation_vectors_and_the_mean_rotation_are_scipys(generator):
+    """Also near no turn and near half a turn, where one part of a quaternion vanishes."""
+    angles = [np.zeros(1), 10.0 ** -generator.uniform(1, 17, 50), generator.uniform(0, np.pi, 200)]
+    angles = np.concatenate([*angles, np.pi - 10.0 ** -generator.uniform(1, 12, 50)])
+    axes = generator.normal(size=(len(angles), 3))
+    turns = Rotation.from_rotvec(axes * (angles / np.linalg.norm(axes, axis=1))[:, None])
+    np.testing.assert_allclose(rotation_vectors(turns.as_matrix()), turns.as_rotvec(), atol=4e-15)
+    mean = closest_rotation(turns.as_matrix().mean(axis=0))
+    np.testing.assert_allclose(mean, turns.mean().as_matrix(), atol=1e-14)
 
 
 def test_a_rounded_matrix_becomes_the_rotation_nearest_to_it(generator):

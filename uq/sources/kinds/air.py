@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from identify.rigid_body.inertia import parallel_axis
+from identify.rigid_body.inertia import MOMENTS, parallel_axis
+from identify.rigid_body.regressor import Array, library_of
 from uq.files.schema import vector
 from uq.sources.source import ErrorKind, Source
 from uq.sources.source_figures import figures
@@ -38,7 +38,8 @@ class DisplacedAir(Air):
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "4"]:
         """Return its mass, and mass times centre."""
-        return draw * jnp.concatenate([jnp.ones(1), source.settings["centre"]])
+        centre = source.settings["centre"]
+        return draw * library_of(centre).concat([np.ones(1), centre])
 
 
 class EntrainedAir(Air):
@@ -55,7 +56,6 @@ class EntrainedAir(Air):
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "10"]:
         """Return its mass, mass times centre, and packed tensor about the centre of gravity."""
-        centre = jnp.asarray(source.settings["centre"])
-        x, y, z = jnp.asarray(source.settings["radii_of_gyration"]) ** 2
-        of_itself = jnp.stack([x, jnp.zeros(()), jnp.zeros(()), y, jnp.zeros(()), z])
-        return draw * jnp.concatenate([jnp.ones(1), centre, parallel_axis(of_itself, jnp.ones(()), centre)])
+        centre, radii = source.settings["centre"], source.settings["radii_of_gyration"]
+        about_cg = parallel_axis(np.eye(6)[:, MOMENTS] @ radii**2, np.ones(()), centre)
+        return draw * library_of(centre, radii).concat([np.ones(1), centre, about_cg])
