@@ -115,9 +115,9 @@ def _changes(moments: GramMoments, variance: Array, plain: tuple[Term, ...]) -> 
 
 
 def covariance(
-    moments: GramMoments, variance: Float[Array, "3"], rows: Float[Array, "rows products"] | None = None
-) -> Float[Array, "rows rows"]:
-    """Return the sums' covariance, or that of linear combinations of them, one a row.
+    moments: GramMoments, variance: Float[Array, "3"], rows: Float[Array, "*sets rows products"] | None = None
+) -> Float[Array, "*sets rows rows"]:
+    """Return the sums' covariance, or that of linear combinations of them, one a row, or of several sets of these.
 
     Args:
         moments: of the run.
@@ -128,8 +128,8 @@ def covariance(
 
 
 def first_order_covariance(
-    moments: GramMoments, variance: Float[Array, "3"], rows: Float[Array, "rows products"] | None = None
-) -> Float[Array, "rows rows"]:
+    moments: GramMoments, variance: Float[Array, "3"], rows: Float[Array, "*sets rows products"] | None = None
+) -> Float[Array, "*sets rows rows"]:
     """Return the covariance that the terms linear in the noise alone would give: the textbook's (GUM 5.1.2)."""
     layout = product_layout(len(moments.alphas))
     linear = np.array([len(t.power) == 1 and not any(t.weight.powers) for t in layout.noisy], float)
@@ -138,7 +138,7 @@ def first_order_covariance(
 
 def _correlate(moments: GramMoments, coefficients: Array, rows: Array | None) -> Array:
     combined = coefficients if rows is None else rows @ coefficients
-    return combined @ moments.correlated @ combined.T
+    return combined @ moments.correlated @ combined.swapaxes(-1, -2)
 
 
 def _coefficients(moments: GramMoments, variance: Array, mask: np.ndarray | float = 1.0) -> Array:

@@ -5,13 +5,13 @@ become normal equations, and these are solved (:mod:`identify.estimators.gram`).
 white noise through the mean and covariance of the sums (:mod:`uq.gram_sums.gram_moments`).
 """
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
@@ -65,9 +65,9 @@ class RunSums(eqx.Module):
 class Point(NamedTuple):
     """Where an expansion is made."""
 
-    errors: Float[Array, " e"]
+    errors: Float[Array | np.ndarray, " e"]
     """Errors that are expected, :class:`uq.sources.constant_errors.Errors` raveled."""
-    variance: Float[Array, "3"]
+    variance: Float[Array | np.ndarray, "3"]
     """Variance of omega's white noise [rad²/s²] whose expected sums these are; zero for the noise-free run."""
 
 
@@ -83,7 +83,9 @@ class Expansion(NamedTuple):
     twice_by_equations: Float[Array | np.ndarray, "*n 6 27 27"]
 
 
-def expand_at(run: RunSums, estimator: Index, point: Point, errors: Float[Array, "e d"]) -> Expansion:
+def expand_at(
+    run: RunSums, estimator: Index, point: Point, errors: Float[Array, "e d"], fields: Collection[str]
+) -> Expansion:
     """Expand one estimator's estimate about a point, to the second order.
 
     Args:
@@ -91,11 +93,13 @@ def expand_at(run: RunSums, estimator: Index, point: Point, errors: Float[Array,
         estimator: its number.
         point: expected errors and noise.
         errors: how they follow from the d numbers that are drawn.
+        fields: those of the errors that may not be zero; of the others nothing is computed.
     """
 
     def equations(z):
         of_alpha = run.moments.alphas[estimator, estimator]
-        return equations_of(run.noise_free, estimator, point.errors + errors @ z, point.variance, of_alpha)
+        acting = point.errors + errors @ z
+        return equations_of(run.noise_free, estimator, acting, point.variance, of_alpha, fields=fields)
 
     def first(z):
         jacobian = jax.jacfwd(equations)(z)
@@ -137,8 +141,10 @@ def equations_of(
     run: NoiseFreeRun,
     estimator: Index,
     errors: Float[Array, " e"],
-    variance: Float[Array, "3"],
+    variance: Float[Array | np.ndarray, "3"],
     of_alpha: Float[Array, ""],
+    *,
+    fields: Collection[str] = Errors._fields,
 ) -> Float[Array, "27"]:
     """Return the packed normal equations of a run with these errors, made of its expected sums under the noise.
 
@@ -148,23 +154,28 @@ def equations_of(
         errors: :class:`uq.sources.constant_errors.Errors` raveled.
         variance: of omega's white noise [rad²/s²].
         of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
+        fields: those of the errors that may not be zero.
     """
-    present: Errors = _unravel(errors)
+    each = unravel(errors)
+    present = no_errors()._replace(**{field: getattr(each, field) for field in fields})
     delay = present.gyro_delay
     delayed = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *run.sums)
     expected = expected_sums(delayed.of_estimator(estimator), variance, of_alpha)
     elements = element_map(present, gyro_mapped=True)
     measured = expected.wrench @ run.columns.map(run.body, run.platform, present).T
-    measured = measured + jnp.outer(expected.gram[:, 0], present.cell_bias)
+    measured = measured + expected.gram[:, :1] * present.cell_bias[None]
     sums = Sums(elements @ expected.gram @ elements.T, elements @ measured[:, :3], elements @ measured[:, 3:])
     return _packed(sums, run.body.r_cg_from_q + present.r_cg)
 
 
-def _unravel(errors: Array) -> Errors:
-    return ravel_pytree(no_errors())[1](errors)
+def unravel(errors: Float[Array | np.ndarray, " e"]) -> Errors:
+    """Return errors from all their numbers in one array, of JAX or of NumPy."""
+    like = no_errors()
+    parts = zip(like, np.cumsum([each.size for each in like]).tolist(), strict=True)
+    return Errors(*(errors[end - each.size : end].reshape(each.shape) for each, end in parts))
 
 
-def expected_sums(true: TrueSums, variance: Float[Array, "3"], of_alpha: Float[Array, ""]) -> TrueSums:
+def expected_sums(true: TrueSums, variance: Float[Array | np.ndarray, "3"], of_alpha: Float[Array, ""]) -> TrueSums:
     """Return the expected sums over all elements of :func:`uq.gram_sums.error_maps.element_map`.
 
     Args:

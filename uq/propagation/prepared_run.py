@@ -9,12 +9,13 @@ import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
@@ -23,7 +24,7 @@ from uq.gram_sums.error_maps import Columns
 from uq.gram_sums.gram_moments import products_of_estimator
 from uq.gram_sums.setup import Estimator
 from uq.propagation.beyond_the_law import Peaks
-from uq.propagation.expansion import Expansion, Point, RunSums, expand_at, to_equations
+from uq.propagation.expansion import Expansion, Point, RunSums, expand_at, to_equations, unravel
 from uq.propagation.run_sums import run_sums
 from uq.sources.constant_errors import perturbed
 
@@ -62,9 +63,12 @@ class PreparedRun:
             errors: how they follow from the d numbers that are drawn.
         """
         key = (expected.tobytes(), variance.tobytes(), errors.tobytes())
-        return self.kept.get(
-            key, lambda: _on_host(_expansions(self.sums, Point(jnp.asarray(expected), jnp.asarray(variance)), errors))
-        )
+
+        def make():
+            fields = tuple(name for name, of in unravel(np.abs(errors).sum(axis=1))._asdict().items() if np.any(of))
+            return _on_host(_expansions(self.sums, Point(expected, variance), errors, fields))
+
+        return self.kept.get(key, make)
 
     def scatter(self, variance: np.ndarray) -> Scatter:
         """Return what omega's white noise of this variance [rad²/s²] does to the sums."""
@@ -139,22 +143,18 @@ def _summed(
 _to_equations = jax.jit(to_equations)
 
 
-@jax.jit
-def _expansions(run: RunSums, point: Point, errors: Float[Array, "e d"]) -> Expansion:
-    return jax.lax.map(lambda k: expand_at(run, k, point, errors), jnp.arange(len(run.moments.alphas)))
+@partial(jax.jit, static_argnames="fields")
+def _expansions(run: RunSums, point: Point, errors: Float[Array, "e d"], fields: tuple[str, ...]) -> Expansion:
+    return jax.lax.map(lambda k: expand_at(run, k, point, errors, fields), jnp.arange(len(run.moments.alphas)))
 
 
 @jax.jit
 def _scatters(run: RunSums, variance: Float[Array, "3"]) -> Scatter:
-    equations = to_equations(run.noise_free.body.r_cg_from_q)
-    return jax.lax.map(lambda k: _scatter(run, k, variance, equations), jnp.arange(len(run.moments.alphas)))
-
-
-def _scatter(run: RunSums, estimator: Int[Array, ""], variance: Float[Array, "3"], equations: Array) -> Scatter:
-    moments = run.moments
-    places_of_all = [products_of_estimator(len(moments.alphas), k) for k in range(len(moments.alphas))]
-    places = jnp.asarray(places_of_all)[estimator]
-    rows = jnp.zeros((len(equations), len(moments.sums))).at[:, places].set(equations)
+    moments, equations = run.moments, to_equations(run.noise_free.body.r_cg_from_q)
+    count = len(moments.alphas)
+    places = np.array([products_of_estimator(count, k) for k in range(count)])
+    nothing = jnp.zeros((len(equations), len(moments.sums)))
+    rows = jax.vmap(lambda of_estimator: nothing.at[:, of_estimator].set(equations))(places)
     return Scatter(
         gram_moments.mean(moments, variance)[places],
         moments.sums[places],
