@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import matplotlib
 import numpy as np
 from matplotlib.figure import FigureBase
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.ticker import ScalarFormatter, StrMethodFormatter
 
-from identify.figure_style import PAGE, PALETTE, STYLE, display_name, label, new_figure
+from identify.figure_style import PAGE, PALETTE, RULE, STYLE, display_name, label, new_figure
 from identify.reporting import Drawing
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.planning.required_duration import Duration, Growth, average
@@ -26,7 +26,7 @@ def duration_drawing(durations: Sequence[Duration]) -> Drawing:
 
 
 def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> FigureBase:
-    """Draw the average 3σ over the duration, all sources and each alone.
+    """Draw the average 3σ over the duration, all sources and each alone that is not too small to be seen.
 
     Args:
         growth: of the sources' variances.
@@ -40,19 +40,23 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
         figure = new_figure(PAGE, 2.9, layout="constrained")
         goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
         panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
+        curves = {goal: GRAM_METRE * average(variances.transpose(1, 0, 2), goal) for goal in goals}
+        totals = {goal: GRAM_METRE * average(variances.sum(axis=1), goal) for goal in goals}
+        bottom = 2e-3 * max(total.max() for total in totals.values())
+        shown = [k for k in range(len(growth.names)) if max(of_goal[k].max() for of_goal in curves.values()) > bottom]
         for panel, goal in zip(panels, goals, strict=True):
-            total = GRAM_METRE * average(variances.sum(axis=1), goal)
-            panel.plot(t, total, color="black", linewidth=1.6, label="total")
-            for k, name in enumerate(growth.names):
-                colour, dashes = PALETTE[1:][k % 7], ("-", "--", ":")[k // 7 % 3]
-                text = label(display_name(name))
-                panel.plot(t, GRAM_METRE * average(variances[:, k], goal), color=colour, linestyle=dashes, label=text)
+            panel.plot(t, totals[goal], color="black", linewidth=1.6, label="total")
+            for place, k in enumerate(shown):
+                colour, dashes = PALETTE[1:7][place % 6], ("-", "--", ":")[place // 6 % 3]
+                text = label(display_name(growth.names[k]))
+                panel.plot(t, curves[goal][k], color=colour, linestyle=dashes, label=text)
             for target in asked.get(goal, ()):
                 panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
-            panel.axvline(growth.duration, color=PALETTE[7], linewidth=0.8)
+            panel.axvline(growth.duration, color=RULE, linewidth=0.8)
             panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
             panel.xaxis.set_major_formatter(ScalarFormatter())
-            panel.set_ylim(bottom=2e-3 * total.max())
+            panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        panels[0].set_ylim(bottom=bottom)
         panels[0].set_ylabel("average 3σ [g·m²]")
         panels[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return figure

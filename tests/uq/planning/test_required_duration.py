@@ -8,6 +8,7 @@ import pytest
 from uq import law, montecarlo
 from uq.campaign.averages import average as of_trials
 from uq.experiment.experiment import ExperimentError
+from uq.planning.duration_figure import duration_figure
 from uq.planning.required_duration import GOALS, Growth, average, growth_of, lasting, required_duration
 from uq.planning.sensor_worth import sensor_worth
 from uq.sources.source import Source
@@ -210,3 +211,13 @@ def test_duration_and_sensor_of_the_preset_in_10000_trials(preset, capsys):
             print(f"\n{name}: {answer.seconds:.1f} s, predicted {1e3 * expected:.4f} g·m², 10,000 trials "
                   f"{1e3 * got.three_sigma:.4f} ± {1e3 * got.three_sigma_standard_error:.4f}")  # fmt: skip
         assert abs(got.three_sigma - expected) < 4 * got.three_sigma_standard_error
+
+
+def test_the_figure_shows_what_can_be_seen():
+    """Of a drift that is nearly nought no line, and no row of the legend."""
+    for drift, names in ((1e-12, ["total", "noise", "cg"]), (1.0, ["total", "noise", "cg", "drift"])):
+        figure = duration_figure(closed(drift=drift), {"moments": [1e-3]})
+        panel = figure.axes[-1]
+        assert [text.get_text() for text in panel.get_legend().get_texts()] == names
+        noise = figure.axes[0].lines[1]
+        np.testing.assert_allclose(noise.get_ydata() / 1e3, 2 * np.sqrt(80 / (noise.get_xdata() - 20)), rtol=1e-9)
