@@ -215,7 +215,7 @@ def test_duration_and_sensor_of_the_preset_in_10000_trials(preset, capsys):
 
 def test_the_figure_shows_what_can_be_seen():
     """Of a drift that is nearly nought no line, and no row of the legend."""
-    for drift, names in ((1e-12, ["total", "noise", "cg"]), (1.0, ["total", "noise", "cg", "drift"])):
+    for drift, names in ((1e-12, ["total", "noise", "CG"]), (1.0, ["total", "noise", "CG", "drift"])):
         figure = duration_figure(closed(drift=drift), {"moments": [1e-3]})
         panel = figure.axes[-1]
         assert [text.get_text() for text in panel.get_legend().get_texts()] == names
