@@ -40,6 +40,7 @@ def inline(svg: bytes, number: int, description: str) -> Markup:
                 parent.remove(child)
     _attributes(root, f"f{number}-")
     _unwrapped(root)
+    _clipped_together(root)
     root.attrib = {
         "viewBox": root.get("viewBox", f"0 0 {width:g} {height:g}"),
         "role": "img",
@@ -96,11 +97,43 @@ def _unwrapped(parent: ElementTree.Element) -> None:
     parent[:] = children
 
 
+def _clipped_together(parent: ElementTree.Element) -> None:
+    """Paths in a row that are clipped alike become a group, which says it once."""
+    children: list[ElementTree.Element] = []
+    for child in parent:
+        clip = child.get("clip-path") if child.tag == "path" and "transform" not in child.attrib else None
+        if clip is None:
+            _clipped_together(child)
+            children.append(child)
+            continue
+        if not (children and children[-1].tag == "g" and children[-1].attrib == {"clip-path": clip}):
+            children.append(ElementTree.Element("g", {"clip-path": clip}))
+        del child.attrib["clip-path"]
+        children[-1].append(child)
+    parent[:] = children
+
+
 def _short(value: str) -> str:
     """Figures with two decimals, and no more room between them than they need."""
     if "matrix" not in value and "scale" not in value:
         value = re.sub(r"-?\d+\.\d+", lambda match: f"{float(match[0]):.2f}".rstrip("0").rstrip("."), value)
-    return re.sub(r"\s*([MLCQZzl])\s*", r"\1", value).strip()
+    return _along_axes(re.sub(r"\s*([MLCQZzl])\s*", r"\1", value).strip())
+
+
+def _along_axes(path: str) -> str:
+    """Lines along the axes with one coordinate; other paths, and other attributes, as they are."""
+    if not re.fullmatch(r"(?:[ML]-?[\d.]+ -?[\d.]+|z)+", path):
+        return path
+    short, last = "", ("", "")
+    for letter, x, y in re.findall(r"([MLz])(?:(-?[\d.]+) (-?[\d.]+))?", path):
+        if letter == "L" and y == last[1]:
+            short += f"H{x}"
+        elif letter == "L" and x == last[0]:
+            short += f"V{y}"
+        else:
+            short += letter if letter == "z" else f"{letter}{x} {y}"
+        last = last if letter == "z" else (x, y)
+    return short
 
 
 def _in_page_colours(style: str) -> str:

@@ -18,6 +18,7 @@ from tests.browser import Reader, drawn
 from tests.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
+from uq.report.inline_figure import inline
 from uq.report.input_tables import inferred
 from uq.report.page import joined
 from uq.report.report_files import report, write
@@ -202,3 +203,16 @@ def test_a_browser_draws_and_prints_the_page(tmp_path):
     assert complaints == []
     assert matplotlib.image.imread(picture)[..., :3].std() > 0.05  # not a blank page
     assert printed.read_bytes().startswith(b"%PDF")
+
+
+def test_a_figure_in_a_page_is_short_and_draws_the_same():
+    """Lines along the axes with one coordinate, clips said once a row; what a renderer makes of it is the drawing."""
+    rows = "".join(
+        f'<path d="M 1 {y}.004 L 7 {y}.004 L 7 {y + 1} L 2.5 {y + 1} z" clip-path="url(#c)"/>' for y in (1, 4)
+    )
+    svg = f'<svg width="9pt" height="9pt"><clipPath id="c"><path d="M 0 0 L 9 0 L 9 9 z"/></clipPath>{rows}</svg>'
+    root = ElementTree.fromstring(inline(svg.encode(), 0, "two bars"))
+    (group,) = root.findall("g")
+    assert group.get("clip-path") == "url(#f0-0)"
+    assert [path.attrib for path in group] == [{"d": "M1 1H7V2H2.5z"}, {"d": "M1 4H7V5H2.5z"}]
+    assert root.find("clipPath/path").get("d") == "M0 0H9V9z"
