@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy import stats
-from scipy.spatial.transform import Rotation
 
+from identify.rigid_body.rotation import exponentials, rotation_vectors
 from identify.rounding import with_uncertainty
 
 LEAST_POSES = 6
@@ -27,7 +27,7 @@ class Turn(NamedTuple):
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """The rotation."""
-        return Rotation.from_rotvec(self.vector).as_matrix()
+        return exponentials(self.vector[None])[0]
 
     def __str__(self) -> str:
         pairs = zip(np.degrees(self.vector), np.degrees(self.standard_uncertainty), strict=True)
@@ -49,20 +49,21 @@ def attitude_turn(force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndar
         return None
     plain = np.column_stack([specific_force.reshape(-1), offset])
     before = _square(plain, force)
-    turn = Rotation.identity()
+    turn = np.eye(3)
     for _ in range(5):  # each step turns by what the one before left
-        turned = turn.apply(specific_force)
+        turned = specific_force @ turn.T
         rows = np.column_stack(
             [turned.reshape(-1), np.cross(np.eye(3), turned[:, None]).transpose(0, 2, 1).reshape(-1, 3), offset]
         )
         if np.linalg.matrix_rank(rows) < 7:
             return None
         fitted = np.linalg.lstsq(rows, force.reshape(-1), rcond=None)[0]
-        turn = Rotation.from_rotvec(fitted[1:4] / fitted[0]) * turn
+        turn = exponentials(fitted[None, 1:4] / fitted[0])[0] @ turn
     variance = (_square(rows, force) + ROUNDING**2 * float(np.square(force).sum())) / freedom
     spread = np.sqrt(variance * np.diag(np.linalg.inv(rows.T @ rows))[1:4]) / abs(fitted[0])
-    shown = stats.f.sf((before - _square(rows, force)) / 3 / variance, 3, freedom) < CHANCE
-    return Turn(turn.as_rotvec(), spread) if shown and turn.magnitude() > LEAST_TURN else None
+    shown = scipy.special.fdtrc(3, freedom, (before - _square(rows, force)) / 3 / variance) < CHANCE
+    vector = rotation_vectors(turn[None])[0]
+    return Turn(vector, spread) if shown and np.linalg.norm(vector) > LEAST_TURN else None
 
 
 def _square(rows: np.ndarray, force: np.ndarray) -> float:

@@ -307,7 +307,7 @@ def errors_of(problem: Problem, drawn: Mapping[Name, Array], cases: Sequence[fro
     errors = errors_of_cases(problem.sources, drawn, cases)
     for name, by_draw in problem.centre_by_draw.items():
         acts = np.array([[float(name in case)] for case in cases])
-        errors = errors._replace(r_cg=errors.r_cg + acts * (by_draw @ drawn[name].ravel()))
+        errors = errors._replace(r_cg=errors.r_cg + acts * (by_draw @ drawn[name].ravel())[None])
     return errors
 
 

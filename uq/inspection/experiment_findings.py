@@ -77,6 +77,6 @@ def convention_warnings(
     if findings and zero is not None:
         rid = replace(run, force=run.force - zero.force_offset, moment=run.moment - zero.moment_offset)
         still = {finding.kind for finding in experiment_findings(rid, experiment, undone=True, turn_free=turn_free)}
-        findings = [finding for finding in findings if finding.kind in still]
+        findings = [finding for finding in findings if {finding.kind} & still]
     findings = list(map(cured_in_map, findings)) if run.about.get("imported") else findings
     return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in findings)

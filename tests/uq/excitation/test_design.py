@@ -269,7 +269,7 @@ def test_limits_that_cannot_be(preset, limits, message):
         ({"starts": 0}, "0 starts"),
         ({"period": -1.0}, "a period of -1 s"),
         ({"duration": float("nan")}, "a duration of nan s"),
-        ({"period": 6.0}, "a period of 6 s"),
+        ({"period": 6.0}, "a run of 20 s: motions of period 6 s take 24 s or more"),
     ],
 )
 def test_bad_options(given, options, message):
