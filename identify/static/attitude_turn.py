@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from identify.rigid_body.regressor import cross_matrices
 from identify.rigid_body.rotation import exponentials, rotation_vectors
 from identify.rounding import with_uncertainty
 
@@ -52,9 +53,7 @@ def attitude_turn(force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndar
     turn = np.eye(3)
     for _ in range(5):  # each step turns by what the one before left
         turned = specific_force @ turn.T
-        rows = np.column_stack(
-            [turned.reshape(-1), np.cross(np.eye(3), turned[:, None]).transpose(0, 2, 1).reshape(-1, 3), offset]
-        )
+        rows = np.column_stack([turned.reshape(-1), -cross_matrices(turned).reshape(-1, 3), offset])
         if np.linalg.matrix_rank(rows) < 7:
             return None
         fitted = np.linalg.lstsq(rows, force.reshape(-1), rcond=None)[0]

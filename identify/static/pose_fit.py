@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.regressor import cross_matrix
+from identify.rigid_body.regressor import cross_matrices
 
 CHANNELS = 6
 LINEAR = 10
@@ -117,11 +117,6 @@ def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarra
     noise = ((1 - square) ** 2 * (1 - same)).sum() / max(free, 1.0)
     share = 1 - min(1.0, noise / max(square.sum(), 1e-300))
     return covariance * (share + (1 - share) * same)
-
-
-def cross_matrices(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the matrices of ``v ×`` of each vector."""
-    return np.moveaxis(cross_matrix(vectors.T), -1, 0)
 
 
 def _rows(f: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Mass, centre of gravity and offsets from static poses: against closed forms, and with bad tables refused."""
+"""Mass, centre of gravity and offsets from tables and runs of static poses; bad ones are refused."""
 
 import json
 from pathlib import Path
@@ -8,107 +8,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.signals.run import RunError
-from identify.static.accelerometer import calibrate
 from identify.static.centre import centre
 from identify.static.centre_result import PARAMETERS
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
+from tests.pose_lab import FORCE_OFFSET, GRAVITY, MASS, MOMENT_OFFSET, R_CG, TRUTH, directions, wrench_of
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
 
 ROOT = Path(__file__).parents[3]
 POSES = ROOT.parent / "shared" / "data" / "poses" / "calibration_poses.csv"
-GRAVITY = 9.81
-MASS, R_CG = 3.7, np.array([0.013, -0.027, 0.081])
-FORCE_OFFSET, MOMENT_OFFSET = np.array([4.0, -7.0, 2.5]), np.array([0.3, -0.1, 0.7])
-TRUTH = np.concatenate([[MASS], R_CG, FORCE_OFFSET, MOMENT_OFFSET])
-
-
-def specific_forces(draw, n):
-    return GRAVITY * Rotation.random(n, rng=draw).as_matrix()[:, 2]
-
-
-def wrench_on_body(f):
-    return MASS * f + FORCE_OFFSET, np.cross(R_CG, MASS * f) + MOMENT_OFFSET
-
-
-def test_exact_poses_give_the_exact_parameters(generator):
-    f = specific_forces(generator, 5)
-    found = centre(*wrench_on_body(f), f)
-    np.testing.assert_allclose(found.values, TRUTH, rtol=1e-12, atol=1e-13)
-    assert found.poses == 5
-    assert found.gravity == pytest.approx(GRAVITY)
-
-
-def test_the_stated_covariance_is_that_of_repeated_experiments(generator):
-    """400 draws of 12 poses: every normalised deviation has the variance of Student's t, and so has the whole.
-
-    A noise level from 10 to 30 degrees of freedom makes it 1.07 to 1.25; the variance of 400 draws has a standard error
-    of 9 %, so that 5 of them are 0.45.
-    """
-    f = specific_forces(generator, 12)
-    force, moment = wrench_on_body(f)
-    deviations, distances = [], []
-    for _ in range(400):
-        noisy = force + 0.3 * generator.normal(size=f.shape), moment + 0.004 * generator.normal(size=f.shape)
-        found = centre(*noisy, f)
-        error = found.values - TRUTH
-        deviations.append(error / found.standard_uncertainty)
-        distances.append(error @ np.linalg.solve(found.covariance, error))
-    assert (np.abs(np.var(deviations, axis=0) - 1.15) < 0.1 + 5 * 0.09).all(), np.var(deviations, axis=0)
-    assert np.mean(distances) == pytest.approx(10 * 1.2, abs=5 * np.sqrt(2 * 10 / 400) + 0.5)
-
-
-def test_an_accelerometers_offset_and_gain_are_found(generator):
-    f = specific_forces(generator, 15)
-    offset = np.array([0.8, -0.3, 0.1])
-    found = calibrate(1.02 * f + offset, GRAVITY)
-    assert found.fitted
-    np.testing.assert_allclose(found.offset, offset, atol=1e-9)
-    assert found.gain == pytest.approx(1.02)
-    np.testing.assert_allclose(found.specific_force(1.02 * f + offset, GRAVITY), f, atol=1e-9)
-
-
-def test_flat_poses_do_not_tell_an_accelerometers_offset(generator):
-    angle = np.linspace(0, 0.05, 8)
-    flat = GRAVITY * np.stack([np.sin(angle), np.sin(2 * angle) / 2, np.ones(8)], axis=1)
-    assert not calibrate(flat, GRAVITY).fitted
-    with pytest.raises(RunError, match="do not determine the accelerometer's offset"):
-        calibrate(flat, GRAVITY, method="offset")
-    with pytest.raises(RunError, match="reads zero at pose 3"):
-        calibrate(np.where(np.arange(8)[:, None] == 2, 0.0, flat), GRAVITY)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda F, M, f: (-F, -M, f), "points along gravity .*correct recording.wrench"),
-        (lambda F, M, f: (F[:2], M[:2], f[:2]), "2 poses in the poses: give three or more"),
-        (lambda F, M, f: (F, M, np.tile(f[:1], (6, 1))), "too much alike"),
-        (lambda F, M, f: (F, M[:4], f), r"moment of the poses has shape \(4, 3\)"),
-        (lambda F, M, f: (np.where(F[4, 1] == F, np.nan, F), M, f), "force of the poses is not finite at pose 5"),
-    ],
-)
-def test_poses_that_cannot_be_used(generator, change, words):
-    f = specific_forces(generator, 6)
-    with pytest.raises(RunError, match=words) as error:
-        centre(*change(*wrench_on_body(f), f))
-    assert "\n" not in str(error.value)
-
-
-def test_poses_about_one_axis_are_refused_and_about_two_are_not():
-    """Turned about the level x axis alone, the CG's x is not seen: no moment depends on it but the offset."""
-    angle = np.linspace(0, 1.0, 8)
-    about_one = GRAVITY * np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
-    found = centre(
-        *wrench_on_body(about_one), about_one
-    )  # a plane of directions: two differences that are not parallel
-    np.testing.assert_allclose(found.r_cg, R_CG, rtol=1e-9)
-    line = about_one[:1] + np.outer(np.linspace(0, 1, 5), [0.0, 0.5, -0.3])
-    with pytest.raises(RunError, match="too much alike"):
-        centre(*wrench_on_body(line), line)
-
 
 # Tables
 
@@ -150,7 +60,7 @@ def rows(generator, n=12):
     imu_to_body = np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]])
     cell_to_body = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0.0]])
     up = level.as_matrix()[:, 2]
-    force, moment = wrench_on_body(GRAVITY * up @ imu_to_body.T)
+    force, moment = wrench_of(GRAVITY * up @ imu_to_body.T)
     moment = moment - np.cross([0, 0, -0.03], force)
     columns = {f"F{a}": v for a, v in zip("xyz", (-force @ cell_to_body / 4.4482216152605).T, strict=True)}
     columns |= {f"M{a}": v for a, v in zip("xyz", (-1e3 * moment @ cell_to_body).T, strict=True)}
@@ -213,8 +123,8 @@ def test_centre_json_holds_the_covariance_by_name(tmp_path, generator, capsys):
 
 
 def test_the_result_shows_itself(generator):
-    f = specific_forces(generator, 8)
-    force, moment = wrench_on_body(f)
+    f = directions(generator, 8, None)
+    force, moment = wrench_of(f)
     found = centre(force + 0.1 * generator.normal(size=force.shape), moment, f)
     assert "centre of gravity, mm" in repr(found)
     assert "<table>" in found._repr_html_()
@@ -360,7 +270,7 @@ def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, ac
         up += [np.tile(aims[k].as_matrix()[2], (still, 1)), path_of.as_matrix()[:, 2]]
         omega += [np.zeros((still, 3)), np.multiply.outer(speed, step)]
     f, omega = GRAVITY * np.vstack(up), np.vstack(omega)
-    force, moment = wrench_on_body(f)
+    force, moment = wrench_of(f)
     n = len(f)
     stamp = 10**9 + np.round(np.arange(n) / rate * 1e9).astype(np.int64)
     shake = lambda size: noise * size * generator.normal(size=(n, 3))  # noqa: E731
