@@ -1,4 +1,4 @@
-"""The one exception of this package, and how messages repeat what a user has written."""
+"""The one exception of this package, and how messages repeat what a user wrote."""
 
 import difflib
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What may be read from a stranger's file: regular files only, and a limit on what they unpack to.
+"""What may be read from a stranger's file: regular files, with a limit on what they unpack to.
 
 A few bytes can claim, or truly hold, gigabytes. A file may unpack to 64 MiB and to 100 times the bytes that were read
 of it so far, in pieces of at most 128 MiB. Every library that unpacks is told the limit before it starts.

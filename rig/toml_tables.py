@@ -1,4 +1,4 @@
-"""Tables of a TOML file as declared types: their values, or one line that names the key and the cure.
+"""Tables of a TOML file as declared types, or one line with key and cure.
 
 A table is a subclass of :class:`TomlTable`; its fields are the keys, their types what may be written. Plain values and
 the JSON Schema of the whole are msgspec's. The walk over the tables is ours: :func:`msgspec.convert` calls each entry

@@ -16,6 +16,9 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.mcap import message_definitions
 from rig.mcap.cdr_encode import JointsEncoder, WrenchEncoder
 from rig.mcap.writer import new_writer, register
+from rig.record.device_source import DeviceSource
+from rig.record.reader import Reader
+from rig.record.rig_file import load_rig
 
 RIG = """
 [[device]]
@@ -32,6 +35,22 @@ port = "{imu}"
 baudrate = 921600
 options = {{ rate = 400 }}
 """
+
+LINE = """
+[[device]]
+name = "line"
+kind = "line"
+port = "/dev/none"
+baudrate = 100000000
+options = {{ columns = ["{first}", "level m"] }}
+"""
+
+
+def device_source(folder, text):
+    """The one device of a rig file, without its port: bytes and arrivals to samples with stamps."""
+    (folder / "rig.toml").write_text(text)
+    (entry,) = load_rig(folder / "rig.toml").entries
+    return DeviceSource(entry, Reader(entry, "/dev/none"), now=0)
 
 
 def ramp_run(path, seconds, rate=800.0):

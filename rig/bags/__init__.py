@@ -1,1 +1,1 @@
-"""Recordings in any container (MCAP, rosbag2, ROS 1) and encoding (CDR, JSON, protobuf) as arrays."""
+"""Recordings in any container (MCAP, rosbag2, ROS 1) and encoding as arrays."""

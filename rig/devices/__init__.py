@@ -1,4 +1,4 @@
-"""The devices: one file per family, bytes to samples and back, without I/O. A new device is one new file.
+"""The devices, one file per family: bytes to samples and back, without I/O.
 
 The name of the file is the device's ``kind`` in a rig file, with ``-`` for ``_``.
 """

@@ -40,11 +40,24 @@ class LineParser(Parser):
     """Lines to samples. What comes before the first line end may be half a line and is passed over."""
 
     MODULUS = 2**32
+    NARROW = (2**8, 2**16)
 
     def __init__(self, device: "Line") -> None:
         super().__init__()
         self._device = device
         self._at_start = bool(device.options["whole_lines"])
+        self._modulus, self._before, self._largest = self.MODULUS, 0, 0
+
+    def modulus(self, raw: int) -> int:
+        """A counter's width is not declared: 8 or 16 bits show where it goes from near their end to near zero."""
+        if raw < self._before:
+            width = next((width for width in self.NARROW if self._largest < width), self.MODULUS)
+            if (raw - self._before) % width <= width // 16:
+                self._modulus = width
+        elif raw >= self._modulus:
+            self._modulus = self.MODULUS
+        self._before, self._largest = raw, max(raw, self._largest)
+        return self._modulus
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
         """The length of a line that holds the right number of numbers."""

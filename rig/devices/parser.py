@@ -180,14 +180,19 @@ class Parser(ABC):
         if self._unwrap(raw) != before:
             self._without_sample += 1
 
+    def modulus(self, raw: int) -> int:
+        """Where the counter wraps, as this reading shows it."""
+        return self.MODULUS
+
     def _unwrap(self, raw: int) -> int:
         """The counter without its wraps; counts what is missing in between."""
         if self._counter is None:
             self._counter = raw
             return raw
-        step = (raw - self._counter) % self.MODULUS
-        if step > self.MODULUS // 2:
-            step -= self.MODULUS
+        modulus = self.modulus(raw)
+        step = (raw - self._counter) % modulus
+        if step > modulus // 2:
+            step -= modulus
         self.counts.missing += max(0, step - 1)
         self._counter += step
         return self._counter

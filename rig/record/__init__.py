@@ -1,1 +1,1 @@
-"""Recording: ports, readers, clocks, the growing file, the emulator."""
+"""Recording: ports, readers, clocks, the growing file."""

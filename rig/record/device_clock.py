@@ -1,4 +1,7 @@
-"""A device's clock against the host's, fitted to the fastest arrivals: the delayed ones do not bias the fit."""
+"""A device's clock against the host's, fitted to the fastest arrivals: the delayed ones do not bias the fit.
+
+A device without a clock that counts its samples has one nearly as good: it ticks once a sample (:class:`CounterClock`).
+"""
 
 from bisect import bisect_left
 from operator import itemgetter
@@ -54,6 +57,10 @@ class ClockTracker:
             self._fit = _edge(self._hull)
         return self._fit
 
+    def go_on(self, device: int, stamp: int) -> None:
+        """Take the time and stamp of a sample that was stamped by other means: stamps go on from there."""
+        self._last = device, stamp
+
     def jumps(self, device: int, arrival: int) -> bool:
         """Whether a device time [ns] cannot belong to the clock so far: far back, or measured long after it arrived."""
         if self._last is None or abs(device) > LARGEST:
@@ -71,6 +78,82 @@ class ClockTracker:
             stamp = max(stamp, self._last[1] + (device - self._last[0] + 1) // 2)
         self._last = device, stamp
         return stamp
+
+
+STEADY_FOR = 3  # windows in a row that prove a counter unsteady
+WINDOW = 1_000_000_000  # ns of arrivals in which the fastest one is looked for
+FEWEST = 5  # arrivals in it
+TOLERANCE = 500_000  # ns that the fastest arrivals may lie off the line whatever their scatter
+
+
+class CounterClock:
+    """A counter of samples as a device clock: its period is learnt from the first two seconds of arrivals.
+
+    The period is that of the line below the arrivals, so that delays do not bias it; a :class:`ClockTracker` refines it
+    from then on. It holds for a device that samples at a steady rate. Of one that does not, the fastest arrivals wander
+    off the line by more than they scatter about it, and arrivals are the better stamps.
+    """
+
+    def __init__(self) -> None:
+        self.period = 0.0  # ns; zero before it is known
+        self.steady = True
+        self._origin = 0
+        self._first: list[tuple[int, int]] = []  # counters and arrivals before the period is known
+        self._window: list[int] = []  # arrivals less stamps, of this window
+        self._until = 0
+        self._off = 0  # windows off the line, in a row
+        self._least = np.zeros(2)  # of each window's fastest arrival less its stamp: count, sum of squares
+
+    def time(self, counter: int) -> int:
+        """The device time [ns] of a counter, once the period is known."""
+        return round((counter - self._origin) * self.period)
+
+    def learn(self, counter: int, arrival: int) -> ClockTracker | None:
+        """Take a sample; the tracker of the clock when the period becomes known with it."""
+        first = self._first
+        if first and counter <= first[-1][0]:
+            first.clear()
+        first.append((counter, arrival))
+        if arrival - first[0][1] < MINIMUM_SPAN or len(first) < 2 * FEWEST:
+            return None
+        counters, arrivals = np.array(first).T
+        self._origin = counter
+        self.period = float((arrivals[-1] - arrivals[0]) / (counters[-1] - counters[0]))
+        times = np.round((counters - counter) * self.period).astype(np.int64)
+        self.period *= 1 + fit(times, arrivals).skew
+        tracker = ClockTracker()
+        for each, arrived in first:
+            tracker.add(self.time(each), arrived)
+        tracker.go_on(self.time(counter), arrival)
+        first.clear()
+        return tracker
+
+    def watch(self, arrival: int, stamp: int) -> bool:
+        """Take what became of a sample; whether the counter still keeps to a line."""
+        if arrival > self._until:
+            self._judge()
+            self._window, self._until = [], arrival + WINDOW
+        self._window.append(arrival - stamp)
+        return self.steady
+
+    def _judge(self) -> None:
+        if len(self._window) < FEWEST:
+            return
+        off = np.array(self._window)
+        least = float(off.min())
+        self._least += 1, least**2
+        self._off = self._off + 1 if abs(least) > max(TOLERANCE, 3 * float(off.std())) else 0
+        self.steady &= self._off < STEADY_FOR
+
+    @property
+    def uncertainty(self) -> float | None:
+        """Root mean square of the fastest arrivals' distance from the line [ns], window by window; None of none.
+
+        What a rate that is not quite steady and delays that are never small do to a stamp. The least delay of all is
+        not in it: no arrival tells it.
+        """
+        count, squares = self._least
+        return float(np.sqrt(squares / count)) if count else None
 
 
 def _not_below(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:

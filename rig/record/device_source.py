@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rig.devices.conversation import Identity
 from rig.devices.parser import Counts, Sample
-from rig.record.device_clock import ClockTracker
+from rig.record.device_clock import ClockTracker, CounterClock
 from rig.record.reader import Event, Reader
 from rig.record.rig_file import IDENTITY, Entry
 
@@ -41,19 +41,27 @@ class DeviceSource:
         self._byte_time = 10e9 / entry.baudrate if serial else 0.0
         self._wire = round(entry.device.FRAME_BYTES * self._byte_time)
         self._plain = entry.matrix == IDENTITY or entry.device.measures == "values"
+        self._stamped_by = ""
         self._fresh()
         self.begin(now)
 
     def begin(self, now: int) -> None:
         """Restart the counts here; the fit of the clocks goes on."""
         self.parser.begin()
+        self._forget_counter()  # the parser has forgotten its wraps
         self._last_sample, self._bytes_since, self._before = now, 0, 0
         self._jumped_over = 0  # samples that only a jump of the clock makes seem missing
 
     def _fresh(self) -> None:
         self.parser = self.entry.device.parser()
-        self.clock = ClockTracker()
+        self.clock, self._latest = ClockTracker(), 0
         self._jumped, self._after_jump, self._jumped_over = 0, False, 0
+        self._forget_counter()
+
+    def _forget_counter(self) -> None:
+        if self._stamped_by == "counter":
+            self.clock = ClockTracker()
+        self._counter = CounterClock()
 
     @property
     def counts(self) -> Counts:
@@ -94,11 +102,24 @@ class DeviceSource:
     def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
         arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
         jumps = self.clock_jumps
-        stamp = arrived if sample.time is None else self._stamp(sample.time, arrived)
+        if sample.time is not None:
+            self._stamped_by, stamp = "clock", self._stamp(sample.time, arrived)
+        elif sample.counter is not None and self._stamped_by != "arrival":
+            stamp = self._count(sample.counter, arrived)
+        else:
+            stamp = arrived if sample.counter is not None else self._in_order(arrived)
         self._jumped_over += sample.gap * (self._after_jump or self.clock_jumps > jumps)
         self._after_jump = self.clock_jumps > jumps
         number = sample.number if sample.counter is not None else sample.number + self._before - self._jumped_over
         return Measurement(arrival, stamp, number, sample.values if self._plain else self._turn(sample.values))
+
+    def _in_order(self, arrived: int) -> int:
+        """The arrival, or half a sample after the one before: of bytes that were held up, the rest comes too soon."""
+        rate = self.entry.device.rate
+        if rate and arrived <= self._latest:
+            arrived = self._latest + round(0.5e9 / rate)
+        self._latest = arrived
+        return arrived
 
     def _stamp(self, device: int, arrived: int) -> int:
         """The time of measurement, by the device's clock as long as it is one."""
@@ -111,7 +132,31 @@ class DeviceSource:
         self._jumped += 1
         if self._jumped == JUMPED:
             self.clock, self._jumped = ClockTracker(), 0
+            self._forget_counter()
         return arrived
+
+    def _count(self, counter: int, arrived: int) -> int:
+        """The time of measurement by a device's counter, once its period is known and as long as it is steady."""
+        self._stamped_by = "counter"
+        if not self._counter.period:
+            self.clock = self._counter.learn(counter, arrived) or self.clock
+            return arrived
+        jumped = self.clock_jumps
+        stamp = self._stamp(self._counter.time(counter), arrived)
+        if self.clock_jumps == jumped and not self._counter.watch(arrived, stamp):
+            self._stamped_by = "arrival"
+            self.troubles.append(f"{self.entry.name}: its counter runs at no steady rate: stamped by arrival from here")
+        return stamp
+
+    @property
+    def stamping(self) -> dict[str, object]:
+        """What the stamps are made from, and how well the fit of a counter is known."""
+        facts: dict[str, object] = {"stamped_by": self._stamped_by or "arrival"}
+        if self._stamped_by == "counter":
+            of_fit = self._counter.uncertainty
+            facts["counter_period_ns"] = round(self._counter.period * (1 + self.clock.fit.skew), 3)
+            facts["stamp_uncertainty_us"] = None if of_fit is None else round(of_fit * 1e-3, 1)
+        return facts
 
     def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         a, b, c, d, e, f, *others = values

@@ -30,7 +30,7 @@ MEANING = {
     "wrench": "on_body",
     "wrench_meaning": "force [N] and moment [N*m] on the body at the load cell's centre Q, body frame",
     "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
-    "log_time": "arrival at the host; header.stamp: device time in host time, or arrival less transmission",
+    "log_time": "arrival at host; header.stamp: device clock or counter in host time, or arrival less transmission",
 }
 """What a recording's numbers are, as its metadata ``rig.run`` says."""
 
@@ -299,6 +299,7 @@ class Recorder:
             "clock_offset_ns": round(fit.offset),
             "clock_skew_ppm": round(fit.skew * 1e6, 4),
             "clock_origin_ns": fit.origin,
+            **source.stamping,
         }
 
     def _estimate_delays(self, session: Session) -> None:
