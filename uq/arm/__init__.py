@@ -1,1 +1,1 @@
-"""Robot arms: the joint motion of least predicted uncertainty, its files, its simulation before anything moves."""
+"""Robot arms: the best joint motion, its files, its simulation before anything moves."""

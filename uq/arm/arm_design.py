@@ -6,9 +6,9 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from identify.motion.optimiser import Optimum, minimise
+from identify.motion.optimiser import minimise
 from rig.exceptions import listed, quoted
 from uq.arm.arm import Arm
 from uq.arm.arm_limits import ArmLimits
@@ -25,14 +25,14 @@ DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
 ROUNDS, STEPS = 7, 80
 """Of the minimisation from each start, and steps in each round at most."""
 HEAVY = 3e4
-"""Largest penalty: it meets limits within a per cent or two; a heavier one hinders the steps."""
+"""Largest penalty of these: it meets limits within a per cent or two; a heavier one hinders the steps."""
 DETERMINANT = "determinant"
 """The goal of a D-optimal design: the least determinant of the covariance of all ten parameters."""
 ARM_GOALS = (*GOALS, DETERMINANT)
 CLOSER, CYCLES = 2, 2
 """How many times finer the best start is searched again, and how often."""
-RELAXED: dict[str, Any] = {"rounds": 3, "penalty": 1e3, "growth": 5.0, "heaviest": 2e4}
-"""How: the limits give way at first, so that the motion leaves what only they hold it in."""
+RELAXED: dict[str, Any] = {"rounds": 5, "penalty": 1e3, "growth": 5.0, "heaviest": 3e5}
+"""How: limits give way at first, so that the motion leaves what only they hold it in; at last they hold closely."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -73,8 +73,8 @@ def design_arm(
     """Find the joint motion of least predicted uncertainty that an arm can run, from and to rest at home.
 
     A constant departure from home and the harmonics of a period up to the bandwidth, all joints at once, with the
-    sensor's offsets estimated along; minimised over the amplitudes under all limits at every instant, from random
-    series.
+    sensor's offsets estimated along; searched over the amplitudes under all limits at every instant, from random
+    series. The determinant of the covariance is minimised first, the goal from where that ends.
 
     Args:
         experiment: body, sources, ``[platform] kind = "arm"`` and ``[platform.limits] bandwidth``.
@@ -106,17 +106,18 @@ def design_arm(
     single = single_joints(limits, noise, duration, ramp)
     measure = goal_function(goal, experiment, reference.covariance)
     designed, ends = searched(search, measure, starts=starts, seed=seed, rounds=rounds, steps=steps, tell=tell)
-    return ArmDesign(
-        experiment, limits, noise, goal, {"designed": designed, "random": reference, "single": single}, duration,
-        tuple((float(np.exp(end.goal)), end.excess) for end in ends),
-    )  # fmt: skip
+    motions = {"designed": designed, "random": reference, "single": single}
+    return ArmDesign(experiment, limits, noise, goal, motions, duration, tuple(ends))
 
 
 def searched(
     search: JointSearch, measure: Goal, *, starts: int, seed: int, rounds: int, steps: int, tell: Progress
-) -> tuple[Candidate, list[Optimum]]:
-    """Return the best motion of several starts, and how each of these ended; see :func:`design_arm`."""
-    lagrangian, ends = search.lagrangian(measure), []
+) -> tuple[Candidate, list[tuple[float, float]]]:
+    """Return the best motion of several starts, and :attr:`ArmDesign.starts`; see :func:`design_arm`.
+
+    From a random motion the determinant leads further than goals of single components: no parameter is neglected.
+    """
+    lagrangian, ends = search.lagrangian(determinant), []
     for number in range(starts):
         of_all = lambda done, *_, number=number: tell("starts", number * rounds + done, starts * rounds)  # noqa: E731
         first = search.start(1000 * seed + number)
@@ -124,7 +125,8 @@ def searched(
     settled = [search.settled(end.unknowns)[0] for end in ends]
     worth = [float(measure(jnp.asarray(candidate.covariance))) for candidate in settled]
     best = int(np.argmin(worth))
-    return polished(search, measure, ends[best].unknowns, settled[best], steps, tell), ends
+    designed = polished(search, measure, ends[best].unknowns, settled[best], steps, tell)
+    return designed, [(value, end.excess) for value, end in zip(worth, ends, strict=True)]
 
 
 def polished(
@@ -144,12 +146,17 @@ def polished(
 def goal_function(goal: str, experiment: Experiment, reference: Float[np.ndarray, "10 10"]) -> Goal:
     """Return what is to be small of the covariance of the ten parameters: 1 at the reference's."""
     if goal == DETERMINANT:
-        base = np.linalg.slogdet(reference)[1]
-        return lambda covariance: jnp.exp((jnp.linalg.slogdet(covariance)[1] - base) / 20)
+        base = determinant(jnp.asarray(reference))
+        return lambda covariance: determinant(jnp.asarray(covariance)) / base
     still = jnp.zeros(6)
     measure = goal_of(goal, np.asarray(experiment.body.inertia), reference[4:, 4:], np.zeros(6), "3sigma")
 
     return lambda covariance: measure(jnp.asarray(covariance)[4:, 4:], still)
+
+
+def determinant(covariance: Float[Array, "10 10"]) -> Float[Array, ""]:
+    """Return the geometric mean of the ten principal standard uncertainties, which is least in a D-optimal design."""
+    return jnp.exp(jnp.linalg.slogdet(covariance)[1] / 20)
 
 
 def _check(goal: str, starts: int, random: int, duration: float, period: float, ramp: float) -> None:

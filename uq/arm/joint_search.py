@@ -59,9 +59,11 @@ class JointSearch:
         """
         repeats = int((duration - 2 * ramp) / period + 1e-9)
         if repeats < 1 or period * limits.bandwidth < 1:
+            least, room = 1 / limits.bandwidth, duration - 2 * ramp
+            shorter = f"state a period of {least:.3g} to {room:.3g} s, or " if least <= room else ""
             raise ExperimentError(
-                f"a period of {period:g} s: give 1 / bandwidth at least, and the duration less two ramps of {ramp:g} s "
-                "at most"
+                f"no room for a period of {period:g} s in {duration:g} s with two ramps of {ramp:g} s, up to "
+                f"{limits.bandwidth:g} Hz: {shorter}measure for {max(period, least) + 2 * ramp:g} s or longer"
             )
         self.limits, self.noise, self.duration, self.repeats = limits, noise, duration, repeats
         self.period, self.least_ramp = period, ramp

@@ -10,8 +10,8 @@ from identify.serial_arm.joint_series import JointSeries, JointStates
 from uq.arm.arm_limits import ArmLimits, JointPeak
 from uq.files.document import ExperimentError
 
-HALVINGS, COARSE = 12, 5
-"""Of the interval in which the largest size of a motion is sought, and of one joint's."""
+HALVINGS, COARSE, CLOSE = 12, 5, 4
+"""Of the interval in which the largest size of a motion is sought, of one joint's, and of that between two of NEAR."""
 NEAR = (0.9995, 0.999, 0.998, 0.996, 0.993, 0.99, 0.985, 0.98, 0.97, 0.96, 0.94, 0.92, 0.9)
 """Sizes that are looked at first."""
 LOOKS, SMALLER = 20, 0.95
@@ -36,8 +36,8 @@ def largest_size(
     size, worst = 1.0, str(peaks[0]) if (peaks := limits.peaks_of(of_size(1.0), t))[0].share > 1 else ""
     met = lambda size: limits.peaks_of(of_size(size), t)[0].share <= 1  # noqa: E731
     if worst:  # what keeps links apart at one size need not at a smaller one: sizes near the full one come first
-        near = next((each for each in NEAR if met(each)), None)
-        size = _bisected(met, HALVINGS) if near is None else near
+        near = next((k for k, each in enumerate(NEAR) if met(each)), None)
+        size = _bisected(met, HALVINGS) if near is None else _bisected(met, CLOSE, NEAR[near], (1.0, *NEAR)[near])
     for _ in range(LOOKS):
         if size == 0:
             break
@@ -75,9 +75,8 @@ def enlarged(limits: ArmLimits, states: JointStates) -> Float[np.ndarray, " n"]:
     return sizes
 
 
-def _bisected(met: Callable[[float], bool], halvings: int) -> float:
-    """The largest size below 1 that is met, if all smaller ones are."""
-    low, high = 0.0, 1.0
+def _bisected(met: Callable[[float], bool], halvings: int, low: float = 0.0, high: float = 1.0) -> float:
+    """The largest size between two, if all smaller ones are met as the low one is, and the high one is not."""
     for _ in range(halvings):
         middle = (low + high) / 2
         low, high = (middle, high) if met(middle) else (low, middle)

@@ -22,6 +22,7 @@ ONLY_DESIGN = (
     "objective",
     "reference",
     "duration",
+    "period",
     "starts",
     "seed",
     "target",
@@ -49,6 +50,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (the first)")
     parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
     parser.add_argument(
+        "--period",
+        metavar="'5 s'",
+        help="of the motions that are not in stages, which repeat it; of an arm's motion (5 s)",
+    )
+    parser.add_argument(
         "--starts", type=whole_number, metavar="N", help="motions to start from, minutes each; the first in stages (1)"
     )
     parser.add_argument("--seed", type=whole_number, metavar="N", help="seed of the starts (0)")
@@ -73,6 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
     _check(arguments)
     targets = [_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
     duration = None if arguments.duration is None else _quantity("--duration", arguments.duration, "s")
+    period: dict[str, Any] = (
+        {} if arguments.period is None else {"period": _quantity("--period", arguments.period, "s")}
+    )
     start_jax()
     experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
@@ -82,12 +91,12 @@ def run(arguments: argparse.Namespace) -> int:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
         if experiment.arm is not None:
-            _design_arm(arguments, experiment, duration, out)
+            _design_arm(arguments, experiment, duration, period, out)
             return 0
         with TerminalBar(unit="steps", lines=True) as bar, shares_named(experiment, out):
             given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
                      if (value := getattr(arguments, name)) is not None}  # fmt: skip
-            designed = design(experiment, duration=duration, progress=bar, **given)
+            designed = design(experiment, duration=duration, progress=bar, **period, **given)
             report = design_report(designed, goal=given.get("goal", "all"), targets=targets, progress=bar)
         more: list[Any] = [export_motion(experiment, designed.spec), *_rehearsal(arguments, experiment, designed.spec)]
         count = POSES if arguments.poses is None else arguments.poses
@@ -98,7 +107,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _design_arm(
-    arguments: argparse.Namespace, experiment: Experiment, duration: float | None, out: Path | None
+    arguments: argparse.Namespace,
+    experiment: Experiment,
+    duration: float | None,
+    period: dict[str, Any],
+    out: Path | None,
 ) -> None:
     """Design the joint motion of an arm."""
     from uq.arm.arm_design import design_arm
@@ -110,7 +123,7 @@ def _design_arm(
                 f"--{name.replace('_', '-')} is for a platform on six legs, not for an arm: remove it"
             )
     given = {name: value for name in ("goal", "starts", "seed") if (value := getattr(arguments, name)) is not None}
-    given |= {} if duration is None else {"duration": duration}
+    given |= period if duration is None else period | {"duration": duration}
     with TerminalBar(unit="steps", lines=True) as bar:
         designed = design_arm(experiment, progress=bar, **given)
     finish(arm_report(designed, rehearsal=arguments.rehearsal), out)

@@ -1,1 +1,1 @@
-"""Excitation: the trajectory of least predicted uncertainty under a platform's limits."""
+"""The trajectory of least predicted uncertainty under a platform's limits."""

@@ -13,7 +13,7 @@ from uq.excitation.designed_experiment import NAME, designed_files
 from uq.excitation.reference_trajectory import differentiator, highest_frequency
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.provenance import provenance
-from uq.planning.required_duration import average, growth_of, required_duration
+from uq.planning.required_duration import growth_of, half_of, required_duration
 from uq.planning.sensor_worth import sensor_worth
 from uq.propagation.experiment_law import law
 from uq.trials.progress_bar import Progress, progress_of
@@ -31,7 +31,8 @@ def design_report(
     Args:
         design: by :func:`uq.excitation.design.design`.
         goal: what it was designed for.
-        targets: average 3σ of moments and of products whose durations are wanted [kg·m²]; none: half of the design's.
+        targets: average 3σ of moments and of products whose durations are wanted [kg·m²]; none: half of the
+            design's, to two digits.
         progress: called with what is being done, the steps done and the steps in all; True: a bar.
 
     Raises:
@@ -54,7 +55,7 @@ def design_report(
     durations = []
     for k, wanted in enumerate(GOALS):
         tell("durations", k, len(GOALS))
-        half = average(np.diag(laws[NAME].total.covariance), wanted) / 2
+        half = half_of(np.diag(laws[NAME].total.covariance), wanted)
         durations += [required_duration(matched, target, goal=wanted, growth=growth) for target in targets or (half,)]
     tell("durations", len(GOALS), len(GOALS))
     record = provenance(**experiment.inputs(), goal=goal)

@@ -21,6 +21,7 @@ from uq.planning.required_duration import (
     average,
     duration_table,
     growth_of,
+    half_of,
     required_duration,
 )
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth, signed_tenth
@@ -133,7 +134,7 @@ def plan_measurement(
 
     Args:
         experiment: body, trajectory, sources, estimators; no platform is needed.
-        targets: average 3σ that are wanted, of each of the goals [kg·m²]; none: half of what it is now.
+        targets: average 3σ that are wanted, of each of the goals [kg·m²]; none: half of what it is now, to two digits.
         goals: whose average: ``moments``, ``products``, components.
         trajectory: its name; None for the first.
         estimator: its name; None for the recording's, or the first.
@@ -149,7 +150,7 @@ def plan_measurement(
     total = law(experiment, name, chosen)[name, chosen].total
     tell("sensors", 0, 1)
     sensors = sensor_worth(experiment, name, chosen)
-    wanted = [(goal, target) for goal in goals for target in targets or (_half(total.three_sigma, goal),)]
+    wanted = [(goal, target) for goal in goals for target in targets or (half_of((total.three_sigma / 3) ** 2, goal),)]
     tell("durations", 0, len(wanted))
     growth = growth_of(experiment, name, chosen)
     durations = []
@@ -161,10 +162,6 @@ def plan_measurement(
     bias = [f"{text} A longer run does not reduce it." for text in large_mean_error(f"{name}, {chosen}", total)]
     warnings = (*left_out_note(experiment.left_out), *bias)
     return MeasurementPlan(sensors, tuple(durations), warnings, provenance(**experiment.inputs()))
-
-
-def _half(three_sigma: np.ndarray, goal: str) -> float:
-    return average((three_sigma / 3) ** 2, goal) / 2
 
 
 def _average(three_sigma: np.ndarray, goal: str) -> str:

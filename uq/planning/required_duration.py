@@ -250,6 +250,11 @@ def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:
     return float(widths) if np.ndim(widths) == 0 else widths
 
 
+def half_of(variance: Float[np.ndarray, " 6"], goal: str) -> float:
+    """Return a target where none is asked: half the average 3σ of a goal's components, to two digits [kg·m²]."""
+    return float(significant(GRAM_METRE * average(variance, goal) / 2, 2)) / GRAM_METRE
+
+
 def _variances(
     experiment: Experiment, name: str, spec: TrajectorySpec, duration: float, estimator: str | None
 ) -> np.ndarray:

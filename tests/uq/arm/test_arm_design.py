@@ -86,6 +86,8 @@ def test_the_design_beats_common_practice(design):
     for what in ("moments", "products"):
         assert averages["designed"][what] < 0.8 * averages["random"][what]
         assert averages["designed"][what] < 0.8 * averages["single"][what]
+    goal = goal_function("all", design.experiment, design.motions["random"].covariance)
+    np.testing.assert_allclose(goal(design.designed.covariance), design.starts[0][0])  # of no further search
 
 
 def test_the_promise_is_that_of_the_simulated_samples(design, report):
@@ -163,7 +165,9 @@ def test_a_d_optimal_goal_is_the_determinant(design):
 
 BAD = [
     ({"goal": "fast"}, "unknown goal 'fast'"), ({"starts": 0}, "0 starts: ask for one at least"),
-    ({"duration": -1.0}, "a duration of -1 s"), ({"duration": 6.0}, "a period of 5 s"),
+    ({"duration": -1.0}, "a duration of -1 s"),
+    ({"duration": 6.0}, "no room for a period of 5 s .* state a period of 0.667 to 2 s, or measure for 9 s or longer"),
+    ({"duration": 4.0}, "two ramps of 2 s, up to 1.5 Hz: measure for 9 s or longer"),
 ]  # fmt: skip
 
 
@@ -215,4 +219,4 @@ def test_the_largest_size_is_near_the_full_one_where_some_smaller_ones_bring_lin
         return [JointPeak("clearance", 0.9 if met else 1.1, "forearm", 1.0)]
 
     monkeypatch.setattr(design.limits, "peaks_of", peaks_of)
-    assert largest_size(design.limits, of_size, np.linspace(0, 8, 100))[0] == 0.985
+    assert 0.9895 < largest_size(design.limits, of_size, np.linspace(0, 8, 100))[0] < 0.99

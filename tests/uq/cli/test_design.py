@@ -20,6 +20,7 @@ from identify.motion.multisine import Multisine
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.principal_axes import principal
 from tests.browser import Reader, drawn
+from tests.driven_browser import Browser, needs_axe, needs_chromium
 from uq.cli.main import main
 from uq.excitation.design import Design, Start
 from uq.excitation.design_bound import DesignBound
@@ -96,6 +97,8 @@ def ran(design, preset, tmp_path_factory):
         "3",
         "--duration",
         "20 s",
+        "--period",
+        "4 s",
         "--target",
         "1e-3 g*m^2",
     ]
@@ -122,6 +125,14 @@ def test_everything_is_written(content):
     names = set(content)
     assert {"result.json", "report.html", "designed.toml", "designed.csv", "poses.csv", "motion.csv"} <= names
     assert {"motion.pi.txt", "motion.moog.bin", "motion.json", "platform.svg", "platform.png", "legs.svg"} <= names
+
+
+@needs_chromium
+@needs_axe
+def test_axe_core_objects_to_nothing(content, tmp_path):
+    with Browser(tmp_path, content["report.html"].decode()) as browser:
+        browser.unfold()
+        assert browser.violations_on_screens() == {}
 
 
 def test_the_designed_file_holds_the_designed_motion(content, design, tmp_path):
@@ -270,7 +281,7 @@ def test_a_browser_draws_and_prints_it(content, tmp_path):
 
 def test_the_command_asks_for_what_it_was_told(ran):
     asked, _, files, said = ran
-    assert asked == {"goal": "moments", "objective": "rms", "starts": 2, "seed": 3, "duration": 20.0}
+    assert asked == {"goal": "moments", "objective": "rms", "starts": 2, "seed": 3, "duration": 20.0, "period": 4.0}
     assert {"rehearsal.csv", "rehearsal.pi.txt", "rehearsal.moog.bin"} <= set(files)
     about = json.loads(files["rehearsal.json"])
     assert (about["speed"], about["amplitude"]) == (0.5, 0.8)
@@ -287,6 +298,11 @@ def test_the_command_asks_for_what_it_was_told(ran):
         (["--rehearsal", "fast"], "invalid float value: 'fast'"),
         (["--duration", "180"], "--duration is '180': write a number, a space and a unit"),
         (["--duration", "-1 s"], "--duration is '-1 s': give a value above zero"),
+        (["--period", "5"], "--period is '5': write a number, a space and a unit"),
+        (["--period", "0 s"], "--period is '0 s': give a value above zero"),
+        (["--period", "10 ms"], "period is 0.01 s: give 2 / bandwidth or more"),
+        (["--period", "100 s"], "motions of period 100 s take 400 s or more"),
+        (["--achieved", "run.mcap", "--period", "5 s"], "--period designs a motion"),
         (["--target", "1 N"], "--target is '1 N': write a unit of the same dimension as kg*m^2"),
         (["--poses", "2"], "--poses is 2: ask for three or more"),
         (["--poses", "few"], "'few' is not a whole number"),

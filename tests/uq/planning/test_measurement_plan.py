@@ -45,6 +45,12 @@ def test_the_answers_are_sentences(plan):
     assert "r cg forbids it" in forbidden
 
 
+def test_a_target_that_nobody_asked_for_has_two_digits(experiment):
+    """Half of 11.35 and of 7.73 g·m²; all their digits were in the sentence and the table."""
+    plan = plan_measurement(experiment, estimator="smoothed")
+    assert [row[1] for row in plan.tables()[1].rows] == ["5.7", "3.9"]
+
+
 def test_what_matters_little_shares_a_row(plan):
     (table,) = plan.overview()
     assert [row[0] for row in table.rows] == ["none", "M precision", "F precision", "r cg", "4 others"]
