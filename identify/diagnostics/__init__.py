@@ -1,1 +1,1 @@
-"""Diagnostics of a run: causes of its residuals, spectral lines, conventions of axes, signs and units; predictions."""
+"""Causes of residuals, spectral lines, conventions of axes, signs and units."""

@@ -79,6 +79,15 @@ class ConventionSums:
         mean = self.mean(columns)
         return self.gram[..., columns, columns] - mean[..., :, None] * mean[..., None, :]
 
+    def size(self, columns: slice) -> float:
+        """The root mean square of a vector's size, of sums without leading axes."""
+        return float(np.sqrt(max(np.trace(self.gram[columns, columns]), 0.0)))
+
+    @property
+    def tilts(self) -> bool:
+        """Whether gravity turns so far in the body, as on a robot arm, that its mean is the smaller part."""
+        return 2 * float(np.linalg.norm(self.mean(SPECIFIC))) ** 2 < self.size(SPECIFIC) ** 2
+
     def turned(
         self, *, wrench: Float[np.ndarray, "3 3"] | None = None, imu: Float[np.ndarray, "*m 3 3"] | None = None
     ) -> "ConventionSums":

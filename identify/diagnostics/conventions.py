@@ -66,7 +66,7 @@ class Scales:
 
 
 LARGEST_LEVER = 0.5  # metres between IMU and centre of gravity, as a standard deviation
-OFFSET = 0.1  # of the mean force that may be the load cell's zero, as a standard deviation
+OFFSET = 0.1  # of the force that may be the load cell's zero, as a standard deviation
 
 
 def scales(
@@ -79,9 +79,9 @@ def scales(
     """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
     tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in candidates or hypotheses()])
     force = convention_fit.variance_left(tried, FORCE_TERMS, FORCE)
-    mean = float(np.linalg.norm(sums.mean(FORCE)))
-    mass = mean / max(float(np.linalg.norm(sums.mean(SPECIFIC))), 1e-9)
-    priors = (max(OFFSET * mean, sums.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
+    size = sums.size(FORCE)
+    mass = size / max(sums.size(SPECIFIC), 1e-9)
+    priors = (max(OFFSET * size, sums.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
     given = Scales(force, np.inf, *priors, terms)
     return replace(given, moment=convention_fit.variance_left(_fitted_force(tried, given)[1], terms, MOMENT))
 

@@ -15,6 +15,7 @@ from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
 LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
 UNLIKE = 15.0  # ratio of the turn by the gyro to that by the accelerometer; a lever arm or a filter makes two or three
 STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
+MOSTLY = 0.3  # the same where acceleration, which only makes the accelerometer turn more, may disturb
 LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
 WITHIN = 5.0  # seconds: slower turns may be a gyro's bias
 GRAVITY_IN_G = (0.8, 1.25)  # less than this is no gravity in any unit
@@ -33,7 +34,7 @@ def wrong_units(imu: ImuSignal) -> dict[str, float]:
         return {}
     if GRAVITY_IN_G[0] < specific_force < GRAVITY_IN_G[1]:
         wrong["g"] = specific_force
-    if _steady(imu):
+    if _steady(imu, MOSTLY):
         by_gyro, by_accelerometer = _turns(imu)
         if by_gyro > LEAST_TURN and by_gyro > UNLIKE * by_accelerometer:
             wrong["deg/s"] = by_gyro / by_accelerometer if by_accelerometer > 0 else np.inf
@@ -104,11 +105,11 @@ def _average(x: np.ndarray, width: int) -> Float[np.ndarray, "n 3"]:
     return (total[width : width + n] - total[:n]) / count[:, None]
 
 
-def _steady(imu: ImuSignal) -> bool:
+def _steady(imu: ImuSignal, within: float = STEADY) -> bool:
     """Whether the accelerometer shows gravity and little else, unless in free fall: its turning is then the gyro's."""
     magnitude = np.linalg.norm(imu.specific_force, axis=1)
     middle = float(np.median(magnitude))
-    return float(np.median(np.abs(magnitude - middle))) < STEADY * middle and middle > GRAVITY_IN_G[0]
+    return float(np.median(np.abs(magnitude - middle))) < within * middle and middle > GRAVITY_IN_G[0]
 
 
 def _correlation(imu: ImuSignal, axes: np.ndarray) -> float:

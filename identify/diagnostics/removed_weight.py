@@ -27,6 +27,7 @@ LEAST_WEIGHT = 0.3  # of the declared weight, below which it counts as missing
 CERTAIN = 6.0  # standard deviations
 ZERO = 0.03  # of the mean force that may be the zero, as a standard deviation, besides a quarter of the noise
 LIKENESS = 0.05  # of the force's changes: gravity carried along by a gyro is no better
+ALIKE = 0.9  # correlation of force and specific force: without the weight it is half of that
 LARGEST_ARM = 0.5  # metres from Q to the centre of gravity, as a standard deviation
 
 Removed = Literal["force", "force and moment", "undetermined"]
@@ -35,12 +36,12 @@ Removed = Literal["force", "force and moment", "undetermined"]
 
 @dataclass(frozen=True)
 class ApparentMass:
-    """The mass whose weight the mean force is, with its uncertainty from zero and noise [kg]."""
+    """The mass whose weight the force is, with its uncertainty from zero and noise [kg]."""
 
     mass: float
     uncertainty: float
     missing: bool = False
-    """Whether the mean force cannot be the body's weight."""
+    """Whether the force cannot have the body's weight."""
 
     def density(self, sums: ConventionSums) -> float:
         """Mass over the cube of twice the gyration radius [kg/m³], with the least tensor that the moments allow."""
@@ -75,11 +76,16 @@ class MissingWeight:
 
 
 def apparent_mass(sums: ConventionSums, declared: float | None) -> ApparentMass:
-    """Compare the mean force with the declared mass, or with the least mass that a body of such moments has."""
-    gravity = float(np.linalg.norm(sums.mean(SPECIFIC)))
+    """Compare the force with the declared mass, or with the least mass that a body of such moments has.
+
+    The force's mean counts; where gravity turns all ways in the body, its changes, which no zero disturbs.
+    """
+    if sums.tilts:
+        gravity, force = (float(np.sqrt(np.trace(sums.covariance(columns)))) for columns in (SPECIFIC, FORCE))
+    else:
+        gravity, force = (float(np.linalg.norm(sums.mean(columns))) for columns in (SPECIFIC, FORCE))
     if gravity < 1.0:
         return ApparentMass(np.inf, 0.0)
-    force = float(np.linalg.norm(sums.mean(FORCE)))
     mass, uncertainty = force / gravity, 4 * (sums.noise[0] / 4 + ZERO * force) / gravity
     if declared is None:
         light = ApparentMass(mass, uncertainty).too_light(sums)
@@ -102,7 +108,7 @@ def missing_weight(sums: ConventionSums, given: Scales, body: DeclaredBody) -> M
     removed = convention_fit.solve(sums, np.concatenate([ACCELERATION + lever, OFFSET]), FORCE, variance=variance)
     if removed.misfit - zeroed.misfit > DECISIVE:
         return MissingWeight(zeroed=True, removed=None)
-    return MissingWeight(zeroed=zeroed.misfit - removed.misfit <= DECISIVE, removed=removed_from)
+    return MissingWeight(zeroed=bool(zeroed.misfit - removed.misfit <= DECISIVE), removed=removed_from)
 
 
 def _removed_from(sums: ConventionSums, given: Scales, body: DeclaredBody) -> Removed:
@@ -122,6 +128,8 @@ def _removed_from(sums: ConventionSums, given: Scales, body: DeclaredBody) -> Re
 
 def _follows_gravity(sums: ConventionSums, mass: float) -> bool:
     """Whether the force points as the specific force does, in some order of the axes: a weight, if in another unit."""
+    if sums.tilts:
+        return bool(max(_likeness(hypothesis.applied(sums)) for hypothesis in hypotheses()) > ALIKE)
     force, specific = sums.mean(FORCE), sums.mean(SPECIFIC)
     size = float(np.linalg.norm(force) * np.linalg.norm(specific))
     best = max(float(force @ hypothesis.matrix @ specific) for hypothesis in hypotheses()) / max(size, 1e-12)
@@ -129,13 +137,19 @@ def _follows_gravity(sums: ConventionSums, mass: float) -> bool:
     return bool(best > np.cos(np.radians(4)) and changes < 4 * mass)
 
 
+def _likeness(sums: ConventionSums) -> float:
+    """Correlation of the changes of force and specific force."""
+    mean = sums.mean(FORCE) @ sums.mean(SPECIFIC)
+    sizes = [float(np.trace(sums.covariance(columns))) for columns in (FORCE, SPECIFIC)]
+    return float(np.trace(sums.gram[FORCE, SPECIFIC]) - mean) / max(np.sqrt(sizes[0] * sizes[1]), 1e-12)
+
+
 def _least_trace(sums: ConventionSums) -> float:
     """The least trace of the tensor that the moments allow [kg·m²], over the axes under which they fit best."""
     candidates = [hypothesis.applied(sums) for hypothesis in hypotheses()]
     left = [convention_fit.variance_left(turned, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for turned in candidates]
     best = candidates[int(np.argmin(left))]
-    gravity = max(float(np.linalg.norm(sums.mean(SPECIFIC))), 1.0)
-    heaviest = (float(np.linalg.norm(sums.mean(FORCE))) + 4 * sums.noise[0]) / gravity
+    heaviest = (sums.size(FORCE) + 4 * sums.noise[0]) / max(sums.size(SPECIFIC), 1.0)
     priors = np.concatenate([[LARGEST_ARM] * 3, [np.inf] * 9, [LARGEST_ARM * heaviest] * 3])
     fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(left), priors=priors)
     moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]

@@ -1,1 +1,1 @@
-"""The joint estimator: tensor, mass, centre, offsets, delay and rotation from all channels; the Cramér–Rao bound."""
+"""The joint estimator of tensor, mass, centre, offsets, delay and rotation; the Cramér–Rao bound."""

@@ -22,6 +22,7 @@ from identify.results.alignment import Aligned, alignment_warnings, turn_warning
 from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import ESTIMATED
 from identify.results.run_estimate import RunEstimate
+from identify.results.weak_components import contradicts_bodies
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import cross_matrix
@@ -56,7 +57,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     half = factor * np.sqrt(np.diag(covariance)[tensor])
     bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
-    warnings = departures(value, np.asarray(joint_runs[0].prior.mean), pooled.beforehand)
+    warnings = contradicts_bodies(inertia, covariance[tensor, tensor])
+    warnings += departures(value, np.asarray(joint_runs[0].prior.mean), pooled.beforehand)
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     cell_may_turn = _cell_may_turn(setting)
     warnings += alignment_warnings(delay, None if cell_may_turn else rotation)

@@ -1,1 +1,1 @@
-"""What a run contradicts: causes in the rig or its declaration, judged by force and moment, for every estimator."""
+"""What a run contradicts: causes in the rig or its declaration, by force and moment."""

@@ -14,6 +14,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.model_check.causes import Cause
+from identify.signals.filters import moving_average
 
 SMOOTHED = 10
 """Lines on each side over which the residuals' spectrum is taken."""
@@ -117,7 +118,7 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> E
 
 def spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:
     """Return the mean squares of the lines about each, each row by itself."""
-    return scipy.ndimage.uniform_filter1d(residuals**2, 2 * SMOOTHED + 1, axis=0, mode="nearest")
+    return moving_average(residuals**2, 2 * SMOOTHED + 1, ends="edge")
 
 
 def products(left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -26,10 +26,11 @@ from identify.joint.priors import error_blocks, root_of
 from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import STILL_WITHIN, specific_force_source
 from identify.model_check.evidence import products
-from identify.model_check.judge import declared_of, falls, recorded_in_band
+from identify.model_check.judge import declared_of, recorded_in_band
 from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Force, about_centre
 from identify.model_check.run_fit import OVER_BAND, Declared, Lines, RunFit, block_of, fit_run
+from identify.model_check.weight import falls
 from identify.results.identification_result import Identification
 from identify.signals.run import Run
 from identify.signals.spectrum import spectrum

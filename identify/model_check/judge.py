@@ -18,6 +18,7 @@ from identify.model_check.resonance import Peak, resonance
 from identify.model_check.run_fit import Declared, RunFit, fit_run
 from identify.model_check.specification import difference
 from identify.model_check.verdict_texts import sentence, signed
+from identify.model_check.weight import LEAST_WEIGHT, falls, lasting
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.rounding import significant
@@ -30,8 +31,6 @@ WIDENS = 0.2
 """Part of the residuals that a cause explains from which it is worth one, too: the interval is wider for it."""
 UNEXPLAINED = 3.0
 """Residuals in the motion's band over those above it from which something is wrong that has no name."""
-WEIGHT = 0.3
-"""Mean force over the weight, or specific force over gravity, below which it falls: nothing tells the attitude."""
 EQUALLY = 1.2
 """Residuals about a point at rest over those with the accelerometer, down to which the base does turn about one."""
 LOOSE = 1.0
@@ -165,6 +164,8 @@ def _saturated(run: Run) -> list[Verdict]:
     verdicts = []
     for quantity in ("force", "moment", "omega"):
         for axis, values in enumerate(getattr(run, quantity).T, 1):
+            if max(np.count_nonzero(values == end) for end in (values.min(), values.max())) < FLAT:
+                continue  # nothing to sort for
             levels, counts = np.unique(values, return_counts=True)
             for end, beside in ((0, 1), (-1, -2)):
                 if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[beside] + 1):
@@ -214,21 +215,10 @@ def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, prob
     of_estimator = [fit for fit in fits if fit.prediction.force_from == force_from]
     if of_estimator or force_from != "none" or falls(run, result, problem):
         return of_estimator[0] if of_estimator else None
-    if not np.linalg.norm(run.force.mean(axis=0)) > WEIGHT * np.sqrt(np.mean(run.force**2)) or not problem.gravity > 0:
+    if not lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) or not problem.gravity > 0:
         return None  # nothing tells the mass
     recorded = recorded_in_band(run, result, problem)
     return None if recorded is None else fit_run(recorded, declared_of(run, result, problem, "none", 0.0), "none")
-
-
-def falls(run: Run, result: Identification, problem: Problem) -> bool:
-    """Return whether the run has no weight on the load cell, or no force at all."""
-    if not np.abs(run.force).max() > 0:
-        return True
-    mass, force = problem.mass or result.mass, run.force.mean(axis=0)
-    if mass is not None and np.linalg.norm(force) < WEIGHT * mass * problem.gravity:
-        return True
-    read = run.specific_force
-    return read is not None and bool(np.linalg.norm(read.mean(axis=0)) < WEIGHT * problem.gravity)
 
 
 def recorded_in_band(run: Run, result: Identification, problem: Problem) -> Recorded | None:

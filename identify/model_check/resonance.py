@@ -75,7 +75,7 @@ def _peak(frequency: Float[np.ndarray, " n"], density: np.ndarray, lowest: float
         return 0.0, 0.0, 0.0
     at = int(np.argmax(np.where(open_to, density, 0.0)))
     level = max(_level(frequency, density, at, lowest, below) for below in (True, False))
-    if density[at] < STANDS_OUT * level:
+    if not density[at] > STANDS_OUT * level:  # nor where nothing was measured
         return 0.0, 0.0, 0.0
     inside = (frequency > frequency[at] / BESIDE[0]) & (frequency < frequency[at] * BESIDE[0])
     power = float(np.maximum(density[inside] - level, 0.0).sum() * step)

@@ -1,1 +1,1 @@
-"""What an identification returns: the tensor with its uncertainty, one run's estimate, alignment, weak components."""
+"""What an identification returns: tensor and uncertainty, alignment, weak components."""

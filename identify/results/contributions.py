@@ -48,6 +48,12 @@ def evaluation_type(name: str) -> str:
     return "A" if name in (RESIDUALS, ESTIMATE) or name.startswith("scatter between") else "B"
 
 
+QUANTITIES = (
+    ("the mass", "g", 1e3),
+    *((f"the centre of gravity on b{axis}", "mm", 1e3) for axis in (1, 2, 3)),
+    *((name, "g·m²", GRAM_METRE) for name in COMPONENTS),
+)
+"""The ten parameters as they are said: name, unit, that unit's number in one of SI."""
 PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
 """From which part of half an interval on an effect is compared with it, and in which words."""
 
@@ -105,22 +111,23 @@ class NotIncluded:
         units = "g·m²; mass in g, centre of gravity in mm" if estimated else "g·m²"
         return Table(f"Not included in these intervals: what each would add, {units}", head, rows, NOTE)
 
-    def line(self, interval95: Float[np.ndarray, "6 2"]) -> str:
-        """Return the largest, over half the interval of its component, in words.
+    def line(self, interval95: Float[np.ndarray, "6 2"], centre: Float[np.ndarray, "4"] | None = None) -> str:
+        """Return the largest, over half the interval of its quantity, in words.
 
         Args:
             interval95: of the components [kg·m²].
+            centre: half the intervals of mass [kg] and r_CG [m], where the estimate finds them; None: it does not.
         """
-        half = np.ptp(interval95, axis=1) / 2
-        added = np.abs([effect.inertia for effect in self.effects])
-        ratio = np.nan_to_num(added / np.maximum(half, 1e-300), posinf=0.0)
+        half = np.concatenate([np.zeros(4) if centre is None else centre, np.ptp(interval95, axis=1) / 2])
+        added = np.abs([effect.parameters for effect in self.effects])
+        ratio = np.nan_to_num(np.where(half > 0, added, 0.0) / np.maximum(half, 1e-300), posinf=0.0)
         row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
-        effect, size = self.effects[row], _two_digits(GRAM_METRE * added[row, at])
+        effect, (name, unit, factor) = self.effects[row], QUANTITIES[at]
         than = next((words for part, words in PARTS if ratio[row, at] > part), None)
-        beside = "" if than is None else f", {than} {_two_digits(GRAM_METRE * half[at])} g·m²"
+        beside = "" if than is None else f", {than} {_two_digits(factor * half[at])} {unit}"
         return (
-            f"not included: {effect.text}, at a typical {effect.figure}, which would add {size} g·m² to "
-            f"{COMPONENTS[at]}{beside}; see the certificate"
+            f"not included: {effect.text}, at a typical {effect.figure}, which would add "
+            f"{_two_digits(factor * added[row, at])} {unit} to {name}{beside}; see the certificate"
         )
 
 

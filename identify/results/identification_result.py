@@ -245,11 +245,18 @@ class Identification(Result):
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
             *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
-            *([] if self.not_included is None else [self.not_included.line(self.interval95)]),
+            *([] if self.not_included is None else [self.not_included.line(self.interval95, self._centre_half)]),
             *([f"held out: {self.validation.text}"] if self.validation and self.validation.explained else []),
             *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
         ]
+
+    @property
+    def _centre_half(self) -> np.ndarray | None:
+        """Half the intervals of mass [kg] and r_CG [m] that the runs tell."""
+        if self.centre_from != mass_and_centre.ESTIMATED:
+            return None
+        return np.nan_to_num((self.coverage_factors * self.parameters.standard_uncertainty)[:4])
 
     def not_included_tables(self) -> list[Table]:
         """Return what the intervals do not hold, where that is known."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.admissible_tensor import Admissible, admissible, margin
+from identify.estimators.admissible_tensor import CONTRADICTED, Admissible, admissible, distance_from_bodies, margin
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.pseudo_inertia import PAIRS, UNITS
@@ -16,6 +16,7 @@ from identify.signals.run import Run, RunError
 
 ONE_AXIS = 1e-3
 """Part of the angular velocity's power below which an axis counts as not turned about."""
+NO_BODY = "no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"
 WIDE = 0.5
 """Half an interval over the geometric mean of its two moments from which a component counts as uncertain."""
 
@@ -76,9 +77,19 @@ def _without_cross(result: Identification, determined: np.ndarray) -> dict[str, 
 
 
 def _impossible(result: Identification) -> list[str]:
-    if margin(result.inertia, result.covariance) >= 0:
+    return [] if margin(result.inertia, result.covariance) >= 0 else [NO_BODY]
+
+
+def contradicts_bodies(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> list[str]:
+    """Return the warning of a tensor that lies clearly outside what bodies have; empty where a body may have it.
+
+    Args:
+        inertia: the estimate, not held to bodies [kg·m²].
+        covariance: of it [(kg·m²)²].
+    """
+    if margin(inertia, covariance) >= -CONTRADICTED or distance_from_bodies(inertia, covariance) < CONTRADICTED:
         return []
-    return ["no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"]
+    return [NO_BODY]
 
 
 def _wide_intervals(result: Identification) -> list[str]:

@@ -1,1 +1,1 @@
-"""Experiment files: every table of EXPERIMENT.toml as typed values in SI."""
+"""Experiment files: every table as typed values in SI."""

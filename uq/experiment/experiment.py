@@ -44,7 +44,7 @@ from uq.sources.source_table import sources_of
 
 PRESETS = ("barreto2016",)
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
-BESIDE = ("report", "document", "folder", "file", "left_out")
+BESIDE = ("report", "document", "as_read", "folder", "file", "left_out")
 """Fields that say nothing of the measurement."""
 
 
@@ -78,6 +78,8 @@ class Experiment(Shown):
     """The robot arm that carries the body; None: another platform."""
     document: Mapping[str, Any] = field(default_factory=dict)
     """The file's content, for the provenance of results."""
+    as_read: Mapping[str, Any] = field(default_factory=dict)
+    """The content's values in SI: others, as after ``dataclasses.replace``, are not the file's."""
     folder: Path = Path(".")
     """Where the file is, and beside it the files that it names."""
     scale: tuple[float, float] | None = None
@@ -141,14 +143,15 @@ class Experiment(Shown):
             recording = msgspec.structs.replace(recording, urdf=str(folder / recording.urdf))
         stated: dict[str, Any] = {name: getattr(file, name) for name in ("scale", "datum", "fixture")}
         stated = {name: None if table is None else table.value for name, table in stated.items()}
-        return cls(
+        experiment = cls(
             body.r_cg_from_q, body.mass, None if body.inertia is None else body.inertia.packed, platform.local_gravity,
             np.zeros(3) if platform.r_cg_from_omb is None else platform.r_cg_from_omb,
             {name: table.spec(name, folder) for name, table in file.trajectory.items()},
             tuple(table.spec for table in file.estimator), sources, mixing, recording, file.poses, platform.legs,
-            None if platform.limits is None else platform.limits.limits, platform.arm(folder), document, folder,
-            report=report, not_included=file.not_included, **stated,
+            None if platform.limits is None else platform.limits.limits, platform.arm(folder), document,
+            folder=folder, report=report, not_included=file.not_included, **stated,
         )  # fmt: skip
+        return replace(experiment, as_read=experiment._in_si())
 
     @property
     def body(self) -> Body:
@@ -196,7 +199,10 @@ class Experiment(Shown):
         """
         wanted = self.recording.estimator if name is None else name
         if not self.estimators:
-            raise ExperimentError("no [[estimator]] in the experiment: add one")
+            raise ExperimentError(
+                "no [[estimator]] in the experiment: add one with name, differentiator and band, the motion's highest "
+                "frequency"
+            )
         if wanted is None:
             return self.estimators[0]
         for estimator in self.estimators:
@@ -212,7 +218,8 @@ class Experiment(Shown):
             ExperimentError: there is no such trajectory.
         """
         if not self.trajectories:
-            raise ExperimentError("no [trajectory.NAME] in the experiment: add one")
+            cure = "add one" if self.arm is None else "an arm's motion is designed and simulated by `inertia design`"
+            raise ExperimentError(f"no [trajectory.NAME] in the experiment: {cure}")
         name = next(iter(self.trajectories)) if name is None else name
         if name not in self.trajectories:
             raise ExperimentError(f"unknown trajectory {quoted(name)}: {choose(name, self.trajectories)}")
@@ -221,8 +228,8 @@ class Experiment(Shown):
     def with_source(self, name: str, **keys: Any) -> "Experiment":
         """Return the experiment with other keys of a ``[[source]]``: ``with_source("F_bias", sigma="0.5 N")``.
 
-        Values are written as in the file, with their units; one figure stands for all axes, and a width takes the place
-        of another. A new name with ``target``, ``kind``, ``group`` and a width adds a source.
+        Values are written as in the file, with their units; a width takes the place of another. A new name with
+        ``target``, ``kind``, ``group`` and a width adds a source.
 
         Raises:
             ExperimentError: an unknown name, a mistake in a key, or an experiment that is not its file's content.
@@ -274,11 +281,12 @@ class Experiment(Shown):
 
     def is_of_document(self) -> bool:
         """Return whether its values are those of :attr:`document`."""
-        return bool(self.document) and Experiment.from_dict(self.document, self.folder)._in_si() == self._in_si()
+        return bool(self.document) and self.as_read == self._in_si()
 
     def inputs(self) -> dict[str, Any]:
         """Return what a result records of the experiment: its values in SI, and the file's content if these are its."""
-        values, same = self._in_si(), self.is_of_document()
+        values = self._in_si()
+        same = bool(self.document) and self.as_read == values
         about: dict[str, Any] = {"experiment_file": dict(self.file)} if self.file else {}
         about |= {"report": dict(self.report)} if self.report else {}
         about |= {"left_out": list(self.left_out)} if self.left_out else {}

@@ -117,6 +117,8 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     """Path of the robot's description, where joint states give the motion."""
     urdf_frame: str | None = None
     """The frame of the description that turns with the body."""
+    urdf_gravity: Annotated[np.ndarray, vector("m/s^2")] | None = None
+    """Gravity along the axes of the description's base, downwards; with it joint states tell the specific force."""
     drawn_by_mounting: Annotated[
         tuple[str, ...], written(_names, {"type": "array", "items": {"type": "string", "minLength": 1}})
     ] = ()

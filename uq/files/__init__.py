@@ -1,1 +1,1 @@
-"""Files in and out: units, TOML tables, columns of a CSV table, provenance, the output folder."""
+"""Units, TOML tables, columns of a CSV table, provenance, the output folder."""

@@ -8,7 +8,7 @@ import tokenize
 from functools import cache
 from typing import Any
 
-from rig.exceptions import quoted
+from rig.exceptions import nearest, quoted
 
 UNIT = re.compile(r"[A-Za-zµΩ°%_]([\w*/^.µΩ° ()-]*[\w)µΩ°])?")
 """What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
@@ -27,6 +27,15 @@ USUAL = {
     ("deg/s", "rad/s"): 0.017453292519943295,
 }
 """What most experiment files are written in, as pint converts it: so that they are read without it."""
+
+
+WRITTEN = (
+    "N", "kN", "N*m", "N*mm", "kg", "g", "m", "mm", "um", "s", "ms", "us", "min", "Hz", "kHz", "rad", "mrad", "deg",
+    "rad/s", "deg/s", "deg/hour", "rpm", "m/s", "m/s^2", "mm/s^2", "kg*m^2", "g*m^2", "kg*mm^2", "kg/m^3", "%", "ppm",
+)  # fmt: skip
+"""What rigs are described in, of which a misspelt unit may mean one."""
+SPELLING = str.maketrans("²³", "23", "*·⋅^() ")
+"""In what spellings of one unit differ."""
 
 
 UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
@@ -73,9 +82,11 @@ def quantity(text: object, unit: str) -> float:
             raise ValueError("no number, or more digits than any measurement has")
         value = float(number) * _factor(name.strip(), unit)
     except DimensionError:
-        raise UnitError(f"is {quoted(text)}: write a unit of the same dimension as {unit}") from None
+        meant = _meant(name.strip(), unit, known=True)
+        raise UnitError(f"is {quoted(text)}: {meant}write a unit of the same dimension as {unit}") from None
     except UNREADABLE:
-        raise UnitError(f'is {quoted(text)}: write a number, a space and a unit, such as "1 {unit}"') from None
+        meant = _meant(name.strip(), unit)
+        raise UnitError(f'is {quoted(text)}: {meant}write a number, a space and a unit, such as "1 {unit}"') from None
     if not abs(value) < LARGEST:
         raise UnitError(f"is {quoted(text)}: write a number below 1e30, and a unit")
     return value
@@ -90,9 +101,28 @@ def scale(name: str, unit: str) -> float:
     try:
         return _factor("standard_gravity" if (name, unit) == ("g", "m/s^2") else name, unit)
     except DimensionError:
-        raise UnitError(f"is {quoted(name)}: write the name of a unit of the same dimension as {unit}") from None
+        meant = _meant(name, unit, known=True)
+        raise UnitError(f"is {quoted(name)}: {meant}write the name of a unit of the same dimension as {unit}") from None
     except UNREADABLE:
-        raise UnitError(f"is {quoted(name)}: write the name of a unit, such as {unit}") from None
+        raise UnitError(f"is {quoted(name)}: {_meant(name, unit)}write the name of a unit, such as {unit}") from None
+
+
+def _meant(name: str, unit: str, *, known: bool = False) -> str:
+    """``did you mean …? `` of a unit of the asked dimension; ``known``: the name is a unit, of another dimension."""
+    if _fits(name, unit):
+        return ""  # it is the number that cannot be read
+    names = [each for each in (unit, name.lower(), *WRITTEN) if _fits(each, unit)]
+    for each in names:
+        if each.translate(SPELLING).casefold() == name.translate(SPELLING).casefold():
+            return f"did you mean {each}? "
+    return "" if known else nearest(name, names)
+
+
+def _fits(name: str, unit: str) -> bool:
+    try:
+        return _factor(name, unit) > 0
+    except (DimensionError, *UNREADABLE):
+        return False
 
 
 @cache

@@ -1,1 +1,1 @@
-"""Identification of recorded runs: declared sources, static centre, tare, scatter of repeated runs."""
+"""Identification of recorded runs: declared sources, static centre, tare, scatter of runs."""

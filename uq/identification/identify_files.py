@@ -10,6 +10,7 @@ import numpy as np
 from identify.choices import OffsetChoice
 from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.offsets import rest_of
+from identify.estimators.regressor_rows import check_rate
 from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
@@ -174,6 +175,7 @@ def _prepared(
     marked = any(isinstance(limit, str) for window in windows or () for limit in window)
     recorded = load(path, recording, band=spec.band, marks=marked)
     chosen = cut(recorded.run, windows, recorded.marks)
+    check_rate(chosen, spec)
     assumed = (*recorded.assumptions, *_weight_assumption(recording))
     if chosen.specific_force is not None and experiment.mass is not None and chosen.imu_position is None:
         assumed = (*assumed, "the accelerometer is at Q")

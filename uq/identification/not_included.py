@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.exceptions import RunError
+from identify.joint.priors import root_of
 from identify.methods.base import estimator_of
 from identify.model_check.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
 from identify.results.contributions import Effect, NotIncluded
@@ -132,7 +133,7 @@ def _of_joint(
     """What each adds to the ten parameters; delay and the gyro's axes are unknowns, or declared as exact."""
     errors = estimated_errors(replace(experiment, sources=tuple(sources), mixing=()), 1.0)
     added = {
-        name: np.sqrt(np.einsum("ij,jk,ik->i", by_held[error.unknown], error.covariance, by_held[error.unknown]))
+        name: np.linalg.norm(by_held[error.unknown] @ root_of(error.covariance), axis=1)
         for name, error in errors.items()
         if error.unknown in by_held
     }
@@ -164,14 +165,10 @@ def _slopes(problem: Problem) -> Float[np.ndarray, "6 count"]:
 
     By central differences in NumPy: within 1e-8 of autodiff, and done before JAX would have traced it.
     """
-    sizes = [int(np.prod(np.shape(source.sigma))) for source in problem.sources]
 
-    def tensor(draws: np.ndarray) -> np.ndarray:
-        parts = np.split(draws, np.cumsum(sizes)[:-1])
-        drawn = {
-            source.name: part.reshape(np.shape(source.sigma)) * source.sigma
-            for source, part in zip(problem.sources, parts, strict=True)
-        }
-        return np.linalg.solve(*equations(problem, [errors_of(problem.sources, drawn)] * len(problem.sums)))
+    def tensor(source: Source, draw: np.ndarray) -> np.ndarray:
+        errors = errors_of([source], {source.name: draw.reshape(np.shape(source.sigma)) * source.sigma})
+        return np.linalg.solve(*equations(problem, [errors] * len(problem.sums)))
 
-    return np.stack([tensor(step) - tensor(-step) for step in STEP * np.eye(sum(sizes))], axis=1) / (2 * STEP)
+    steps = [(source, step) for source in problem.sources for step in STEP * np.eye(np.size(source.sigma))]
+    return np.stack([tensor(source, step) - tensor(source, -step) for source, step in steps], axis=1) / (2 * STEP)

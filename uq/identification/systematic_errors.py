@@ -44,7 +44,7 @@ from uq.identification.combined_uncertainty import (
     widened_by_sources,
 )
 from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums, weighed_equations
-from uq.sources.constant_errors import Errors, errors_of_cases, over_cases
+from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
 from uq.trials.trial_loop import all_trials, finite_trials
@@ -79,10 +79,10 @@ class Problem(eqx.Module):
 
     @property
     def cases(self) -> tuple[frozenset[Name], ...]:
-        """No source, those that all mountings share, those that each draws independently, and each one alone."""
+        """The sources that all mountings share, those that each draws independently (if any), and each one alone."""
         names = frozenset(source.name for source in self.sources)
         alone = (frozenset([source.name]) for source in self.sources)
-        return (frozenset(), names - self.redrawn, self.redrawn, *alone)
+        return (names - self.redrawn, *([self.redrawn] if self.redrawn else []), *alone)
 
 
 UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
@@ -172,9 +172,11 @@ def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Syst
         zero = np.zeros((trials, 6))
         return Systematic((), zero, zero, {})
     tensors = all_trials(_trials, problem, trials, seed, batch=BATCH, segment=trials)
-    errors, failed = finite_trials(tensors[:, 1:] - tensors[:, :1])
-    alone = {source.name: errors[:, 2 + k] for k, source in enumerate(problem.sources)}
-    return Systematic(problem.sources, errors[:, 0], errors[:, 1], alone, failed)
+    errors, failed = finite_trials(tensors - np.linalg.solve(*equations(problem, [no_errors()] * len(problem.sums))))
+    common, *others = np.moveaxis(errors, 1, 0)
+    by_mounting = others.pop(0) if problem.redrawn else np.zeros_like(common)
+    alone = {source.name: of_source for source, of_source in zip(problem.sources, others, strict=True)}
+    return Systematic(problem.sources, common, by_mounting, alone, failed)
 
 
 def problem_of(
@@ -186,8 +188,7 @@ def problem_of(
         ExperimentError, RunError: see :func:`with_declared_sources`.
     """
     sources, mixing = acting(result, experiment, redrawn)
-    labels = [run.mounting for run in runs]
-    mountings = list(dict.fromkeys(labels))
+    mountings = dict.fromkeys(run.mounting for run in runs)
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(sources)
     columns = Columns.of(sources)
@@ -199,7 +200,7 @@ def problem_of(
         for run, fitted in zip(runs, result.runs, strict=True)
     ]  # fmt: skip
     by_mounting = tuple(
-        added([run for run, label in zip(sums, labels, strict=True) if label == mounting]) for mounting in mountings
+        added([of for of, run in zip(sums, runs, strict=True) if run.mounting == mounting]) for mounting in mountings
     )
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(np.array(experiment.gravity), np.zeros(3))

@@ -1,1 +1,1 @@
-"""What contradicts mechanics or the experiment in a recorded run, and the line of the experiment file that cures it."""
+"""What in a recorded run contradicts mechanics or the experiment, and its cure."""

@@ -25,11 +25,12 @@ from identify.diagnostics.convention_sums import (
 )
 from identify.diagnostics.conventions import DECISIVE, Hypothesis, Scales, best_axes, derivatives, misalignment, scales
 from identify.diagnostics.free_rotation import FreeRotation
-from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
+from identify.diagnostics.imu_conventions import in_free_fall, wrong_units
 from identify.diagnostics.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 from rig.inspection.channel_health import Finding
+from uq.inspection.imu_findings import STANDARD_GRAVITY
 from uq.inspection.rotation_findings import (
     LEAST_TURN,
     TURNED,
@@ -41,13 +42,13 @@ from uq.inspection.rotation_findings import (
     small_turn_text,
 )
 
-STANDARD_GRAVITY = 9.80665  # m/s²
 FORCE_UNITS = {"lbf": 4.4482216, "kgf": 9.80665, "kN": 1000.0}  # N in the unit
 MOMENT_UNITS = {"N*mm": 1e-3, "N*cm": 1e-2, "lbf*inch": 0.11298483, "lbf*ft": 1.3558179, "kgf*cm": 0.0980665}
 MASS_TOLERANCE = 0.15  # departure of the rest force from the weight: a gain error or a zero is smaller
 UNIT_TOLERANCE = 0.1  # departure of a ratio from that of a unit
-LEAST_GRAVITY = 2.0  # m/s² of mean specific force: without accelerometer nothing is judged
+LEAST_GRAVITY = 2.0  # m/s² of specific force: without accelerometer nothing is judged
 LEAST_SHIFT = 3e-3  # metres
+ALIKE = 1.5  # factor by which a distance may differ from that of a unit: the motion may tell it poorly
 SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
 ZERO_LEVER = 5e-3  # metres: times the weight, the moment that may be the load cell's zero
 
@@ -74,33 +75,6 @@ class Declared:
     turn: Vector | None = None
 
 
-def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Finding]:
-    """Findings on an IMU's units and axes from its signals alone."""
-    wrong = wrong_units(imu)
-    if "g" in wrong:
-        yield Finding(
-            "unit",
-            topic,
-            f"acceleration is {wrong['g']:.3f} in the median: in g? it must be in m/s^2 (times {STANDARD_GRAVITY}): "
-            'set acceleration_unit = "g" in [recording]',
-        )
-    if "deg/s" in wrong:
-        yield Finding(
-            "unit",
-            topic,
-            f"gravity turns {wrong['deg/s']:.0f} times less than the gyro says: in deg/s? it must be in rad/s: "
-            'set angular_velocity_unit = "deg/s" in [recording]',
-        )
-    axes = accelerometer_axes(imu)
-    if axes is not None:
-        yield Finding(
-            "axes",
-            topic,
-            "gravity turns as the gyro says only if the accelerometer's axes are the gyro's "
-            f"({axes_text(axes)[1:-1]}): swapped axes",
-        )
-
-
 def wrench_findings(
     wrench: WrenchSignal, imu: ImuSignal, declared: Declared, *, wrench_topic: str, imu_topic: str
 ) -> list[Finding]:
@@ -108,7 +82,7 @@ def wrench_findings(
     if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
         return []
     sums = convention_sums(wrench, _in_si(imu))
-    if sums is None or float(np.linalg.norm(sums.mean(SPECIFIC))) < LEAST_GRAVITY or in_free_fall(imu):
+    if sums is None or sums.size(SPECIFIC) < LEAST_GRAVITY or in_free_fall(imu):
         return []
     if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
         return []
@@ -146,7 +120,7 @@ class _Examination:
         if weight.missing:
             mass = self.declared.mass
             body = "a body with such moments" if mass is None else f"the declared {significant(mass)} kg"
-            reason = f"the mean force is the weight of {significant(weight.mass, 2)} kg, far less than that of {body}"
+            reason = f"the force is the weight of {significant(weight.mass, 2)} kg, far less than that of {body}"
             yield Finding("weight", self.wrench, f"{reason}: {self._weight_cure(given)}")
             return
         yield from self._units(weight)
@@ -250,7 +224,7 @@ class _Examination:
         mass, sigma = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
         mean = self.sums.mean(SPECIFIC)
         share = float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass if mass > 0 else 0.0
-        if mass > 8 * sigma and share > 0.5 + 3 * sigma / mass:
+        if not self.sums.tilts and mass > 8 * sigma and share > 0.5 + 3 * sigma / mass:
             yield Finding(
                 "weight",
                 self.wrench,
@@ -280,7 +254,7 @@ class _Examination:
         margin = UNIT_TOLERANCE + weight.uncertainty / weight.mass
         unit = next((name for name, size in FORCE_UNITS.items() if abs(ratio / size - 1) < margin), None)
         weighs, stated = significant(weight.mass), significant(mass)
-        text = f"the mean force is the weight of {weighs} kg, the declared mass is {stated} kg"
+        text = f"the force is the weight of {weighs} kg, the declared mass is {stated} kg"
         if unit is None:
             yield Finding("mass", self.wrench, f"{text}: correct body.mass, force_unit or the load cell's calibration")
         else:
@@ -302,7 +276,7 @@ class _Examination:
                 yield Finding("turned", self._topic(sensor), f"{text}: set {cure} in [recording], or correct the clock")
 
     def _centre(self, sums: ConventionSums) -> CentreFit:
-        offset = ZERO_LEVER * float(np.linalg.norm(sums.mean(FORCE))) + sums.noise[1] / 2
+        offset = ZERO_LEVER * sums.size(FORCE) + sums.noise[1] / 2
         left = convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)
         noise = convention_fit.force_noise(sums)
         return convention_fit.fit_centre(sums, force=noise, moment=left, offset=max(offset, 1e-9))
@@ -319,6 +293,18 @@ class _Examination:
         shift = self.declared.r_cg - centre.r
         return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
 
+    def _moment_unit(self, centre: CentreFit, certain: np.ndarray, chi_square: float) -> str | None:
+        """The moment's unit that puts the centre of gravity where it is declared, if one does."""
+        assert self.declared.r_cg is not None  # noqa: S101
+        stated = self.declared.r_cg[certain]
+        if float(np.linalg.norm(stated)) <= LEAST_SHIFT:
+            return None
+        times = float(centre.r[certain] @ stated / (stated @ stated))
+        near = [name for name, size in MOMENT_UNITS.items() if 1 / ALIKE < times * size < ALIKE]
+        left = {name: self._misplaced(self.sums.scaled(MOMENT, MOMENT_UNITS[name])) for name in near}
+        best = min(near, key=left.__getitem__, default=None)
+        return best if best is not None and left[best] < chi_square / 10 else None
+
     def _point(self) -> Iterator[Finding]:
         if self.declared.r_cg is None:
             return
@@ -328,16 +314,15 @@ class _Examination:
         chi_square = float(shift @ np.linalg.solve(covariance, shift))
         if chi_square < SHIFTED or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
             return
-        far = float(np.linalg.norm(self.declared.r_cg[certain])) > LEAST_SHIFT
-        for name, size in MOMENT_UNITS.items() if far else ():
-            if self._misplaced(self.sums.scaled(MOMENT, size)) < chi_square / 10:
-                yield Finding(
-                    "unit",
-                    self.wrench,
-                    f"force and moment put the centre of gravity {significant(1 / size, 4)} times as far from Q as "
-                    f'declared: set moment_unit = "{name}" in [recording]',
-                )
-                return
+        unit = self._moment_unit(centre, certain, chi_square)
+        if unit is not None:
+            yield Finding(
+                "unit",
+                self.wrench,
+                f"force and moment put the centre of gravity {significant(1 / MOMENT_UNITS[unit], 4)} times as far "
+                f'from Q as declared: set moment_unit = "{unit}" in [recording]',
+            )
+            return
         point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
         where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
         unknown = "" if certain.all() else "; what is ? the motion does not tell"

@@ -9,8 +9,9 @@ from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from rig.inspection.channel_health import Finding
 from uq.experiment.experiment import Experiment
-from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
+from uq.inspection.convention_findings import Declared, wrench_findings
 from uq.inspection.imported_run import cured_in_map
+from uq.inspection.imu_findings import imu_findings
 from uq.sources.constant_errors import declared_sigma
 
 

@@ -14,8 +14,9 @@ from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import LEAST_SAMPLES, Finding, SensorChannel
 from rig.inspection.inspect import Inspection, inspect
-from uq.inspection.convention_findings import Declared, imu_findings, wrench_findings
+from uq.inspection.convention_findings import Declared, wrench_findings
 from uq.inspection.imported_run import cured_in_map
+from uq.inspection.imu_findings import imu_findings
 
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment

@@ -1,10 +1,12 @@
 """The angular velocity of a run, whatever tells it: IMU, twist, odometry, pose, or joints with a robot's description.
 
 Every source becomes an IMU's channel in its sensor's own frame; a pose or a joint's position is differentiated here.
+Joints tell the specific force, too, where gravity in their base is declared.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from uq.recorded.joint_states import Chain
 AT_REST = ("map", "odom", "world", "earth")
 """Frames that do not turn with a body (REP 105)."""
 NANOSECONDS = 1_000_000_000
+UNJUDGED = "the wrench is as declared: nothing judges its sign, units, axes and weight without recording.urdf_gravity"
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,18 @@ class Motion:
     notes: tuple[str, ...] = ()
     """What the result assumes of it."""
     warnings: tuple[str, ...] = ()
+
+
+class Differentiated(NamedTuple):
+    """What uniform angles tell, without as many instants at either end as the differentiator takes."""
+
+    omega: np.ndarray
+    """[rad/s], (m, 3)."""
+    sigma: np.ndarray
+    """The white noise of the angles on each axis [rad]."""
+    taps: np.ndarray
+    specific_force: np.ndarray | None = None
+    """[m/s²], (m, 3); None: they tell none."""
 
 
 def motion(bag: channels.Recording, declared: Recording, instants: np.ndarray, *, band: float | None = None) -> Motion:
@@ -91,11 +106,10 @@ def _of_pose(source: MotionChannel, declared: Recording, instants: np.ndarray, n
         raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")
     quaternion = continuous(np.asarray(source.orientation), name)
 
-    def turn(uniform: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         unit = uniform / np.linalg.norm(uniform, axis=1, keepdims=True)
         taps = differentiator(unit, rate, name, band=attitude_band(unit, rate, band))
-        omega, sigma = angular_velocity(unit, taps)
-        return omega, sigma, taps
+        return Differentiated(*angular_velocity(unit, taps), taps)
 
     return _differentiated(source, quaternion, instants, turn, name, "its poses")
 
@@ -103,9 +117,10 @@ def _of_pose(source: MotionChannel, declared: Recording, instants: np.ndarray, n
 def _of_joints(
     source: MotionChannel, declared: Recording, instants: np.ndarray, name: str, band: float | None
 ) -> Motion:
-    chain = Chain.load(declared, source.names, name)
-    if declared.angular_velocity_unit is not None:
-        raise RunError(f"{name} holds joint states: remove recording.angular_velocity_unit, theirs is rad/s")
+    chain, gravity = Chain.load(declared, source.names, name), declared.urdf_gravity
+    for unit, si in (("angular_velocity_unit", "rad/s"), ("acceleration_unit", "m/s²")):
+        if getattr(declared, unit) is not None:
+            raise RunError(f"{name} holds joint states: remove recording.{unit}, theirs is {si}")
     position, velocity = np.asarray(source.position), np.asarray(source.velocity)
     for what, values in (("position", position), ("velocity", velocity)):
         if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
@@ -113,24 +128,41 @@ def _of_joints(
         bad = ~np.isfinite(values).all(axis=1)
         if bad.any():
             raise RunError(f"{what} of {name} is not finite at sample {int(np.argmax(bad))}: remove such samples first")
-    notes = (f"the base of the robot rests; {source.topic} moves frame '{declared.urdf_frame}' of {declared.urdf}",)
-    if velocity.shape[1]:
+    chain.check_units((instants - instants[0]) / NANOSECONDS, position, velocity, name)
+    notes: tuple[str, ...] = (
+        f"the base of the robot rests; {source.topic} moves frame '{declared.urdf_frame}' of {declared.urdf}",
+    )
+    if gravity is None:
+        notes = (*notes, UNJUDGED)
+    if velocity.shape[1] and gravity is None:
         white = (f"the noise of the velocities in {source.topic} is white",)
         return Motion(_channel(source, chain.angular_velocity(position, velocity)), notes=(*notes, *white))
 
-    def turn(uniform: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         taps = differentiator(uniform, rate, name, band=band)
-        kernel = np.concatenate([-taps[::-1], [0.0], taps])
-        slope = np.stack([np.convolve(column, kernel[::-1], "valid") for column in uniform.T], axis=1)
-        inner = uniform[len(taps) : len(uniform) - len(taps)]
+        slope, inner = _slope(uniform, taps), uniform[len(taps) : len(uniform) - len(taps)]
         of_joints = np.sqrt(np.mean(np.diff(uniform, 4, axis=0) ** 2, axis=0) / 70)
-        return chain.angular_velocity(inner, slope), chain.spread(inner, of_joints), taps
+        sigma, force = chain.spread(inner, of_joints), None
+        if gravity is not None:
+            curve, within = _slope(slope, taps), slice(len(taps), len(inner) - len(taps))
+            inner, slope = inner[within], slope[within]
+            force = chain.specific_force(inner, slope, curve, gravity)
+        return Differentiated(chain.angular_velocity(inner, slope), sigma, taps, force)
 
     differentiated = _differentiated(source, position, instants, turn, name, "its joints' positions")
+    if gravity is not None:
+        size = float(np.linalg.norm(gravity))
+        notes = (*notes, f"the specific force is that of the joints' positions, with gravity of {size:.6g} m/s²")
     return Motion(differentiated.imu, differentiated.noise, (*notes, *differentiated.notes), differentiated.warnings)
 
 
-Turn = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray, np.ndarray]]
+def _slope(uniform: np.ndarray, taps: np.ndarray) -> np.ndarray:
+    """The derivative of uniform samples, without as many at either end as there are taps."""
+    kernel = np.concatenate([-taps[::-1], [0.0], taps])
+    return np.stack([np.convolve(column, kernel[::-1], "valid") for column in uniform.T], axis=1)
+
+
+Turn = Callable[[np.ndarray, float], Differentiated]
 
 
 def _differentiated(
@@ -141,8 +173,8 @@ def _differentiated(
     instants, values, stamp = instants[fresh], values[fresh], source.stamp[fresh]
     t, uniform, missing = _uniform((instants - start) / NANOSECONDS, values, name)
     rate = (len(t) - 1) / float(t[-1] - t[0])
-    omega, sigma, taps = turn(uniform, rate)
-    half = len(taps)
+    told = turn(uniform, rate)
+    half = (len(t) - len(told.omega)) // 2
     near = np.convolve(missing, np.ones(2 * half + 1), "same") > 0.5
     inner = slice(half, len(t) - half)
     clear = ~near[inner]
@@ -150,12 +182,11 @@ def _differentiated(
         raise RunError(f"fewer than two samples of {name} outside its gaps: record without gaps")
     grid = (start + np.round(t[inner][clear] * NANOSECONDS)).astype(np.int64)
     stamped = bool((instants == stamp).all())
-    omega = omega[clear]
-    imu = ImuChannel(
-        source.topic, source.frame_id, grid, grid if stamped else np.zeros_like(grid), omega, np.zeros_like(omega)
-    )
-    note = f"the angular velocity is that of {source.topic}, by a fit over {(2 * half + 1) / rate:.3g} s of {what}"
-    return Motion(imu, ShapedNoise(sigma, taps, rate), (f"{note}, whose noise is white",))
+    omega, window = told.omega[clear], (2 * len(told.taps) + 1) / rate
+    force = np.zeros_like(omega) if told.specific_force is None else told.specific_force[clear]
+    imu = ImuChannel(source.topic, source.frame_id, grid, grid if stamped else np.zeros_like(grid), omega, force)
+    note = f"the angular velocity is that of {source.topic}, by a fit over {window:.3g} s of {what}"
+    return Motion(imu, ShapedNoise(told.sigma, told.taps, rate), (f"{note}, whose noise is white",))
 
 
 def _uniform(t: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""How fast a link of a robot turns, from its joints: a URDF through the optional package Pinocchio."""
+"""How a link of a robot moves, from its joints: a URDF through the optional package Pinocchio."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +11,9 @@ from rig.exceptions import listed, quoted
 from uq.experiment.recording_table import Recording
 from uq.files.document import ExperimentError
 from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
+
+UNLIKE = 0.3
+"""Departure from one, of recorded velocities over the rate of recorded positions, that no noise or delay makes."""
 
 
 @dataclass(frozen=True)
@@ -65,15 +68,45 @@ class Chain:
         """Return the angular Jacobian in the frame's own axes at recorded positions (k,), (3, joints)."""
         import pinocchio
 
-        q = pinocchio.neutral(self.model)
-        for number, k in self.joints:
-            at = self.model.joints[number].idx_q
-            if self.model.joints[number].nq == 2:  # a continuous joint, which Pinocchio keeps as cosine and sine
-                q[at], q[at + 1] = np.cos(position[k]), np.sin(position[k])
-            else:
-                q[at] = position[k]
+        q = self._configuration(position)
         full = pinocchio.computeFrameJacobian(self.model, self.data, q, self.frame, pinocchio.LOCAL)
-        return np.asarray(full[3:, [self.model.joints[number].idx_v for number, _ in self.joints]])
+        return np.asarray(full[3:, self._moving])
+
+    def check_units(self, t: np.ndarray, position: np.ndarray, velocity: np.ndarray, name: str) -> None:
+        """Refuse positions far beyond the URDF's limits, and velocities that are not their rate: units are mixed up.
+
+        Args:
+            t: instants [s], (n,), increasing.
+            position: of the recorded joints, (n, k).
+            velocity: of them, (n, k), or (n, 0).
+            name: what messages call them.
+
+        Raises:
+            RunError: so it is.
+        """
+        for number, k in self.joints:
+            if self.model.joints[number].nq != 1:
+                continue
+            at = self.model.joints[number].idx_q
+            low, high = float(self.model.lowerPositionLimit[at]), float(self.model.upperPositionLimit[at])
+            reached = float(max(low - position[:, k].min(), position[:, k].max() - high))
+            if np.isfinite(high - low) and high > low and reached > high - low:
+                least, most = position[:, k].min(), position[:, k].max()
+                raise RunError(
+                    f"joint {quoted(self.model.names[number])} of {name} goes from {least:.4g} to {most:.4g}, far "
+                    f"beyond its limits in the URDF, {low:.4g} to {high:.4g}: record positions in rad or m"
+                )
+        columns = [k for _, k in self.joints]
+        if velocity.shape[1]:
+            travelled = np.diff(position[:, columns], axis=0)
+            said = 0.5 * (velocity[1:] + velocity[:-1])[:, columns] * np.diff(t)[:, None]
+            power = float((travelled**2).sum())
+            ratio = float((said * travelled).sum()) / power if power > 0 else 1.0
+            if abs(ratio - 1) > UNLIKE:
+                raise RunError(
+                    f"velocities of {name} are {ratio:.3g} times the rate of its positions: record both in rad and "
+                    "rad/s, of the same joints, or remove the velocities"
+                )
 
     def angular_velocity(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Return the frame's angular velocity in its own axes [rad/s], (n, 3), of recorded joints (n, k)."""
@@ -81,9 +114,51 @@ class Chain:
         rows = zip(position, velocity[:, columns], strict=True)
         return np.array([self.jacobian(at) @ speed for at, speed in rows]).reshape(-1, 3)
 
+    def specific_force(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, gravity: np.ndarray
+    ) -> np.ndarray:
+        """Return what an accelerometer at the frame's origin reads, in the frame's own axes [m/s²], (n, 3).
+
+        Args:
+            position: of the recorded joints, (n, k).
+            velocity: the same.
+            acceleration: the same.
+            gravity: along the axes of the base, which rests [m/s²].
+        """
+        import pinocchio
+
+        columns, readings = [k for _, k in self.joints], np.empty((len(position), 3))
+        speed, slope = np.zeros((2, self.model.nv))
+        for k in range(len(position)):
+            speed[self._moving], slope[self._moving] = velocity[k, columns], acceleration[k, columns]
+            pinocchio.forwardKinematics(self.model, self.data, self._configuration(position[k]), speed, slope)
+            pinocchio.updateFramePlacement(self.model, self.data, self.frame)
+            of_frame = self.model, self.data, self.frame, pinocchio.LOCAL
+            turn = self.data.oMf[self.frame].rotation
+            readings[k] = pinocchio.getFrameClassicalAcceleration(*of_frame).linear - turn.T @ gravity
+        return readings
+
     def spread(self, position: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the frame's angular noise on each axis, root mean square, of the joints' own noise (k,)."""
         of_joints = sigma[[k for _, k in self.joints]]
         step = max(len(position) // 200, 1)
         squares = [self.jacobian(at) ** 2 @ of_joints**2 for at in position[::step]]
         return np.sqrt(np.mean(squares, axis=0))
+
+    @property
+    def _moving(self) -> list[int]:
+        """Where the model has the speeds of the joints that move the frame."""
+        return [self.model.joints[number].idx_v for number, _ in self.joints]
+
+    def _configuration(self, position: np.ndarray) -> np.ndarray:
+        """The model's configuration at recorded positions (k,)."""
+        import pinocchio
+
+        q = pinocchio.neutral(self.model)
+        for number, k in self.joints:
+            at = self.model.joints[number].idx_q
+            if self.model.joints[number].nq == 2:  # a continuous joint, which Pinocchio keeps as cosine and sine
+                q[at], q[at + 1] = np.cos(position[k]), np.sin(position[k])
+            else:
+                q[at] = position[k]
+        return np.asarray(q)

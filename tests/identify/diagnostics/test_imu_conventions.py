@@ -5,6 +5,7 @@ import pytest
 
 from identify.diagnostics.convention_sums import ImuSignal
 from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
+from tests import wrist_runs
 from tests.spoiled_runs import other_body
 from tests.thrown_bodies import throw
 
@@ -29,3 +30,14 @@ def test_a_body_at_rest_does_not_fall():
     still = np.zeros((1000, 3))
     for size in (9.81, 1.0):
         assert not in_free_fall(ImuSignal(np.arange(1000) / 200, still, still + [0.0, 0.0, size]))
+
+
+def test_a_gyro_in_degrees_on_an_arm_that_accelerates_is_named():
+    """The accelerometer stands 0.3 m off: a fifth of what it reads is not gravity, which makes it turn more, not less."""
+    t, _, _, omega, specific = wrist_runs.signals()
+    alpha, lever = np.gradient(omega, t, axis=0), np.array([0.3, 0, 0])
+    read = specific + np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
+    size = np.linalg.norm(read, axis=1)
+    assert np.median(np.abs(size - np.median(size))) > 0.05 * np.median(size)
+    assert "deg/s" in wrong_units(ImuSignal(t, np.degrees(omega), read))
+    assert wrong_units(ImuSignal(t, omega, read)) == {}

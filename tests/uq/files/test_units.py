@@ -1,11 +1,12 @@
 """Values with units."""
 
 import math
+import re
 
 import pint
 import pytest
 
-from uq.files.units import USUAL, UnitError, quantity
+from uq.files.units import USUAL, UnitError, quantity, scale
 
 
 @pytest.mark.parametrize(
@@ -66,6 +67,39 @@ def test_a_value_is_converted_once(text, unit, value):
 def test_what_is_not_a_value_of_that_dimension_is_refused(text, unit):
     with pytest.raises(UnitError, match="write"):
         quantity(text, unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "meant"),
+    [
+        ("5 Nm", "N*m", "N*m"),
+        ("5 nm", "N*m", "N*m"),  # a nanometre is a unit, of another dimension
+        ("5 Nmm", "N*m", "N*mm"),
+        ("5 kgm2", "kg*m^2", "kg*m^2"),
+        ("5 gm^2", "kg*m^2", "g*m^2"),
+        ("5 Newton", "N", "newton"),
+        ("5 MM", "m", "mm"),
+        ("5 dge/s", "rad/s", "deg/s"),
+        ("5 m/s2", "m/s^2", "m/s^2"),
+    ],
+)
+def test_a_misspelt_unit_is_recognised(text, unit, meant):
+    with pytest.raises(UnitError, match=rf"did you mean {re.escape(meant)}\? write "):
+        quantity(text, unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"), [("5 Hz", "rad/s"), ("5 N", "N*m"), ("5 bananas", "N"), ("5", "m"), ("", "m"), ("inf m", "m")]
+)
+def test_nothing_is_guessed_of_what_is_like_no_unit(text, unit):
+    with pytest.raises(UnitError) as error:
+        quantity(text, unit)
+    assert "did you mean" not in str(error.value)
+
+
+def test_the_name_of_a_unit_alone_has_the_hint_too():
+    with pytest.raises(UnitError, match=r"is 'Nm': did you mean N\*m\? write the name of a unit"):
+        scale("Nm", "N*m")
 
 
 @pytest.mark.parametrize(("name", "unit"), USUAL)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from identify.signals.differentiate import matched
 from identify.signals.run import RunError
 from tests.recordings import Signals, about, declare, write
 from tests.scene import record
@@ -215,6 +216,18 @@ def test_a_motion_that_the_slower_sensor_cannot_follow_is_refused(folder, short,
     fast = dataclasses.replace(declare(short), estimators=(dataclasses.replace(short.estimators[1], band=60.0),))
     with pytest.raises(RunError, match="reaches 60 Hz, beyond the Nyquist frequency 50 Hz of /imu"):
         identify_files([path], fast)
+
+
+@pytest.mark.parametrize("method", ["source", "joint"])
+def test_a_band_too_high_for_the_rate_names_the_highest(folder, short, signals, method):
+    path = write(folder / f"{method}.mcap", signals)
+    high = dataclasses.replace(declare(short), estimators=(dataclasses.replace(short.estimators[1], band=25.0),))
+    with pytest.raises(RunError, match=r"400 Hz, too few .* of 25 Hz, the band .* at most 1\d\.\d Hz") as refused:
+        identify_files([path], high, method=method)
+    highest = float(str(refused.value).split("at most ")[1].split(" Hz")[0])
+    assert matched(400.0, 0.99 * highest).size == 3 - 1
+    with pytest.raises(ValueError, match="high enough"):
+        matched(400.0, 1.01 * highest)
 
 
 # The part that counts.

@@ -200,3 +200,12 @@ def test_the_line_names_the_largest_against_its_interval(half, said):
     line = NotIncluded(effects).line(interval)
     assert line.startswith("not included: gain of the moment, at a typical 0.5 %, which would add 1.0 g·m² ")
     assert said in line
+
+
+def test_the_line_names_a_mass_that_is_estimated():
+    """Six grams are little beside the tensor's, and twelve times the half-width of the mass's own interval."""
+    effects = (Effect("force_gain", "gain of the force", "0.5 %", 1e-3 * np.array([6.0] + [0] * 3 + [1.0] * 6), False),)
+    interval = 1e-3 * np.full((6, 1), 0.2) * [-1, 1]
+    line = NotIncluded(effects).line(interval, np.array([0.5e-3, 1e-5, 1e-5, 1e-5]))
+    assert "6.0 g to the mass, more than the half-width of its interval, 0.50 g; see" in line
+    assert "to I11" in NotIncluded(effects).line(interval)  # a mass that is declared is none of the estimate's

@@ -57,7 +57,7 @@ def test_intervals_of_thrown_bodies_hold_their_geometry(thrown, experiment):
         alone = identify(
             run, r_cg=experiment.stated_r_cg, estimator=experiment.estimator(), offsets=experiment.recording.offsets
         )
-        low, high = with_declared_sources(alone, [run], experiment).interval95.T
+        low, high = with_declared_sources(alone, [run], experiment, trials=2000).interval95.T
         covered.append((low <= truth) & (truth <= high))
     print(dict(zip(COMPONENTS, np.mean(covered, axis=0).round(3), strict=True)))
     assert (np.mean(covered, axis=0) >= 0.9).all()

@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identify.diagnostics.convention_sums import WrenchSignal
+from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
+from tests import wrist_runs
 from tests.spoiled_runs import SPOILED, T1, declared, other_body, sensors
 from tests.thrown_bodies import throw
 from uq.cli.main import main
@@ -126,3 +127,33 @@ def test_the_command_takes_an_experiment(tmp_path, capsys):
     assert main(["inspect", str(path), "--experiment", str(text[0])]) == 0
     assert main(["inspect", str(path), "--experiment", str(text[1])]) == 2
     assert capsys.readouterr().err.startswith("error: ")
+
+
+def wrist_findings(change=lambda force, moment, specific: (force, moment)):
+    """Of a payload that an arm turns all ways, with offsets of the sensor as large as a tenth of its weight."""
+    of_run = wrist_runs.run(change)
+    known = Declared(mass=wrist_runs.MASS, r_cg=wrist_runs.R_CG, sigma_r_cg=np.full(3, 1e-3))
+    imu = ImuSignal(of_run.t, of_run.omega, of_run.specific_force)
+    wrench = WrenchSignal(of_run.t, of_run.force, of_run.moment)
+    return wrench_findings(wrench, imu, known, wrench_topic="wrench", imu_topic="imu")
+
+
+def test_an_arm_that_turns_all_ways():
+    """Neither the sensor's zero nor the small mean of gravity feigns another mass."""
+    assert wrist_findings() == []
+    (sign,) = wrist_findings(lambda force, moment, _: (-force, -moment))
+    assert 'wrench = "on_sensor"' in sign.text
+    kilograms = wrist_findings(lambda force, moment, _: (force / 9.80665, moment / 9.80665))
+    assert 'force_unit = "kgf"' in kilograms[0].text
+    weight = wrist_runs.MASS
+    removed = wrist_findings(lambda force, moment, specific: (force - weight * specific, moment))
+    assert [finding.kind for finding in removed] == ["weight"]
+
+
+def test_a_moments_unit_is_that_which_puts_the_centre_where_it_is_declared():
+    """Ten times the moment is near kgf·cm, and neither N·mm nor N·cm; three times is near none."""
+    (tenfold,) = wrist_findings(lambda force, moment, _: (force, 10 * moment))
+    assert "10.20 times as far" in tenfold.text
+    assert 'moment_unit = "kgf*cm"' in tenfold.text
+    (threefold,) = wrist_findings(lambda force, moment, _: (force, 3 * moment))
+    assert threefold.kind == "point"

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("few_draws")
 def turns():
     """45° about an axis, then angles from 12° to 180° about axes in any direction; every fifth with the wrench reversed."""
     draw = np.random.default_rng(11)
-    for number in range(14):
+    for number in range(10):
         axis = draw.normal(size=3)
         vector = np.radians(draw.uniform(12, 180)) * axis / np.linalg.norm(axis)
         vector = np.array([0.0, 0.0, np.pi / 4]) if number == 0 else vector

@@ -4,6 +4,8 @@ MuJoCo computes the wrist's force and moment, and Pinocchio, from a URDF of the 
 libraries that know nothing of one another.
 """
 
+import json
+
 import mujoco
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from tests.bags import STORE, header, wrench, write_rosbag2
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.identification.identify_files import identify_files
-from uq.recorded.load_run import load_run
+from uq.recorded.load_run import load, load_run
 
 AXES = ["0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1"]
 OFFSETS = ["0 0 0.33", "0 0 0.10", "0 0 0.20", "0.08 0 0.10", "-0.08 0 0.30", "0.02 0 0.05", "0.09 0 0.10"]
@@ -36,7 +38,8 @@ def mjcf():
         inner = f'<body pos="{offset}"><joint name="{name}" axis="{axis}"/>{link}{inner}</body>'
     return (
         '<mujoco><option gravity="0 0 -9.81" integrator="RK4"/><compiler angle="radian" eulerseq="XYZ"/>'
-        f'<worldbody>{inner}</worldbody><sensor><force site="wrist"/><torque site="wrist"/></sensor></mujoco>'
+        f'<worldbody>{inner}</worldbody><sensor><force site="wrist"/><torque site="wrist"/>'
+        '<accelerometer site="wrist"/></sensor></mujoco>'
     )
 
 
@@ -60,7 +63,7 @@ def urdf(kinds=None):
 
 @pytest.fixture(scope="module")
 def swing():
-    """Time, joints' positions and velocities, force and moment on the payload at the wrist."""
+    """Time, joints' positions and velocities; force and moment on the payload, and specific force, at the wrist."""
     model = mujoco.MjModel.from_xml_string(mjcf())
     data = mujoco.MjData(model)
     t = np.arange(round(RATE * SECONDS)) / RATE
@@ -86,19 +89,22 @@ def write(path, swing, *, velocities=True, noise=0.0, names=NAMES):
         velocity = v[k] if velocities else np.zeros(0)
         joints = STORE.types[kind](header(STORE, time, ""), ["finger", *names], q[k], velocity, np.zeros(0))
         name = "geometry_msgs/msg/WrenchStamped"
-        stamped = STORE.types[name](header(STORE, time, "wrist"), wrench(STORE, readings[k, :3], readings[k, 3:]))
+        stamped = STORE.types[name](header(STORE, time, "wrist"), wrench(STORE, readings[k, :3], readings[k, 3:6]))
         items += [(time, "/joint_states", kind, joints), (time, "/wrist", name, stamped)]
     write_rosbag2(path, items)
     return path
 
 
-def experiment(folder, text=None, **declared):
+UNKNOWN = '[[source]]\nname = "r"\ntarget = "r_cg"\nkind = "bias"\nsigma = ["0.1 m", "0.1 m", "0.1 m"]\ngroup = "cg"\n'
+
+
+def experiment(folder, text=None, r_cg=R_CG, sources="", **declared):
     text = urdf() if text is None else text
     (folder / "arm.urdf").write_bytes(text if isinstance(text, bytes) else text.encode())
     keys = {"urdf": "arm.urdf", "urdf_frame": "tool", "wrench": "on_body"} | declared
-    lines = "".join(f'{key} = "{value}"\n' for key, value in keys.items() if value is not None)
+    lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items() if value is not None)
     (folder / "e.toml").write_text(
-        f'[body]\nr_cg_from_q = ["{R_CG[0]} m", "{R_CG[1]} m", "{R_CG[2]} m"]\n'
+        f'[body]\nr_cg_from_q = ["{r_cg[0]} m", "{r_cg[1]} m", "{r_cg[2]} m"]\n{sources}'
         f'[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "6 Hz"\n[recording]\n{lines}'
     )
     return Experiment.load(folder / "e.toml")
@@ -115,6 +121,7 @@ def test_the_payloads_tensor(tmp_path, swing, velocities, kind):
     said = " ".join(result.assumptions)
     assert "base of the robot rests" in said
     assert ("velocities in /joint_states is white" in said) == velocities
+    assert "nothing judges its sign, units, axes and weight without recording.urdf_gravity" in said
 
 
 def test_encoders_with_noise_are_within_a_percent_and_their_bias_is_stated(tmp_path, swing):
@@ -124,6 +131,51 @@ def test_encoders_with_noise_are_within_a_percent_and_their_bias_is_stated(tmp_p
     np.testing.assert_allclose(result.inertia[[0, 3, 5]], moments, rtol=0.01)
     off = np.abs(result.inertia[[0, 3, 5]] - moments - result.bias[[0, 3, 5]])
     assert (off < 4 * result.standard_uncertainty[[0, 3, 5]] + 2e-4 * moments).all()
+
+
+GRAVITY = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]
+
+
+@pytest.mark.parametrize(("velocities", "kind"), [(True, "revolute"), (False, "continuous")])
+def test_the_specific_force_of_the_joints_is_that_of_an_accelerometer(tmp_path, swing, velocities, kind):
+    """MuJoCo's; the differentiator passes 6 Hz within 1e-3, twice."""
+    path = write(tmp_path / "bag", swing, velocities=velocities)
+    recording = experiment(tmp_path, urdf({"arm_3": kind}), urdf_gravity=GRAVITY).recording
+    recorded = load(path, recording, band=6.0)
+    run = recorded.run
+    assert run.specific_force is not None
+    expected = swing[3][np.round(run.t * RATE).astype(int), 6:]
+    assert len(expected) > 3500
+    np.testing.assert_allclose(run.specific_force, expected, atol=0.01)
+    assert "with gravity of 9.81 m/s²" in " ".join(recorded.assumptions)
+
+
+@pytest.mark.usefixtures("unjudged")
+def test_joints_and_wrench_tell_ten_parameters(tmp_path, swing):
+    """Without an IMU; the centre of gravity is declared 20 mm off, and hardly."""
+    exact = {"sigma_delay": "0 s", "sigma_rotation": "0 deg", "sigma_gyro_bias": "0 rad/s"}
+    exact |= {"sigma_accelerometer_bias": "0 m/s^2"}
+    declared = experiment(tmp_path, None, R_CG + 0.02, UNKNOWN, urdf_gravity=GRAVITY, **exact)
+    result = identify_files([write(tmp_path / "bag", swing, noise=2e-6)], declared, method="joint")
+    np.testing.assert_allclose(result.mass, MASS, rtol=1e-3)
+    np.testing.assert_allclose(result.r_cg, R_CG, atol=5e-5)
+    expected = TENSOR[np.triu_indices(3)]
+    np.testing.assert_allclose(result.inertia, expected, atol=3e-3 * expected[5])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda q, v: (np.degrees(q), np.degrees(v)), "joint 'arm_1' of .* goes from .* record positions in rad"),
+        (lambda q, v: (q, np.degrees(v)), "velocities of .* are 57.3 times the rate of its positions"),
+        (lambda q, v: (q, v * [1, 1, 1, 1, 1, -1, 1]), "velocities of .* the rate"),
+    ],
+)
+def test_units_that_contradict_the_robot(tmp_path, swing, change, words):
+    t, q, v, readings = (part[:1000] for part in swing)
+    path = write(tmp_path / "bag", (t, *change(q, v), readings))
+    with pytest.raises(RunError, match=words):
+        load_run(path, experiment(tmp_path).recording)
 
 
 @pytest.mark.parametrize(
@@ -140,6 +192,7 @@ def test_encoders_with_noise_are_within_a_percent_and_their_bias_is_stated(tmp_p
         ({}, urdf().replace('axis xyz="0 -1 0"', 'axis xyz="0 1e308 0"'), "no direction in the axis of joint 'arm_4'"),
         ({}, urdf().replace("arm_1", "arm\N{DEGREE SIGN}").encode("latin-1"), "no URDF .*arm.urdf"),
         ({"angular_velocity_unit": "deg/s"}, None, "remove recording.angular_velocity_unit"),
+        ({"acceleration_unit": "g"}, None, "remove recording.acceleration_unit"),
     ],
 )
 def test_a_robot_that_cannot_be_used(tmp_path, swing, declared, text, words, capfd):

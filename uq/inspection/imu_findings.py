@@ -1,0 +1,37 @@
+"""What an IMU's signals say of its units and axes, and the line of the experiment file that cures it."""
+
+from collections.abc import Iterator
+
+from identify.diagnostics.convention_sums import ImuSignal
+from identify.diagnostics.imu_conventions import accelerometer_axes, wrong_units
+from rig.inspection.channel_health import Finding
+from uq.inspection.rotation_findings import axes_text
+
+STANDARD_GRAVITY = 9.80665  # m/s²
+
+
+def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Finding]:
+    """Findings on an IMU's units and axes from its signals alone."""
+    wrong = wrong_units(imu)
+    if "g" in wrong:
+        yield Finding(
+            "unit",
+            topic,
+            f"acceleration is {wrong['g']:.3f} in the median: in g? it must be in m/s^2 (times {STANDARD_GRAVITY}): "
+            'set acceleration_unit = "g" in [recording]',
+        )
+    if "deg/s" in wrong:
+        yield Finding(
+            "unit",
+            topic,
+            f"gravity turns {wrong['deg/s']:.0f} times less than the gyro says: in deg/s? it must be in rad/s: "
+            'set angular_velocity_unit = "deg/s" in [recording]',
+        )
+    axes = accelerometer_axes(imu)
+    if axes is not None:
+        yield Finding(
+            "axes",
+            topic,
+            "gravity turns as the gyro says only if the accelerometer's axes are the gyro's "
+            f"({axes_text(axes)[1:-1]}): swapped axes",
+        )
