@@ -1,4 +1,4 @@
-"""The errors of a caller's mistake, in one line: a run that cannot be used, an unknown name, an unnamed argument."""
+"""The errors of a caller's mistake, in one line."""
 
 import os
 from collections.abc import Callable, Iterable

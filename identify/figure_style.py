@@ -1,4 +1,4 @@
-"""How figures look: sizes, colours, names. Drawn at the width of a journal's column or page (3.5 and 7.2 in).
+"""Sizes, colours and names of figures, as wide as a journal's column or page (3.5 and 7.2 in).
 
 In Okabe and Ito's colours, which colour-blind readers tell apart. Matplotlib is imported when a figure is drawn.
 """

@@ -1,4 +1,4 @@
-"""What every result tells, of which terminal, notebook, JSON, DataFrame and report are made: tables and figures.
+"""Tables and figures of every result, for terminal, notebook, JSON, DataFrame and report.
 
 A result is a dataclass that inherits :class:`Result` and says its ``tables()``; it may say its ``drawings()``, its
 ``records()`` (the bare numbers) and what its ``section()`` of a report holds beside them.

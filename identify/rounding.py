@@ -1,4 +1,4 @@
-"""How numbers are printed: to the digits that their uncertainty has (GUM 7.2.6), and never with an exponent.
+"""How numbers are printed: to the digits that their uncertainty has (GUM 7.2.6).
 
 Terminal, notebook, page and figure print numbers by these functions; JSON and DataFrames hold all digits. A value comes
 as "374.9 ± 4.9", or in concise notation as "374.9(4.9)"; below one the parentheses hold the last digits: "5.020(11)".

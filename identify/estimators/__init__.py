@@ -1,1 +1,1 @@
-"""Gram sums, least squares, generalised least squares, offsets, admissible tensors, pooling."""
+"""Gram sums, (generalised) least squares, offsets, admissible tensors, pooling."""

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, features
-from identify.signals.differentiate import derivative
+from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
 from identify.signals.run import Run, RunError
@@ -43,14 +43,8 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
     Raises:
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
-    try:
-        taps, smoothing, needed = (
-            estimator.taps(run.rate),
-            estimator.filter_taps(run.rate),
-            estimator.lost(run.rate) + 3,
-        )
-    except ValueError as error:
-        raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
+    check_rate(run, estimator)
+    taps, smoothing, needed = estimator.taps(run.rate), estimator.filter_taps(run.rate), estimator.lost(run.rate) + 3
     if len(run.t) < needed:
         raise RunError(
             f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
@@ -65,6 +59,24 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
         )
     half = (len(run.t) - phi.shape[1]) // 2
     return Rows(phi[:, keep], force[:, keep], moment[:, keep], unbroken(keep), half + keep)
+
+
+def check_rate(run: Run, estimator: EstimatorSpec) -> None:
+    """Refuse a run whose rate is too low, or too high, for an estimator.
+
+    Raises:
+        RunError: so it is.
+    """
+    try:
+        estimator.taps(run.rate), estimator.filter_taps(run.rate)
+    except ValueError as error:
+        highest = 0.0 if estimator.window or estimator.band is None else highest_band(run.rate)
+        if estimator.band is None or not 0 < highest < estimator.band:
+            raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
+        raise RunError(
+            f"{run.name} has {run.rate:.6g} Hz, too few to differentiate a motion of {estimator.band:g} Hz, the band "
+            f"of estimator '{estimator.name}': record faster, or state the motion's band, here at most {highest:.3g} Hz"
+        ) from None
 
 
 def unbroken(keep: np.ndarray) -> tuple[slice, ...]:

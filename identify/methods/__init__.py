@@ -1,4 +1,4 @@
-"""Estimators, one file each: from runs and priors to the tensor. A new estimator is one new file.
+"""Estimators, one file each: from runs and priors to the tensor.
 
 The name of the file is the method's in ``identify(..., method=)``, ``recording.method`` and ``--method``.
 """

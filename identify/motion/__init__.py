@@ -1,1 +1,1 @@
-"""Motions of the platform: trajectories, the six legs and their limits, periodic and staged motions, the optimiser."""
+"""Motions of the platform: trajectories, legs and their limits, the optimiser."""

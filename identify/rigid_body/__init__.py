@@ -1,1 +1,1 @@
-"""The rigid body: tensor, rotations, Newton and Euler, the regressor Omega_R, simple solids, the fixture."""
+"""Tensor, rotations, Newton and Euler, the regressor Omega_R, solids, the fixture."""

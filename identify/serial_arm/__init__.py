@@ -1,1 +1,1 @@
-"""Serial arms: how joints move the tool, what drives them, what a wrist sensor learns of the payload."""
+"""Serial arms: kinematics, efforts, what a wrist sensor learns of the payload."""

@@ -1,1 +1,1 @@
-"""Sampled signals of a run: resampling, differentiation, filters, spectra, segments that move or rest."""
+"""Sampled signals: resampling, differentiation, filters, spectra, moving segments."""

@@ -90,6 +90,15 @@ def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
     return best
 
 
+def highest_band(rate: float, order: int = 4) -> float:
+    """Return the highest band [Hz] for which :func:`matched` has a differentiator at a sample rate [Hz]."""
+    low, high = 0.0, rate / 2
+    for _ in range(20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _keeps_gain(rate, (order + 1 + order % 2) // 2, order, middle) else (low, middle)
+    return low
+
+
 def derivative(signal: Float[Array, "3 n"], taps: Float[Array, " h"]) -> Float[Array, "3 m"]:
     """Apply a differentiator to component-first samples; ``h`` samples at either end have no derivative: m = n - 2h."""
     h = taps.shape[0]

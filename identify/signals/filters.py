@@ -1,5 +1,7 @@
 """Low-pass filters without phase, for both sides of the regression; and the band of a recorded motion."""
 
+from typing import Literal
+
 import numpy as np
 import scipy
 from jaxtyping import Float
@@ -76,6 +78,27 @@ def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Arr
 
     filtered = lambda signal: fftconvolve(signal, taps.astype(signal.dtype), mode="valid")  # noqa: E731
     return jax.vmap(filtered)(signals)
+
+
+def moving_average(
+    signal: Float[np.ndarray, "n *k"], width: int, *, ends: Literal["symmetric", "edge"] = "symmetric"
+) -> Float[np.ndarray, "n *k"]:
+    """Return the mean of ``width`` samples about each, one more before than after where that is even.
+
+    In blocks as long as the window, each of which is the end of one block and the beginning of the next: no sum is of
+    more samples than that, so that large ones do not spoil small ones far off. SciPy's takes longer to import.
+
+    Args:
+        signal: samples first.
+        width: of the window.
+        ends: what stands for samples before the first and after the last: the signal mirrored, or its last value.
+    """
+    before, blocks = width // 2, -(-len(signal) // width) + 1
+    beyond = [(before, blocks * width - len(signal) - before), *[(0, 0)] * (signal.ndim - 1)]
+    tiles = np.pad(signal, beyond, ends).reshape(blocks, width, *signal.shape[1:])
+    left = np.cumsum(tiles[:-1, ::-1], axis=1)[:, ::-1]
+    right = np.cumsum(tiles[1:], axis=1) - tiles[1:]
+    return np.asarray((left + right).reshape(-1, *signal.shape[1:])[: len(signal)] / width)
 
 
 def thinned(signal: Float[np.ndarray, "n k"], step: int) -> Float[np.ndarray, "m k"]:

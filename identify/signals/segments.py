@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Bool, Float
 
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
-from identify.signals.filters import thinned
+from identify.signals.filters import moving_average, thinned
 from identify.signals.welch import welch
 
 SMOOTHING = 0.1
@@ -35,6 +34,8 @@ MISFIT = 1e-4
 
 STEADY = 3.0
 """Variation of a steady signal over that of its quietest quarter, at most."""
+ROUNDING = 1e-7
+"""Variation of a steady signal over its largest value that a difference of squares may feign."""
 PER_SAMPLE = 4.0
 """Thinned-out samples that count as one independent."""
 
@@ -80,7 +81,7 @@ def still(
     for signal in (omega, *others) if rests.any() else ():
         spread = _mean_and_spread(rate, signal)[1]
         quiet = np.quantile(spread[rests], 0.25)
-        rests = rests & (spread <= STEADY * quiet + 1e-12 * np.abs(signal).max())
+        rests = rests & (spread <= STEADY * quiet + ROUNDING * np.abs(signal).max())
         if not rests.any():
             break
     return tuple(segment for segment in _segments(rate, rests) if segment.seconds >= shortest)
@@ -138,13 +139,10 @@ def _moves(rate: float, omega: np.ndarray) -> Bool[np.ndarray, " n"]:
 def _mean_and_spread(rate: float, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of the smoothed signal about each sample, over the window: mean (n, 3) and standard deviation (n,)."""
     n = len(signal)
-    smooth = _average(signal - signal.mean(axis=0), min(n, round(SMOOTHING * rate)))
-    mean, square = (_average(values, min(n, round(WINDOW * rate))) for values in (smooth, smooth**2))
+    briefly, window = (int(np.clip(round(seconds * rate), 1, n)) for seconds in (SMOOTHING, WINDOW))
+    smooth = moving_average(signal - signal.mean(axis=0), briefly)
+    mean, square = moving_average(smooth, window), moving_average(smooth**2, window)
     return mean + signal.mean(axis=0), np.sqrt(np.maximum(square - mean**2, 0).sum(axis=1))
-
-
-def _average(signal: np.ndarray, width: int) -> np.ndarray:
-    return scipy.ndimage.uniform_filter1d(signal, max(width, 1), axis=0, mode="reflect")
 
 
 def _bias(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:

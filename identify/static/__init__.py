@@ -1,1 +1,1 @@
-"""Static poses: mass, centre of gravity and load-cell offsets, and the poses that determine them best."""
+"""Static poses: mass, centre of gravity, offsets, and the poses that tell most."""

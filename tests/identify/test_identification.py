@@ -235,7 +235,7 @@ def test_too_short_too_slow_and_no_runs_are_refused(short):
         identify([], r_cg=(0, 0, 0))
     with pytest.raises(RunError, match="fewer than the 41 that estimator 'smoothed' needs at 400 Hz"):
         identify(run.between(0.0, 0.05), r_cg=(0, 0, 0), estimator=SMOOTHED)
-    with pytest.raises(RunError, match="must be high enough to differentiate a motion of 100 Hz"):
+    with pytest.raises(RunError, match="400 Hz, too few to differentiate a motion of 100 Hz"):
         identify(run, r_cg=(0, 0, 0), estimator=EstimatorSpec("fast", "savitzky-golay", band=100.0))
 
 

@@ -1,1 +1,1 @@
-"""Monte Carlo campaigns: from an experiment to mean error and 3σ by case and estimator."""
+"""Monte Carlo campaigns: from an experiment to mean error and 3σ."""

@@ -27,6 +27,7 @@ from uq.trials.checkpoint import Checkpoint, code_digest
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engines import AnySetup, default_batch, how_computed, with_sobol_points
 from uq.trials.progress_bar import Progress, progress_of
+from uq.trials.trial_loop import default_devices
 
 __all__ = [
     "GRAM_METRE",
@@ -124,7 +125,7 @@ def montecarlo(
         raise ExperimentError(
             "sums are drawn (collapsed) in float64 only: leave dtype at float64, with JAX's float64 on"
         )
-    devices = list(devices or jax.devices())
+    devices = list(devices or default_devices())
     batch = batch or default_batch(devices[0], sampling)
     chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
     if not chosen:

@@ -1,1 +1,1 @@
-"""Gram sums under constant errors and noise: linear maps, exact moments, batched solutions."""
+"""Gram sums under constant errors and noise: exact moments, batched solutions."""

@@ -19,12 +19,14 @@ from uq.sources.constant_errors import effect
 from uq.sources.source import Source
 
 DEGREE = 6
+NEGLIGIBLE = 1e-6
+"""Powers whose effect, in parts of the delay's largest, is no larger are left out."""
 SIGMAS = 6.0
 """Standard deviations about the mean that the polynomial reaches: one draw in 5e8 is beyond."""
 
 
 class DelayedOmega(NamedTuple):
-    """What a delay adds to the angular velocity: ``Σ c_k (θ / reach)^k``, k = 1 … 6."""
+    """What a delay adds to the angular velocity: ``Σ c_k (θ / reach)^k``, k = 1 … 6 at most."""
 
     coefficients: Float[Array, "degree 3 n"]
     """Of each power, at each sample [rad/s]."""
@@ -60,7 +62,10 @@ def delayed_omega(trajectory: Trajectory, t: Float[Array, " n"], reach: float) -
     coefficients, off, largest = _fitted(
         trajectory, t, jnp.asarray(reach), points, between, np.linalg.inv(points[:, None] ** powers)
     )
-    return DelayedOmega(coefficients, jnp.asarray(reach), float(off) / max(float(largest), 1e-300))
+    sizes = np.abs(np.asarray(coefficients)).max(axis=(1, 2)) / max(float(largest), 1e-300)
+    degree = max([1, *(1 + np.flatnonzero(sizes > NEGLIGIBLE))])
+    remainder = float(off) / max(float(largest), 1e-300) + sizes[degree:].sum()
+    return DelayedOmega(coefficients[:degree], jnp.asarray(reach), float(remainder))
 
 
 @jax.jit

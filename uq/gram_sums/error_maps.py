@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identify.estimators.gram import shift_omega
 from identify.motion.trajectory import Motion
@@ -22,6 +22,7 @@ from identify.rigid_body.regressor import (
     ALPHA,
     FIRST_MOMENT_OF_FEATURES,
     OMEGA_R_OF_FEATURES,
+    PAIRS,
     Array,
     cross_matrix,
     features,
@@ -129,8 +130,6 @@ def gyro_map(errors: Errors) -> Float[Array, "3 3"]:
     return (1 + errors.gyro_scale)[:, None] * exponential(errors.gyro_misalignment).T
 
 
-PAIRS = ((0, 1), (0, 2), (1, 2))
-"""Axes of the features that are products of two."""
 ROWS, COLUMNS = np.eye(3)[[0, 1, 2, 0, 0, 1]], np.eye(3)[[0, 1, 2, 1, 2, 2]]
 """Select the first and the second axis of the products of two: a product with these is traced faster than indices."""
 TWICE = np.array([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
@@ -200,7 +199,7 @@ def changes_of_elements(
 ) -> list[Float[Array, "j n"]]:
     """Return what noise in omega adds to the elements that all estimators share, group by group.
 
-    Without ``gyro_mapped``, to omega, to its squares, and to its products 12, 13 and 23; else the noisy elements.
+    Without ``gyro_mapped``, to omega and to its products; else the noisy elements.
 
     Args:
         true: elements without noise, first those that all estimators share.
@@ -210,6 +209,11 @@ def changes_of_elements(
     omega = true[1:4]
     if gyro_mapped:
         return [noisy_elements(omega, true[ALPHA.start], noise)]
-    noisy = omega + noise
-    crossed = [omega[i : i + 1] * noise[j : j + 1] + noise[i : i + 1] * noisy[j : j + 1] for i, j in PAIRS]
-    return [noise, (2 * omega + noise) * noise, *crossed]
+    first, second = np.array(PAIRS).T[:, :, None]
+    added = _axes(omega, first) * _axes(noise, second) + _axes(noise, first) * _axes(omega + noise, second)
+    return [noise, added]
+
+
+def _axes(x: Float[Array, "3 n"], axis: Int[np.ndarray, "6 1"]) -> Float[Array, "6 n"]:
+    """Rows of x by a choice, which XLA joins with what it is used for; by an index it would not on a CPU."""
+    return jnp.where(axis == 0, x[:1], jnp.where(axis == 1, x[1:2], x[2:]))

@@ -6,6 +6,7 @@ the few instants that a differentiator joins. These sums over samples are taken 
 (:mod:`uq.gram_sums.sums_over_samples`); the moments for any size of the noise then follow in milliseconds.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -80,7 +81,9 @@ class ProductLayout(NamedTuple):
     noisy_columns: np.ndarray
     """The column of each of these."""
     columns: tuple[tuple[Monomial, tuple], ...]
-    """Pairs of a monomial and the Wick power whose coefficient it is in some product."""
+    """Pairs of a monomial and the Wick power whose coefficient it is in some product, by the order of the power."""
+    orders: tuple[slice, ...]
+    """Where those of each order stand: different orders are uncorrelated."""
 
 
 @cache
@@ -89,10 +92,12 @@ def product_layout(estimators: int) -> ProductLayout:
     all_terms = terms(estimators)
     noisy = tuple(term for term in all_terms if term.power)
     plain = tuple(term for term in all_terms if not term.power and any(term.weight.powers))
-    columns = tuple(dict.fromkeys((term.monomial, term.power) for term in noisy))
+    columns = tuple(sorted(dict.fromkeys((term.monomial, term.power) for term in noisy), key=lambda c: len(c[1])))
+    ends = np.cumsum(np.bincount([len(power) for _, power in columns])).tolist()
     number = {column: k for k, column in enumerate(columns)}
     monomials = tuple(sorted({term.monomial for term in (*noisy, *plain)}, key=lambda m: (len(m), m)))
-    return ProductLayout(monomials, plain, noisy, np.array([number[t.monomial, t.power] for t in noisy]), columns)
+    noisy_columns = np.array([number[term.monomial, term.power] for term in noisy])
+    return ProductLayout(monomials, plain, noisy, noisy_columns, columns, tuple(map(slice, ends[:-1], ends[1:])))
 
 
 def mean(moments: GramMoments, variance: Float[Array, "3"]) -> Float[Array, " products"]:
@@ -124,7 +129,8 @@ def covariance(
         variance: of omega's white normal noise on each axis [rad²/s²].
         rows: the combinations; None for the sums themselves.
     """
-    return _correlate(moments, _coefficients(moments, variance), rows)
+    orders = product_layout(len(moments.alphas)).orders
+    return _correlate(moments, _coefficients(moments, variance), rows, orders)
 
 
 def first_order_covariance(
@@ -133,12 +139,14 @@ def first_order_covariance(
     """Return the covariance that the terms linear in the noise alone would give: the textbook's (GUM 5.1.2)."""
     layout = product_layout(len(moments.alphas))
     linear = np.array([len(t.power) == 1 and not any(t.weight.powers) for t in layout.noisy], float)
-    return _correlate(moments, _coefficients(moments, variance, linear), rows)
+    return _correlate(moments, _coefficients(moments, variance, linear), rows, layout.orders[:1])
 
 
-def _correlate(moments: GramMoments, coefficients: Array, rows: Array | None) -> Array:
-    combined = coefficients if rows is None else rows @ coefficients
-    return combined @ moments.correlated @ combined.swapaxes(-1, -2)
+def _correlate(moments: GramMoments, coefficients: Array, rows: Array | None, orders: Sequence[slice]) -> Array:
+    of_orders = [coefficients[:, order] for order in orders]
+    combined = of_orders if rows is None else [rows @ each for each in of_orders]
+    blocks = [moments.correlated[order, order] for order in orders]
+    return sum((c @ block @ c.swapaxes(-1, -2) for c, block in zip(combined, blocks, strict=True)), jnp.zeros(()))
 
 
 def _coefficients(moments: GramMoments, variance: Array, mask: np.ndarray | float = 1.0) -> Array:

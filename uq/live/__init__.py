@@ -1,1 +1,1 @@
-"""An estimate beside a recording: a second process that reads the growing file and adds sums block by block."""
+"""An estimate beside a growing recording, in a second process."""

@@ -9,14 +9,13 @@ uncertainty that they show (type A): the residuals are linear in the tensor, so 
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from identify.estimators.regressor_rows import unbroken, usable_rows
 from identify.estimators.run_information import alpha_noise
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import response
+from identify.signals.filters import moving_average, response
 from identify.signals.resample import uniform_spline
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
 from identify.signals.spectrum import Lines
@@ -93,7 +92,7 @@ class RunningSums:
 
     def _moves(self, omega: np.ndarray, rate: float) -> bool:
         """Whether the angular velocity, smoothed over 0.1 s, is above that of rest."""
-        smooth = scipy.ndimage.uniform_filter1d(omega, max(round(0.1 * rate), 1), axis=0)
+        smooth = moving_average(omega, max(round(0.1 * rate), 1))
         speed = float(np.sqrt((smooth**2).sum(axis=1).mean()))
         self._fastest = max(self._fastest, speed)
         return speed > max(SLOWEST, PART_OF_MOTION * self._fastest)

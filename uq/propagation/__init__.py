@@ -1,1 +1,1 @@
-"""Propagation of uncertainty: the law (GUM), distributions (Supplements 1 and 2), validation of the law."""
+"""Propagation of uncertainty: the law (GUM), distributions (Supplements 1 and 2)."""

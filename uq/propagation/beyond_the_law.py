@@ -49,7 +49,9 @@ def beyond_the_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: P
         mixing: which are correlated.
         peaks: how far the noise-free signals go.
     """
-    reasons = {source.name: _reason(source, sources, mixing, peaks) for source in sources}
+    added = [(source.signal, source.error_kind.added_variance(source)) for source in sources]
+    variance = {signal: np.sum([each for of, each in added if of == signal], axis=0) for signal, _ in added}
+    reasons = {source.name: _reason(source, variance[source.signal], mixing, peaks) for source in sources}
     return {name: reason for name, reason in reasons.items() if reason}
 
 
@@ -72,17 +74,16 @@ def check_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks)
         raise BeyondLawError(reasons)
 
 
-def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> str | None:
+def _reason(source: Source, added: np.ndarray, mixing: Sequence[Mixing], peaks: Peaks) -> str | None:
     if source.constant and not np.all(np.isfinite(np.asarray(source.standard_deviation, float))):
         return "has no finite standard deviation (state more than two degrees of freedom)"
     if source.signal is None:
         return None
-    added = [other.error_kind.added_variance(other) for other in sources if other.signal == source.signal]
     of_source = [mix.correlation for mix in mixing if source.name in mix.names]
     signal = SignalRange(
         peaks.largest[source.target],
         peaks.moves[source.target],
-        np.sum(added, axis=0),
+        added,
         any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in of_source),
     )
     return source.error_kind.beyond_the_law(source, signal)

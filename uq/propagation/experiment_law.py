@@ -53,7 +53,7 @@ class PreparedLaw:
                 warnings += large_mean_error(f"{name}, {estimator}", breakdown.total)
         nominal = np.asarray(experiment.body.inertia)
         numbers = partial(adjustable, experiment, self.runs, self.estimators)
-        return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs(), numbers)
+        return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs, numbers)
 
     def of_cases(
         self, cases: Sequence[Case], sources: Sequence[Source]
@@ -71,10 +71,12 @@ class PreparedLaw:
         for run in self.runs.values():
             check_law(sources, mixing, run.peaks)
         constants = constants_of(sources, mixing)
+        at_rate: dict[float, CaseInputs] = {}
         for name, run in self.runs.items():
             rate = self.experiment.trajectories[name].rate
-            inputs = inputs_of_cases(cases, constants, sources, mixing, rate, run.peaks)
-            statistics = _of_run(run, constants, inputs)
+            if rate not in at_rate:
+                at_rate[rate] = inputs_of_cases(cases, constants, sources, mixing, rate, run.peaks)
+            statistics = _of_run(run, constants, at_rate[rate])
             results[name] = {
                 estimator: tuple(LawStatistics(*(leaf[k, c] for leaf in statistics)) for c in range(len(cases)))
                 for k, estimator in enumerate(self.estimators)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,8 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
     """By trajectory, then by estimator."""
     warnings: tuple[str, ...]
     """Among them every trajectory and estimator of which a mean error exceeds its 3σ."""
-    provenance: Mapping[str, Any]
+    inputs: Callable[[], Mapping[str, Any]] = field(repr=False, compare=False)
+    """Makes the provenance when it is asked for: it takes as long as the law of a changed figure."""
     adjustable: Callable[[], Mapping[str, Any]] | None = field(default=None, repr=False, compare=False)
     """Makes the numbers from which a page redraws the law for other figures; None: it cannot."""
 
@@ -107,6 +109,11 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
     def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[LawStatistics]]]:
         """What there is, by trajectory, then by estimator."""
         return self.breakdowns
+
+    @cached_property
+    def provenance(self) -> Mapping[str, Any]:
+        """What it was made of."""
+        return self.inputs()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²: shaped as the Monte Carlo's, without standard errors."""

@@ -1,3 +1,3 @@
-"""Error sources: what they perturb, their kinds, distributions and correlations, their draws."""
+"""Error sources: kinds, distributions and correlations, draws."""
 
 import uq.sources.kinds  # noqa: F401  every kind is registered before a source of it is asked for

@@ -145,8 +145,11 @@ def noise_of_block(
     block: Index,
     rate: Float[Array, ""],
     dtype: Any,
-) -> tuple[list[Complex[Array, "3 600"]], list[Any]]:
-    """Return one block of every source's noise as :func:`draw_pairs` does, and what the sources remember of it.
+) -> tuple[list[Inexact[Array, "3 _"]], list[Any]]:
+    """Return one block of every source's noise, and what the sources remember of it.
+
+    White noise comes as :func:`draw_pairs` makes it, other noise in order:
+    :func:`uq.sources.random_normals.in_order` takes both.
 
     Args:
         sources: of noise, white or not.
@@ -166,7 +169,7 @@ def noise_of_block(
             remembered.append(before)
             continue
         noise, after = source.error_kind.noise_block(source, before, stream, block, rate, dtype)
-        drawn.append(jax.lax.complex(noise[:, : BLOCK // 2], noise[:, BLOCK // 2 :]))
+        drawn.append(noise)
         remembered.append(after)
     return drawn, remembered
 

@@ -6,13 +6,13 @@ radius and one for the angle: the largest number is 6.7, which one draw in 7e10 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Int, Key, UInt32
+from jaxtyping import Array, Complex, Float, Inexact, Int, Key, UInt32
 
 Index = Int[Array, ""] | int
 """Number of a trial, of a block, of an estimator."""
@@ -63,13 +63,18 @@ def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64")
 
 
 def normals_of_keys(keys: Key[Array, " trials"], count: int) -> Float[Array, "count trials"]:
-    """Return what :func:`normals` gives of each key, side by side.
-
-    In a loop over places, whose results the compiler keeps: it would compute all twice, for real and imaginary parts.
-    """
+    """Return what :func:`normals` gives of each key, side by side."""
     of_place = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, float))(keys)  # noqa: E731
-    pairs = jax.lax.map(of_place, jnp.arange(-(-count // 2), dtype=jnp.uint32))
+    pairs = drawn_in_turn(of_place, -(-count // 2))
     return jnp.concatenate([pairs.real, pairs.imag])[:count]
+
+
+def drawn_in_turn(draw: Callable[[UInt32[Array, ""]], Complex[Array, "*shape"]], count: int) -> Array:
+    """Return the pairs of ``draw(0)``, ``draw(1)`` …, leading.
+
+    In a loop, whose results the compiler keeps: else it computes all twice, for real and imaginary parts.
+    """
+    return jax.lax.map(draw, jnp.arange(count, dtype=jnp.uint32))
 
 
 def box_muller(radius: Word, angle: Word, dtype: Any) -> Complex[Array, "..."]:
@@ -83,9 +88,9 @@ def box_muller(radius: Word, angle: Word, dtype: Any) -> Complex[Array, "..."]:
     return jax.lax.complex(length * jnp.where(swapped, cosine, sine), length * jnp.where(swapped, sine, cosine))
 
 
-def in_order(pairs: Complex[Array, "k n"]) -> Float[Array, "k m"]:
-    """Return the real parts, then the imaginary ones: m = 2 n."""
-    return joined([pairs.real, pairs.imag])
+def in_order(*noise: Inexact[Array, "k _"]) -> Float[Array, "k m"]:
+    """Return samples side by side; of pairs the real parts, then the imaginary ones."""
+    return joined([half for x in noise for half in ((x.real, x.imag) if jnp.iscomplexobj(x) else (x,))])
 
 
 def joined(parts: Sequence[Array], axis: int = 1) -> Array:

@@ -25,6 +25,7 @@ from uq.sources.source_figures import figures, on_axes, part_of
 SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
 """The measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
 SIGNALS = tuple(SIGNAL_UNITS)
+SIGNAL_NUMBERS = {name: number for number, name in enumerate(SIGNALS)}
 SENSOR: Mapping[str, str] = MappingProxyType({"F": "cell", "M": "cell", "wrench": "cell", "omega": "gyro"})
 """Which sensor measures a target."""
 
@@ -115,7 +116,7 @@ class Source(eqx.Module):
     @property
     def signal(self) -> int | None:
         """Which of :data:`SIGNALS` it acts on by itself; None: on the rig, the body or the whole load cell."""
-        return dict(zip(SIGNALS, range(3), strict=True)).get(self.target)
+        return SIGNAL_NUMBERS.get(self.target)
 
     @property
     def of_gyro(self) -> bool:

@@ -27,7 +27,7 @@ def on_axes(figures: Any) -> str:
 def figures(
     unit: str, shape: tuple[int, ...], *, above: float | int = -math.inf, least: float | int = -math.inf
 ) -> Any:
-    """Return the annotation of figures in SI that are written in ``unit``: one an axis, or one.
+    """Return the annotation of figures in SI that are written in ``unit``: one an axis or one for all axes, or one.
 
     Args:
         unit: unit of the figures; relative ones are read in per cent.
@@ -38,9 +38,13 @@ def figures(
     each: Any = Annotated[float, in_unit(unit, above=above, least=least)]
 
     def read(path: str, raw: Any) -> np.ndarray:
-        return np.asarray(np.array(read_value(path, raw, tuple[each, each, each] if shape else each)) * part_of(unit))
+        of_axes = shape and not isinstance(raw, str)
+        values = np.array(read_value(path, raw, tuple[each, each, each] if of_axes else each))
+        return np.full(shape, values * part_of(unit))
 
-    return written(read, vector_schema(unit) if shape else quantity_schema(unit))
+    scalar, vector = quantity_schema(unit), vector_schema(unit)
+    either = {"title": f"value or vector in {unit}", "anyOf": [vector, scalar]}
+    return written(read, either if shape else scalar)
 
 
 def strictest(

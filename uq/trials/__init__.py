@@ -1,1 +1,1 @@
-"""Trials of a Monte Carlo: one trial, batches of them, several processes, checkpoints."""
+"""Trials of a Monte Carlo: one, batches, several processes, checkpoints."""

@@ -12,11 +12,9 @@ sums are normal with a known covariance. ``sampling="conditioned"`` draws them f
 every sample. A case has the same distribution either way; cases with and without noise of the gyro draw from the same
 normal numbers. Noise of other distributions is always drawn sample by sample.
 
-``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.collapsed`.
-
-Coloured noise is drawn by sample. A delay of the gyro changes its samples as noise does, by a polynomial in the delay
-(:mod:`uq.gram_sums.delayed_omega`). Cases that sums cannot express (saturation, a coarse quantisation) need every
-sample: :mod:`uq.trials.samplewise`, :mod:`uq.trials.split`.
+``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.collapsed`. Coloured noise is drawn by sample. A
+delay of the gyro changes its samples as noise does, by a polynomial in the delay (:mod:`uq.gram_sums.delayed_omega`).
+Cases that sums cannot express (saturation, a coarse quantisation) need every sample: :mod:`uq.trials.samplewise`.
 """
 
 import math
@@ -51,7 +49,7 @@ from uq.gram_sums.setup import (
 )
 from uq.sources.constant_errors import Errors, errors_of_cases, over_cases, perturbed
 from uq.sources.draws import BLOCK, Mixing, draw_constants, draw_sums, noise_at_rest, noise_of_block, noise_streams
-from uq.sources.random_normals import joined
+from uq.sources.random_normals import in_order, joined
 from uq.sources.source import Source
 from uq.trials.trial_plan import Late, Plan, late_of, plan_of
 
@@ -206,7 +204,7 @@ class _Room(NamedTuple):
     """Where a trial works: one trial after the other overwrites what its noise changes, and nothing else."""
 
     half: Float[Array, "rows 1200"]
-    """The noise-free signals, with half the changes added."""
+    """The noise-free signals, with half the changes added; then the load cell's noise that is drawn by sample."""
     changes: Float[Array, "padded 1200"]
     """The changes, filled up to the width of a processor's matrix product."""
 
@@ -217,15 +215,19 @@ def _visit_blocks(setup: Setup, plan: Plan, key, indices, over_trials) -> _Drawn
 
     def of_trial(signals, room, trial):
         late, drawn, tails = trial
-        wide = jax.tree.map(lambda tail, pairs: joined([tail, pairs.real, pairs.imag]), tails, drawn)
-        room, sums = _block_sums(setup, plan, signals, room, late, *wide)
-        return room, (jax.tree.map(lambda noise: noise[:, BLOCK:], wide), sums)
+        gyro, cell = wide = jax.tree.map(in_order, tails, drawn)
+        rows = joined([jnp.zeros((0, BLOCK), setup.dtype), *(noise[:, :BLOCK] for noise in cell)], axis=0)
+        room, products = _block_products(setup, plan, signals, room, late, gyro, rows)
+        return room, (jax.tree.map(lambda noise: noise[:, BLOCK:], wide), products, rows)
 
     def of_trials(signals, tails, memory):
         # drawn outside the function that uses them: XLA would draw again for each use
         drawn, memory = jax.vmap(partial(draw, signals.block), axis_size=len(indices))(streams, memory)
-        tails, sums = over_trials(partial(of_trial, signals), _room(setup, signals), (late, drawn, tails))
-        return tails, memory, sums
+        room = _room(setup, plan, signals)
+        tails, products, cell = over_trials(partial(of_trial, signals), room, (late, drawn, tails))
+        of_true = jnp.einsum("en,tcn->tec", signals.noise_free[: setup.changed.stop], cell)  # of all trials at once
+        products, of_changes = jnp.split(products, [len(signals.noise_free)], axis=2)
+        return tails, memory, _Drawn(products, of_true, of_changes.swapaxes(2, 3))
 
     def draw(block, streams, memory):
         of_group = [
@@ -250,32 +252,31 @@ def _visit_blocks(setup: Setup, plan: Plan, key, indices, over_trials) -> _Drawn
     return jax.lax.scan(visit, (tails, memory, zero), setup.signals)[0][-1]
 
 
-def _room(setup: Setup, signals: Signals) -> _Room:
+def _room(setup: Setup, plan: Plan, signals: Signals) -> _Room:
     count = noisy_count(setup.gyro_mapped, setup.estimators)
-    return _Room(signals.noise_free, jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
+    cell = jnp.zeros((3 * len(plan.sampled), BLOCK), setup.dtype)
+    return _Room(jnp.concatenate([signals.noise_free, cell]), jnp.zeros((count + -count % 16, BLOCK), setup.dtype))
 
 
-def _block_sums(
+def _block_products(
     setup: Setup, plan: Plan, signals: Signals, room: _Room, late: Late, gyro, cell
-) -> tuple[_Room, _Drawn]:
-    """Sums of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` with one behind."""
-    changed = setup.changed
-    cell = jnp.concatenate([jnp.zeros((0, BLOCK), setup.dtype), *(noise[:, :BLOCK] for noise in cell)])
-    count = changed.stop - changed.start
+) -> tuple[_Room, Float[Array, "variants rows changes"]]:
+    """Products of one block: ``gyro`` holds each source's noise with a halo on either side, ``cell`` all sources'."""
+    count = setup.changed.stop - setup.changed.start
+    room = room._replace(half=jax.lax.dynamic_update_slice_in_dim(room.half, cell, len(signals.noise_free), 0))
     moved = [_moved(setup, noise) for noise in gyro]  # once a source, not once a variant
     for part, gyro_map in zip(*late, strict=True):
         delayed = displacement(signals.displacement, part)
-        moved.append(list(gyro_map @ delayed if setup.gyro_mapped else delayed))
+        delayed = gyro_map @ delayed if setup.gyro_mapped else delayed
+        moved.append([delayed[0], delayed[1:].reshape(-1, BLOCK)])
 
-    def of_variant(room, acting):
-        still = [jnp.zeros((3, BLOCK), setup.dtype)] * (1 + len(setup.estimators))
+    def of_variant(room, acting):  # in eight of XLA's steps: from nine on, its threads share them, and mostly wait
+        still = [jnp.zeros((count, BLOCK), setup.dtype) for count in (3, 3 * len(setup.estimators))]
         total = [sum(map(jnp.multiply, acting, added), nothing) for nothing, *added in zip(still, *moved, strict=True)]
         room = _changed_room(setup, signals, room, total)
-        return room, ((room.half @ room.changes.T)[:, :count], room.changes[:count] @ cell.T)
+        return room, (room.half @ room.changes.T)[:, :count]
 
-    room, (products, with_cell) = jax.lax.scan(of_variant, room, plan.acting.astype(setup.dtype))
-    of_true = signals.noise_free[: changed.stop] @ cell.T
-    return room, _Drawn(products, of_true, with_cell)
+    return jax.lax.scan(of_variant, room, plan.acting.astype(setup.dtype))
 
 
 def _moved(setup: Setup, noise) -> list[Array]:
@@ -283,14 +284,14 @@ def _moved(setup: Setup, noise) -> list[Array]:
     halo = _halo(setup.estimators)
     taps = [estimator.taps.astype(noise.dtype) for estimator in setup.estimators]
     alphas = [derivative(noise[:, halo - len(t) : halo + BLOCK + len(t)], t) for t in taps]
-    return [noise[:, halo : halo + BLOCK], *alphas]
+    return [noise[:, halo : halo + BLOCK], joined(alphas, axis=0)]
 
 
 def _changed_room(setup: Setup, signals: Signals, room: _Room, moved) -> _Room:
     """Write what noise changes, group by group in its place, which XLA turns into fast loops on a CPU."""
     changes, start = room.changes, 0
-    omega, *alphas = moved
-    for change in (*changes_of_elements(signals.noise_free, omega, gyro_mapped=setup.gyro_mapped), *alphas):
+    omega, alphas = moved
+    for change in (*changes_of_elements(signals.noise_free, omega, gyro_mapped=setup.gyro_mapped), alphas):
         changes = jax.lax.dynamic_update_slice_in_dim(changes, change * signals.valid[None], start, 0)
         start += len(change)
     half = signals.noise_free[setup.changed] + changes[:start] / 2

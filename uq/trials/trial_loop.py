@@ -70,7 +70,7 @@ class TrialLoop:
                 computed.
         """
         self.run, self.batch, self.segment, self.keep = run, batch, segment, keep
-        self.devices = list(devices or jax.devices())
+        self.devices = list(devices or default_devices())
         self.mesh = Mesh(np.array(self.devices), ("trials",), axis_types=(AxisType.Auto,))
         self.problem, self.key = problem, jax.random.key(seed)
         if several():
@@ -134,6 +134,11 @@ def all_trials(
     loop = TrialLoop(run, problem, seed, **options)
     loop.reach(trials, progress)
     return loop.results(trials)
+
+
+def default_devices() -> list[jax.Device]:
+    """Return the devices that trials are spread over where none are named: all."""
+    return jax.devices()
 
 
 def finite_trials(values: Float[np.ndarray, "trials *outputs"]) -> tuple[Float[np.ndarray, "good *outputs"], int]:

@@ -68,9 +68,9 @@ def test_each_stage_moves_alone(staged):
     np.testing.assert_allclose(
         jax.jit(jax.vmap(staged.coordinates))(t), jax.jit(jax.vmap(first.coordinates))(t), atol=1e-16
     )
-    for at in (0.0, 3.0, 7.0, DURATION):
-        np.testing.assert_allclose(staged.coordinates(jnp.array(at)), 0, atol=1e-30)
-        np.testing.assert_allclose(staged.omega(jnp.array(at)), 0, atol=1e-30)
+    borders = jnp.array([0.0, 3.0, 7.0, DURATION])
+    np.testing.assert_allclose(jax.jit(jax.vmap(staged.coordinates))(borders), 0, atol=1e-30)
+    np.testing.assert_allclose(jax.jit(jax.vmap(staged.omega))(borders), 0, atol=1e-30)
 
 
 def test_a_swell_asks_for_little_on_its_way():
@@ -90,10 +90,10 @@ def test_rates_are_those_of_the_attitude_through_the_stages(staged):
     """Attitude integrated from omega, and alpha by differences."""
     t = jnp.linspace(0.0, 5.0, 5001)
     turns = jax.jit(jax.vmap(exponential))(jax.jit(jax.vmap(staged.coordinates))(t)[:, 3:])
-    np.testing.assert_allclose(attitude(staged.omega, t), turns, atol=1e-9)
-    omega, h = jax.jit(jax.vmap(staged.omega)), 1e-5
-    difference = (omega(t[::50] + h) - omega(t[::50] - h)) / (2 * h)
-    np.testing.assert_allclose(jax.jit(jax.vmap(staged.alpha))(t[::50]), difference, atol=1e-7)
+    np.testing.assert_allclose(jax.jit(lambda t: attitude(staged.omega, t))(t), turns, atol=1e-9)
+    omega, h, t = jax.jit(jax.vmap(staged.omega)), 1e-5, np.asarray(t)[::50]
+    difference = (np.asarray(omega(t + h)) - np.asarray(omega(t - h))) / (2 * h)
+    np.testing.assert_allclose(jax.jit(jax.vmap(staged.alpha))(t), difference, atol=1e-7)
 
 
 # --- files ---
@@ -181,20 +181,26 @@ def platform():
     )
 
 
+def moved_by(stages, *given):
+    """What stages do, as one program; their own numbers are compiled in."""
+    return jax.jit(lambda *given: stages.moved(*given))(*given)
+
+
 def test_stages_move_as_their_trajectory(platform, stages, generator):
     """Pose, specific force and three derivatives, in the ramps too, against the trajectory that a campaign samples."""
     unknowns, offset, gravity = 0.2 * generator.normal(size=stages.unknowns), jnp.array([0.01, -0.02, 0.1]), 9.81
     np.testing.assert_array_equal(stages.border, [0, 13, 21])
-    moved = stages.moved(platform, jnp.asarray(unknowns), offset, jnp.array(gravity))
+    moved = moved_by(stages, platform, jnp.asarray(unknowns), offset, jnp.array(gravity))
     trajectory, t = stages.multisine(unknowns), moved.body.t
-    whole = jnp.arange(0.0, 21.0, 1 / 400)
-    at = np.asarray(jnp.round(t * 400).astype(int))
-    np.testing.assert_allclose(whole[at], t, atol=1e-12)
-    motion = jax.tree.map(lambda x: x[at], platform_motion(platform, trajectory, whole, jnp.zeros(3)))
+    whole = jnp.asarray(np.arange(0.0, 21.0, 1 / 400))
+    at = np.round(np.asarray(t) * 400).astype(int)
+    np.testing.assert_allclose(np.asarray(whole)[at], t, atol=1e-12)
+    motion = jax.jit(lambda t: platform_motion(platform, trajectory, t, jnp.zeros(3)))(whole)
+    motion = jax.tree.map(lambda x: np.asarray(x)[at], motion)
     for ours, theirs in zip(jax.tree.leaves(moved.platform[1:]), jax.tree.leaves(motion[1:]), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-7)
-    body = sample(trajectory, whole, r_cg_from_still=offset, gravity=gravity)
-    np.testing.assert_allclose(moved.body.specific_force_cg, body.specific_force_cg[:, at], atol=1e-7)
+    body = jax.jit(lambda t: sample(trajectory, t, r_cg_from_still=offset, gravity=gravity))(whole)
+    np.testing.assert_allclose(moved.body.specific_force_cg, np.asarray(body.specific_force_cg)[:, at], atol=1e-7)
     jerk = jax.jit(jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1))(t)
     np.testing.assert_allclose(moved.jerk, jerk, atol=1e-7)
 
@@ -213,7 +219,9 @@ def test_peaks_between_the_instants_are_seen(stages, generator):
         finer = np.linspace(0, ramp[-1], 4 * (len(ramp) - 1) + 1)
         samples = [wave(np.arange(4 * count) / (4 * count)), np.polyval(power, finer), np.polyval(power, -finer)]
         expected = np.tile(np.concatenate(samples), 2)
-        np.testing.assert_allclose(other.finer(values)[:, 0], expected, atol=1e-9)
+        np.testing.assert_allclose(
+            jax.jit(lambda values, other=other: other.finer(values))(values)[:, 0], expected, atol=1e-9
+        )
 
 
 def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
@@ -230,7 +238,7 @@ def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
 def test_instants_stand_for_the_whole_run(platform, stages, generator):
     """The mean square of alpha over the run, by 400 samples a second: what is left out next to rest is little."""
     unknowns = 0.2 * generator.normal(size=stages.unknowns)
-    moved = stages.moved(platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
+    moved = moved_by(stages, platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
     alpha = jax.jit(jax.vmap(stages.multisine(unknowns).alpha))(jnp.arange(0, 21, 1 / 400))
     ours = np.einsum("n,in,jn->ij", stages.seconds, moved.body.alpha, moved.body.alpha)
     theirs = np.einsum("ni,nj->ij", alpha, alpha) / 400
@@ -243,16 +251,18 @@ def test_weights_are_repeated_instants(preset, stages, platform, generator):
 
     prediction = Prediction.of(preset, dataclasses.replace(preset.trajectories["T1"], still="omb"))
     motion = jnp.asarray(generator.normal(size=stages.unknowns) / 5)
-    moved = stages.moved(platform, motion, jnp.zeros(3), jnp.array(9.81))
+    moved = moved_by(stages, platform, motion, jnp.zeros(3), jnp.array(9.81))
+    moved = jax.tree.map(np.asarray, moved)
     n = moved.jerk.shape[1]
     order = np.concatenate([np.arange(n), np.arange(7)])
     body = moved.body._replace(
         t=moved.body.t[order], omega=moved.body.omega[:, order], alpha=moved.body.alpha[:, order],
         rotation=moved.body.rotation[order], specific_force_cg=moved.body.specific_force_cg[:, order],
     )  # fmt: skip
-    expected = prediction.moments(body, moved.jerk[:, order], 98.0, 30.0)
-    weights = 30.0 * jnp.where(jnp.arange(n) < 7, 2.0, 1.0)
-    for got, each in zip(prediction.moments(moved.body, moved.jerk, 98.0, weights), expected, strict=True):
+    moments = jax.jit(lambda *given: prediction.moments(*given))
+    expected = moments(body, moved.jerk[:, order], 98.0, np.full(n + 7, 30.0))
+    weights = 30.0 * np.where(np.arange(n) < 7, 2.0, 1.0)
+    for got, each in zip(moments(moved.body, moved.jerk, 98.0, weights), expected, strict=True):
         np.testing.assert_allclose(got, each, rtol=1e-9, atol=1e-12 * np.abs(each).max())
 
 

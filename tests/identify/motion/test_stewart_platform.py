@@ -19,6 +19,7 @@ ROD = Rod(jnp.array(1.2), jnp.array(0.15), jnp.array(0.01))
 GRAVITY = 9.81
 forces = jax.jit(pf.forces)
 legs = jax.jit(pf.legs)
+lengths = jax.jit(pf.lengths)
 
 
 def test_forward_undoes_inverse_kinematics(generator):
@@ -26,14 +27,14 @@ def test_forward_undoes_inverse_kinematics(generator):
     forward = jax.jit(lambda wanted: pf.pose_of(platform, wanted))
     for _ in range(200):
         pose = somewhere(generator, platform)
-        solution = forward(pf.lengths(platform, pose))
+        solution = forward(lengths(platform, pose))
         np.testing.assert_allclose(solution.pose.position, pose.position, rtol=0, atol=1e-10)
         np.testing.assert_allclose(solution.pose.rotation, pose.rotation, rtol=0, atol=1e-10)
         assert solution.residual < 1e-13
 
 
 def test_lengths_that_no_pose_has_leave_a_residual():
-    assert pf.pose_of(small(), jnp.full(6, 0.01)).residual > 0.1
+    assert jax.jit(pf.pose_of)(small(), jnp.full(6, 0.01)).residual > 0.1
 
 
 def in_mujoco(platform, pose, twist, body=None):
@@ -79,16 +80,18 @@ def test_forces_of_heavy_legs_are_mujocos(generator):
     """The virtual work of separate legs, each by MuJoCo's inverse dynamics, joins that of the platform."""
     platform = small(plate=PLATE, cylinder=CYLINDER, rod=ROD)
     model, data = twin(platform, BODY, GRAVITY)
+    of_hinges = jax.jit(lambda pose, twist: pf.second_order(lambda at: hinges(platform, at), pose, twist))
+    slopes = jax.jit(jax.jacobian(lambda step, pose: hinges(platform, shifted(pose, step))))
+    of_lengths = jax.jit(pf.jacobian)
     for _ in range(10):
         pose, twist = somewhere(generator, platform), moving(generator)
-        q, speed, acceleration = pf.second_order(lambda at: hinges(platform, at), pose, twist)
+        q, speed, acceleration = of_hinges(pose, twist)
         data.qpos[:] = np.concatenate([pose.position, quaternion(pose.rotation), q])
         data.qvel[:] = np.concatenate([twist.velocity, twist.omega, speed])
         data.qacc[:] = np.concatenate([twist.acceleration, twist.alpha, acceleration])
         mujoco.mj_inverse(model, data)
-        by_pose = jax.jacobian(lambda d, at: hinges(platform, shifted(at, d)))(jnp.zeros(6), pose)
-        needed = data.qfrc_inverse[:6] + np.asarray(by_pose).T @ data.qfrc_inverse[6:]
-        expected = np.linalg.solve(np.asarray(pf.jacobian(platform, pose)).T, needed)
+        needed = data.qfrc_inverse[:6] + np.asarray(slopes(jnp.zeros(6), pose)).T @ data.qfrc_inverse[6:]
+        expected = np.linalg.solve(np.asarray(of_lengths(platform, pose)).T, needed)
         leg_forces = forces(platform, BODY, pose, twist, jnp.array(GRAVITY))
         np.testing.assert_allclose(leg_forces, expected, rtol=0, atol=1e-7)
 
@@ -96,20 +99,21 @@ def test_forces_of_heavy_legs_are_mujocos(generator):
 def test_accelerations_are_the_lengths_second_differences(generator):
     platform = small()
     pose, twist, h = somewhere(generator, platform), moving(generator), 1e-4
-    before, now, after = (pf.lengths(platform, pf.moved(pose, twist, jnp.array(x))) for x in (-h, 0.0, h))
+    at = jax.jit(lambda x: pf.lengths(platform, pf.moved(pose, twist, x)))
+    before, now, after = (np.asarray(at(x)) for x in (-h, 0.0, h))
     kinematics = legs(platform, pose, twist)
     np.testing.assert_allclose(kinematics.acceleration, (after - 2 * now + before) / h**2, rtol=0, atol=1e-6)
     np.testing.assert_allclose(
-        kinematics.speed, pf.jacobian(platform, pose) @ jnp.hstack([twist.velocity, twist.omega]), atol=1e-12
+        kinematics.speed, pf.jacobian(platform, pose) @ np.hstack([twist.velocity, twist.omega]), atol=1e-12
     )
 
 
 def test_a_level_platform_at_rest_carries_its_weight():
     platform = small(plate=PLATE, cylinder=CYLINDER, rod=ROD)
     still = Twist(*[jnp.zeros(3)] * 4)
-    push = pf.forces(platform, BODY, platform.home_pose, still, jnp.array(GRAVITY))
-    along = pf.vectors(platform, platform.home_pose)
-    up = (push * along[:, 2] / jnp.linalg.norm(along, axis=1)).sum()
+    push = forces(platform, BODY, platform.home_pose, still, jnp.array(GRAVITY))
+    along = np.asarray(pf.vectors(platform, platform.home_pose))
+    up = (push * along[:, 2] / np.linalg.norm(along, axis=1)).sum()
     assert (PLATE.mass + BODY.mass) * GRAVITY < up < (PLATE.mass + BODY.mass + 6 * 4.2) * GRAVITY
 
 
@@ -124,15 +128,15 @@ def test_a_platform_above_its_own_shadow_is_singular():
 
 def test_joint_angles():
     platform = small()
-    base, top = pf.joint_angles(platform, platform.home_pose)
+    angles = jax.jit(pf.joint_angles)
+    base, top = angles(platform, platform.home_pose)
     np.testing.assert_allclose([base, top], 0, atol=1e-15)
     tilted = Pose(platform.home, exponential(jnp.array([0.1, 0.0, 0.0])))
-    along, turned = pf.vectors(platform, platform.home_pose), pf.vectors(platform, tilted)
-    cosine = (along * turned).sum(axis=1) / jnp.linalg.norm(along, axis=1) / jnp.linalg.norm(turned, axis=1)
-    np.testing.assert_allclose(pf.joint_angles(platform, tilted)[0], jnp.arccos(cosine), atol=1e-7)
-    assert np.isfinite(
-        jax.grad(lambda z: pf.joint_angles(platform, Pose(platform.home + z, jnp.eye(3)))[0].sum())(jnp.zeros(3))
-    ).all()
+    along, turned = (np.asarray(pf.vectors(platform, at)) for at in (platform.home_pose, tilted))
+    cosine = (along * turned).sum(axis=1) / np.linalg.norm(along, axis=1) / np.linalg.norm(turned, axis=1)
+    np.testing.assert_allclose(angles(platform, tilted)[0], np.arccos(cosine), atol=1e-7)
+    slope = jax.grad(lambda z: pf.joint_angles(platform, Pose(platform.home + z, jnp.eye(3)))[0].sum())
+    assert np.isfinite(jax.jit(slope)(jnp.zeros(3))).all()
 
 
 @pytest.mark.parametrize("what", ["length", "force"])
@@ -146,6 +150,6 @@ def test_derivatives_are_those_of_differences(generator, what):
             return pf.lengths(platform, at)[0]
         return pf.forces(platform, BODY, at, twist, jnp.array(GRAVITY))[0]
 
-    h = 1e-5
-    differences = [(value(h * e) - value(-h * e)) / (2 * h) for e in jnp.eye(3)]
-    np.testing.assert_allclose(jax.grad(value)(jnp.zeros(3)), differences, rtol=1e-6)
+    h, number = 1e-5, jax.jit(value)
+    differences = [(number(h * e) - number(-h * e)) / (2 * h) for e in np.eye(3)]
+    np.testing.assert_allclose(jax.jit(jax.grad(value))(jnp.zeros(3)), differences, rtol=1e-6)

@@ -3,8 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 
-from identify.signals.filters import apply, gaussian, motion_band, noise_level, response
+from identify.signals.filters import apply, gaussian, motion_band, moving_average, noise_level, response
 
 
 def test_the_gaussian_has_unit_gain_at_rest_and_minus_3_db_at_its_cutoff():
@@ -24,6 +25,19 @@ def test_apply_is_numpys_convolution(generator):
 def test_too_few_samples_are_refused():
     with pytest.raises(ValueError, match="must have 9 samples or more, but has 5"):
         apply(jnp.ones((1, 5)), jnp.ones(9))
+
+
+@pytest.mark.parametrize(("count", "width"), [(1, 1), (2, 7), (100, 7), (1000, 40), (1000, 1000)])
+@pytest.mark.parametrize(("ends", "mode"), [("symmetric", "reflect"), ("edge", "nearest")])
+def test_the_moving_average_is_scipys(generator, count, width, ends, mode):
+    signal = generator.normal(size=(count, 3))
+    expected = scipy.ndimage.uniform_filter1d(signal, width, axis=0, mode=mode)
+    np.testing.assert_allclose(moving_average(signal, width, ends=ends), expected, atol=1e-13)
+
+
+def test_a_large_signal_does_not_spoil_the_moving_average_of_a_small_one():
+    signal = np.repeat([1e9, 1e-9], 1000)
+    np.testing.assert_allclose(moving_average(signal, 10)[1010:], 1e-9, rtol=1e-15)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])

@@ -111,7 +111,7 @@ def test_bad_input(short, options, words):
 
 @pytest.mark.study
 def test_holding_the_centre_of_gravity_still_pays_by_more_than_three_standard_errors():
-    """400 repeats of 4 x 5 runs of 72,000 samples; docs/reference/emulated-tables.md has its tables."""
+    """400 repeats of 4 x 5 runs of 72,000 samples; docs/reference/studies.md has its tables."""
     found = emulated_tables(Experiment.load("barreto2016"), repeats=400)
     print(found)
     for pair in (("T1", "T2"), ("T3", "T4")):
@@ -121,7 +121,7 @@ def test_holding_the_centre_of_gravity_still_pays_by_more_than_three_standard_er
 
 @pytest.mark.study
 def test_what_each_imperfection_does_alone(preset):
-    """Holding the centre of gravity still halves what its error does to the moments; docs/reference/emulated-tables.md has the figures."""
+    """Holding the centre of gravity still halves what its error does to the moments; docs/reference/studies.md has the figures."""
     cases = {
         "nothing": (quiet(preset), PERFECT, 1, 1),
         "cg": (quiet(preset, "r_cg"), PERFECT, 50, 1),

@@ -50,6 +50,17 @@ def test_units_of_every_kind():
     assert "flicker" not in gyro.settings
 
 
+def test_one_figure_stands_for_all_axes():
+    """As in Python, where ``with_source`` takes it: of widths, means, settings, full scales."""
+    each = read(source("s", "F", "bias", sigma="5 N", mean="0.1 kN"))
+    assert (each.sigma.tolist(), each.mean.tolist()) == ([5.0] * 3, [100.0] * 3)
+    assert read(source("s", "M", "saturation", limit="30 N*m")).settings["limit"].tolist() == [30.0] * 3
+    part = read(source("s", "F", "bias", datasheet="±1 % FS", full_scale="300 N"))
+    np.testing.assert_allclose(part.standard_deviation, 3 / np.sqrt(3))
+    with pytest.raises(ExperimentError, match=r"source\[s\].sigma is '5 m': write a unit of the same dimension as N"):
+        read(source("s", "F", "bias", sigma="5 m"))
+
+
 def test_cross_talk_in_per_cent_of_full_scale_and_as_a_matrix():
     sigma = read(source("s", "wrench", "cross_talk", sigma="1 %", full_scale=FULL)).sigma
     full = np.array([300, 300, 500, 20, 20, 20])
@@ -94,7 +105,7 @@ def test_degrees_of_freedom_are_kept():
         ({"degrees_of_freedom": 0}, r"source\[s\].degrees_of_freedom is 0: write more than zero"),
         ({"distribution": "samples"}, r"missing key source\[s\].samples: name the file"),
         ({"kind": "precision", "mean": ["1 N"] * 3}, r"unknown key source\[s\].mean"),
-        ({"mean": "1 N"}, r"source\[s\].mean is '1 N': write three values"),
+        ({"mean": ["1 N"]}, r"source\[s\].mean is \['1 N'\]: write three values"),
         ({"sigma": None, "datasheet": "0.1 % FS"}, r"source\[s\].datasheet is '0.1 % FS': give the full scale too"),
         ({"sigma": None, "datasheet": "0.1 % FS", "full_scale": ["0 N"] * 3}, r"full_scale\[0\] is '0 N': write a value above zero"),
         ({"sigma": None, "datasheet": ["1 N", "1 N"]}, "write one statement, or one for each axis"),

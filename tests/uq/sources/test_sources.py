@@ -1,6 +1,7 @@
 """Error sources: off gives nothing, alone gives what plain NumPy says, sums and samples agree."""
 
 import dataclasses
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -320,13 +321,13 @@ def test_noise_that_is_correlated_between_gyro_and_load_cell_gets_samples():
 
 
 def test_samples_in_float32_agree_and_numbers_do_not_compile_again():
-    some = NOISY[0], NOISY[2]
+    some, run = (NOISY[0], NOISY[2]), partial(montecarlo, trials=40, estimators="smoothed")
     e = experiment(*some, known("omega", "delay", "3 ms", {}), source("q", "F", "quantisation", step=["1 N"] * 3))
-    double, single = (montecarlo(e, trials=40, dtype=d)["T", "smoothed"].total for d in ("float64", "float32"))
+    double, single = (run(e, dtype=d)["T", "smoothed"].total for d in ("float64", "float32"))
     np.testing.assert_allclose(double.three_sigma, single.three_sigma, rtol=5 / np.sqrt(40))
     before = trial_loop._sharded._cached._cache_size()
     other = experiment(*some, known("omega", "delay", "4 ms", {}), source("q", "F", "quantisation", step=["2 N"] * 3))
-    montecarlo(other, trials=40)
+    run(other)
     assert trial_loop._sharded._cached._cache_size() == before
 
 

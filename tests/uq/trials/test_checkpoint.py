@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import jax
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.trials.checkpoint import Checkpoint
 
 TRIALS = 500
-OPTIONS = {"batch": 4, "trajectories": ["T1", "T3"], "estimators": "central"}
+OPTIONS = {"devices": jax.devices(), "batch": 4, "trajectories": ["T1", "T3"], "estimators": "central"}
 
 
 def brief():

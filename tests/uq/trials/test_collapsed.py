@@ -42,32 +42,35 @@ def test_drawn_sums_give_what_samples_give(both, pair):
                 )
 
 
-def test_numbers_do_not_depend_on_batch_or_devices(brief):
-    def errors(devices, batch):
-        options = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
-        return montecarlo(brief, trials=7, devices=jax.devices()[:devices], batch=batch, **options).errors["T1"]
-
-    np.testing.assert_allclose(errors(2, 2), errors(1, 7), atol=1e-12 * brief.inertia.max())
-
-
-def quasi_random(brief, **options):
-    options |= {"trajectories": "T1", "estimators": "central", "sampling": "collapsed", "batch": 100}  # one program
-    return montecarlo(brief, **options)
+@pytest.fixture
+def of_t1(brief, monkeypatch):
+    """Campaigns of T1 by central differences, 512 trials at a time: from there any number is one compiled program."""
+    monkeypatch.setattr("uq.trials.engines.COLLAPSED_SEGMENT", 512)
+    options = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
+    return lambda **given: montecarlo(brief, **{"batch": 128} | options | given)
 
 
-def test_a_quasi_random_trial_depends_on_seed_and_number_alone(brief):
-    few, more = (quasi_random(brief, trials=trials, points="quasi-random") for trials in (200, 300))
-    np.testing.assert_allclose(few.errors["T1"], more.errors["T1"][:200], atol=1e-12 * brief.inertia.max())
+def test_numbers_do_not_depend_on_batch_or_devices(brief, of_t1):
+    one, two = (
+        of_t1(trials=trials, points="random", **given).errors["T1"]
+        for trials, given in ((1024, {}), (7, {"devices": jax.devices()[:2], "batch": 3}))
+    )
+    np.testing.assert_allclose(two, one[:7], atol=1e-12 * brief.inertia.max())
+
+
+def test_a_quasi_random_trial_depends_on_seed_and_number_alone(brief, of_t1):
+    few, more = (of_t1(trials=trials, points="quasi-random") for trials in (600, 1000))
+    np.testing.assert_allclose(few.errors["T1"], more.errors["T1"][:600], atol=1e-12 * brief.inertia.max())
     assert few.points == more.points == "quasi-random"
-    assert "200 quasi-random trials" in few.title()
+    assert "600 quasi-random trials" in few.title()
 
 
-def test_quasi_random_trials_know_more_and_say_how_much(brief):
-    """Against 100,000 random trials, ten seeds of 1,024: the mean square errors of 3σ and of the average of 3σ are less
+def test_quasi_random_trials_know_more_and_say_how_much(of_t1):
+    """Against 40,000 random trials, ten seeds of 1,024: the mean square errors of 3σ and of the average of 3σ are less
     than a third of random ones', and 3σ, mean error, both ends and the average lie within two of their standard errors,
     and of the reference's, in more than 85 of 100 cases, which is two standard deviations below 95 for sixty figures
     that go together."""
-    reference = quasi_random(brief, trials=100_000, points="random")
+    reference = of_t1(trials=40_000, points="random")
 
     def figures(result):
         total, interval, of = result["T1", "central"].total, result.interval("T1", "central"), average(
@@ -88,7 +91,7 @@ def test_quasi_random_trials_know_more_and_say_how_much(brief):
     for points in ("random", "quasi-random"):
         values, errors = map(
             np.array,
-            zip(*(figures(quasi_random(brief, trials=1024, seed=seed, points=points)) for seed in range(1, 11)), strict=True),
+            zip(*(figures(of_t1(trials=1024, seed=seed, points=points)) for seed in range(1, 11)), strict=True),
         )  # fmt: skip
         off = np.abs(values - truth)
         assert (off <= 2 * np.hypot(errors, resolution)).mean() > 0.85

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Key
 
 from rig.toml_tables import WrongKeyError
 from uq.sources.draws import BLOCK
-from uq.sources.random_normals import Index, in_order, normal_pairs
+from uq.sources.random_normals import Index, drawn_in_turn, normal_pairs
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
 from uq.sources.source_figures import figures
 
@@ -63,14 +63,17 @@ class Coloured(ErrorKind):
     def noise_block(
         self, source: Source, memory: Memory, stream: Key[Array, ""], block: Index, rate: Float[Array, ""], dtype: Any
     ) -> tuple[Float[Array, "3 1200"], Memory]:
-        """Return the sum of the parts that are stated."""
+        """Return the sum of the parts that are stated.
+
+        Flicker is drawn and filtered in float32, which rounds to less than the filter's 3e-6; its memory is not.
+        """
         total, (processes, walk) = jnp.zeros((3, BLOCK), dtype), memory
         figure = {name: jnp.asarray(value)[:, None] for name, value in source.settings.items()}
         if "white" in figure:
             total = total + (figure["white"] * jnp.sqrt(rate)).astype(dtype) * _white(stream, block, 0, dtype)
         if "flicker" in figure:
-            pink, processes = pink_block(_white(stream, block, 1, dtype), processes)
-            total = total + figure["flicker"].astype(dtype) * pink
+            pink, processes = pink_block(_white(stream, block, 1, np.dtype("float32")), processes)
+            total = total + figure["flicker"].astype(dtype) * pink.astype(dtype)
         if "random_walk" in figure:
             sums = walk[:, None] + jnp.cumsum(_white(stream, block, 2, dtype), axis=1)
             total, walk = total + (figure["random_walk"] / jnp.sqrt(rate)).astype(dtype) * sums, sums[:, -1]
@@ -88,10 +91,10 @@ class Coloured(ErrorKind):
 
 def _white(stream: Key[Array, ""], block: Index, number: int, dtype: Any) -> Float[Array, "3 1200"]:
     """Standard normal samples, block by block as all draws."""
-    row, column = (jax.lax.broadcasted_iota(jnp.uint32, (3, BLOCK // 2), axis) for axis in (0, 1))
-    place = row * jnp.uint32(BLOCK // 2) + column
-    pairs = jax.lax.optimization_barrier(normal_pairs(jax.random.fold_in(stream, number), block, place, dtype))
-    return in_order(pairs)
+    stream, columns = jax.random.fold_in(stream, number), jax.lax.iota(jnp.uint32, BLOCK // 2)
+    of_axis = lambda row: normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + columns, dtype)  # noqa: E731
+    pairs = drawn_in_turn(of_axis, 3)
+    return jnp.concatenate([pairs.real, pairs.imag], axis=1)
 
 
 def pink_response(lags: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
@@ -140,7 +143,8 @@ def pink_block(
     since = np.subtract.outer(np.arange(pieces + 1), np.arange(pieces + 1))
     passed = np.where(since >= 0, DECAYS[:, None, None] ** (PIECE * np.maximum(since, 0)), 0)
     samples = white.reshape(3, pieces, PIECE)
-    added = jnp.concatenate([processes[:, None], samples @ fresh.T.astype(dtype)], axis=1)
-    states = jnp.einsum("mij,cjm->cim", passed.astype(dtype), added)
-    pink = samples @ response.T.astype(dtype) + states[:, :-1] @ after.T.astype(dtype)
+    added = (samples @ fresh.T.astype(dtype)).astype(processes.dtype)
+    added = jnp.concatenate([processes[:, None], added], axis=1)
+    states = jnp.einsum("mij,cjm->cim", passed.astype(processes.dtype), added)
+    pink = samples @ response.T.astype(dtype) + states[:, :-1].astype(dtype) @ after.T.astype(dtype)
     return pink.reshape(3, BLOCK), states[:, -1]

@@ -12,7 +12,7 @@ from tests.source_lab import draw_block, experiment, simulated, source
 from uq.campaign.simulation import simulate
 from uq.sources.draws import BLOCK, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.kinds.coloured import DECAYS, LONGEST, WEIGHTS, pink_block, pink_response
-from uq.sources.random_normals import in_order
+from uq.sources.random_normals import in_order, normal_pairs
 
 RATE, SAMPLES = 100.0, 200_000
 
@@ -86,6 +86,17 @@ def test_blocks_of_flicker_are_one_convolution(generator):
     step = lambda memory, block: pink_block(block, memory)[::-1]  # noqa: E731
     pink = jax.lax.scan(step, jnp.zeros((3, len(DECAYS))), blocks)[1].swapaxes(0, 1).reshape(3, -1)
     np.testing.assert_allclose(pink, expected, atol=3e-5)  # 3e-6 of each of the terms, that add up to some 10
+
+
+def test_flicker_is_the_filtered_noise_of_the_generator():
+    """Drawn and filtered with seven digits: by convolution in float64 of the same random words."""
+    gyro = experiment(asked(flicker=1.0)).sources[0]
+    stream = jax.random.fold_in(noise_streams([gyro], jax.random.key(5), 3)[0], 1)
+    places = jnp.arange(3 * BLOCK // 2, dtype=jnp.uint32).reshape(3, -1)
+    white = np.concatenate([in_order(normal_pairs(stream, block, places, "float64")) for block in (0, 1)], axis=1)
+    response = pink_response(np.arange(2.0 * BLOCK))
+    expected = [(axis + 1) * np.convolve(row, response)[: 2 * BLOCK] for axis, row in enumerate(white)]
+    np.testing.assert_allclose(drawn(gyro, 5, 3, 2 * BLOCK), expected, atol=1e-4)  # of the filter, as above
 
 
 def test_first_order_processes_are_half_an_integration_at_every_lag():
