@@ -10,6 +10,7 @@ from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_result import BudgetResult
+from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
 from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, say, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
@@ -60,8 +61,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     goal = _goal(arguments)
-    if arguments.budget is not None and arguments.budget < 2:
-        raise ExperimentError(f"--budget is {arguments.budget}: ask for two pairs of trials or more")
+    if arguments.budget is not None and arguments.budget < FEWEST_PAIRS:
+        raise ExperimentError(f"--budget is {arguments.budget}: ask for {FEWEST_PAIRS} pairs of trials or more")
     if arguments.budget is not None and arguments.distributed:
         raise ExperimentError("--budget is for one process: leave out --distributed, or make the budget by itself")
     start_jax()

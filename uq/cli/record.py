@@ -59,15 +59,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @contextlib.contextmanager
-def _on_signal(stop: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and the end of the terminal stop the work cleanly."""
+def _on_signal(stop: Callable[[], None], *, to_the_end: bool = False) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and the end of the terminal stop the work cleanly.
+
+    ``to_the_end`` of the process: another Ctrl-C does not undo the status of work that is done.
+    """
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # the last but one is not on Windows, the last only there
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     old = {number: signal.signal(number, lambda *_: stop()) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in old.items():
+        for number, handler in () if to_the_end else old.items():
             signal.signal(number, handler)
 
 
@@ -114,7 +117,8 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
                 terminal.say(line)
             terminal.progress(progress, () if beside is None else beside.block)
 
-        with _on_signal(recorder.stop), Keys(sys.stdin, recorder.mark):
+        nothing_follows = arguments.by_itself and arguments.identify is None
+        with _on_signal(recorder.stop, to_the_end=nothing_follows), Keys(sys.stdin, recorder.mark):
             terminal.begin()
             summary = recorder.run(arguments.seconds, progress=show)
             terminal.done()

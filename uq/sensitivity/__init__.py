@@ -1,1 +1,1 @@
-"""Sensitivity: Sobol indices, Shapley effects, the budget by error source."""
+"""Sobol indices, Shapley effects, the budget by error source."""

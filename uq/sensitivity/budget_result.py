@@ -10,7 +10,7 @@ from identify.reporting import Drawing, Result, Section, plain, stem
 from identify.text_tables import Table
 from uq.campaign.by_trajectory import ByTrajectory
 from uq.report.input_tables import source_tables
-from uq.sensitivity.budget_shares import SourceBudget
+from uq.sensitivity.budget_shares import FEW_PAIRS, SourceBudget
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -82,6 +82,11 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
     def findings(self) -> list[str]:
         """Return what a reader must not miss: warnings, failed trials, shares that do not add up."""
         findings = list(self.warnings)
+        if self.trials < FEW_PAIRS:
+            findings.append(
+                f"{self.trials} pairs of trials are few: the standard errors of the shares come out too small; take "
+                f"{FEW_PAIRS} or more."
+            )
         for pair in self.pairs():
             if self[pair].failed:
                 findings.append(

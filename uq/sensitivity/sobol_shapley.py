@@ -25,7 +25,7 @@ from uq.sensitivity.effects import (
 )
 from uq.sensitivity.redraws import Correlation, Model, correlated, outputs, walks
 from uq.sensitivity.subsets import MOST_PLAYERS
-from uq.sensitivity.variance_shares import Indices, mean, plain_variance, ratio
+from uq.sensitivity.variance_shares import Indices, closure, mean, plain_variance
 from uq.sources.distributions import Distribution
 from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.trial_loop import finite_trials
@@ -241,9 +241,9 @@ def _result(
     average = _average(np.flatnonzero(good), points)
     effects = effects.averaged(average)
     indices, evaluations = effects.indices(np.ones(all_outputs.shape[2])), all_outputs.shape[0] * all_outputs.shape[1]
-    closure = ratio(effects.variance, plain_variance(sample, average))
+    off = closure(effects.variance, plain_variance(sample, average))
     counts = (len(all_outputs), int(np.sum(~good)), evaluations)
-    return Sensitivity(names, *counts, *indices, *mean(effects.variance), *closure, points)
+    return Sensitivity(names, *counts, *indices, *mean(effects.variance), *off, points)
 
 
 def _average(numbers: np.ndarray, points: Points) -> Callable[[np.ndarray], np.ndarray]:

@@ -64,6 +64,25 @@ def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return value, standard_error(influence)
 
 
+def closure(shared: np.ndarray, sample: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ratio of two estimates of one variance, with the standard error that it has if they agree.
+
+    The influence values are those at a ratio of one, ``(shared - sample) / mean sample``. At the ratio itself, as
+    :func:`ratio` takes them, a ratio that is off by chance has too small an error: that of few trials, whose variances
+    have a skew distribution, is then beyond two of them in ten cases of a hundred instead of five.
+
+    Args:
+        shared: terms of the variance that the effects share out, (trials, outputs).
+        sample: terms of the ordinary sample variance, see :func:`plain_variance`.
+    """
+    value, _ = ratio(shared, sample)
+    if len(sample) < 2:
+        return value, value
+    with np.errstate(invalid="ignore", divide="ignore"):
+        influence = (shared - sample) / np.where(sample.mean(0) > 0, sample.mean(0), np.nan)
+    return value, standard_error(influence)
+
+
 def mean(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean over trials and its standard error; NaN of fewer than two trials."""
     if len(values) < 2:
