@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+PHONE, DESK = 390, 1400  # widths in pixels
 AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
 needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="no axe-core: make axe")
 VIOLATIONS = """axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
@@ -109,6 +110,20 @@ class Browser:
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=scheme)
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=844, deviceScaleFactor=1, mobile=True)
+
+    def unfold(self):
+        """Load the page so that a judge's script may run in it, and open all that is folded."""
+        self.load()
+        self.run("for (const folded of document.querySelectorAll('details')) folded.open = true")
+
+    def violations_on_screens(self):
+        """What axe-core objects to on a phone and on a desk, light and dark."""
+        objections = {}
+        for width in (PHONE, DESK):
+            for dark in (False, True):
+                self.show(width, dark=dark)
+                objections[width, dark] = self.violations()
+        return {screen: texts for screen, texts in objections.items() if texts}
 
     def violations(self):
         """What axe-core objects to."""

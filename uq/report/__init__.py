@@ -1,1 +1,1 @@
-"""Reports: one HTML page that stands alone, certificates, a result's files."""
+"""One HTML page that stands alone, certificates, a result's files."""
