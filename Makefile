@@ -6,7 +6,7 @@ UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
 
-.PHONY: env paper test check unit axe bench study docs fuzz lock dist clean
+.PHONY: env paper test check unit optimised axe bench study docs fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -28,8 +28,9 @@ $(ENV)/.ready: $(UV) requirements.lock pyproject.toml
 paper: env
 	$(BIN)/inertia paper --out $(OUT)
 
-# Lint, types, direction of imports, tests, notebooks.
-test: check unit
+# Lint, types, direction of imports, tests, notebooks: side by side, since some tests wait for clocks.
+test: env
+	$(MAKE) --no-print-directory --jobs 3 check unit optimised
 
 check: env
 	$(BIN)/ruff check .
@@ -39,23 +40,26 @@ check: env
 
 # Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
 # `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. What is compiled is kept for
-# the next run. Matrices are small here: two threads of BLAS would wait for each other. A file's tests run in one worker,
-# which makes once what they share; the notebooks, the longest, start first.
-unit: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
-unit: export OPENBLAS_NUM_THREADS = 1
+# the next run, bytecode too. Matrices are small here: two threads of BLAS would wait for each other. A file's tests run in
+# one worker, which makes once what they share; the notebooks, the longest, start first.
+unit optimised: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
+unit optimised: export OPENBLAS_NUM_THREADS = 1
+unit optimised: export PYTHONDONTWRITEBYTECODE =
 unit: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false \
     --xla_llvm_disable_expensive_passes=true --xla_cpu_parallel_codegen_split_count=1
 
 unit: env
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
 	    -m "not study and not optimised" notebooks tests
-	XLA_FLAGS= $(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
+
+optimised: env
+	$(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
 
 # The pages judged by axe-core, which is fetched by npm for this alone; needs Chromium (Debian: apt-get install chromium).
 axe: export AXE_CORE = $(CURDIR)/out/axe/node_modules/axe-core/axe.min.js
 axe: env
 	test -f $(AXE_CORE) || npm install --silent --no-save --prefix out/axe axe-core
-	$(BIN)/python -m pytest tests/uq/report/test_accessibility.py tests/test_site.py
+	$(BIN)/python -m pytest -k axe tests/uq/report/test_accessibility.py tests/uq/cli/test_design.py tests/test_site.py
 
 # The paper's campaign against its references, then what whole commands take.
 bench: env

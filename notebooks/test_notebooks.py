@@ -31,10 +31,12 @@ SHORTER = {
     "designed = design_arm(",
     r"found = design\(": "from uq.excitation import rig_limits\n"
     "rig_limits.HALVINGS, rig_limits.PIECE = 3, 4096\nfound = design(",
+    r"in spoiled\.items\(\)": "in list(spoiled.items())[::3]",
+    r"in cures\.items\(\)": "in cures.items() if name in paths",
     r"SAMPLES = 72_000": "SAMPLES = 12_000",
     r'"duration": "20 s", "ramp": "3 s"': '"duration": "8 s", "ramp": "2 s"',
 }
-"""What a brief run replaces: few trials, a short and coarse search or none, a part of the samples."""
+"""What a brief run replaces: few trials, a short search or none, a part of the samples and of the spoiled runs."""
 
 
 def shortened(notebook):
@@ -56,6 +58,12 @@ def test_notebook_runs(path, brief, tmp_path, monkeypatch):
     notebook = nbformat.reads(before.decode(), as_version=4)
     client(shortened(notebook) if brief else notebook, tmp_path).execute()
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("pattern", SHORTER)
+def test_what_is_shortened_is_in_a_notebook(pattern):
+    cells = [cell.source for path in NOTEBOOKS for cell in nbformat.read(path, as_version=4).cells]
+    assert any(re.search(pattern, source) for source in cells)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

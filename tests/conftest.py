@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests import sparing_checks  # before anything that it checks
 from uq.files.compilation_cache import keep_compiled
 
 gc.set_threshold(50_000, 20, 20)  # JAX makes the collector slow, and what is imported is no garbage
@@ -33,6 +34,22 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+PLACES = {"notebooks": 0, "rig": 1, "uq": 2, "identify": 4}
+
+
+def pytest_collection_modifyitems(items):
+    """The longest file first; what waits for clocks while make's checks run; short files last, so that workers end together."""
+
+    def place(item):
+        return next((PLACES[part] for part in item.nodeid.split("/") if part in PLACES), 3)
+
+    items.sort(key=place)
+
+
+def pytest_runtest_setup():
+    sparing_checks.begin_test()
+
+
 def pytest_unconfigure():
     if "PYTEST_XDIST_WORKER" not in os.environ and "INERTIA_TEST_CACHE" not in os.environ:
         shutil.rmtree(os.environ["INERTIA_CACHE"], ignore_errors=True)
@@ -51,9 +68,9 @@ def room():
         jax.clear_caches()
 
 
-@pytest.fixture(autouse=True, scope="module")
+@pytest.fixture(autouse=True, scope="session")
 def rendered_once():
-    """Of a file's figures of one size and the same labels the first is rendered, and its picture stands for the others.
+    """Of figures of one size and the same labels the first is rendered, and its picture stands for the others.
 
     Each is drawn, with its own data; what takes long is to lay it out and to write it.
     """
@@ -71,6 +88,15 @@ def rendered_once():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "rendered", rendered)
         patch.setattr(report_files, "rendered", rendered)
+        yield real
+
+
+@pytest.fixture(scope="module")
+def every_picture(rendered_once):
+    """Each figure is rendered itself from here to the end of the file, for what is said of pages' sizes."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("page", "report_files"):
+            patch.setattr(f"uq.report.{module}.rendered", rendered_once)
         yield
 
 
@@ -89,6 +115,15 @@ def result_files_follow_their_schema():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report_files, "json_text", json_text)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_device():
+    """Trials run on one device where a test names none: the two that they could share take longer to compile."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("trials.trial_loop", "campaign.campaign", "sensitivity.source_budget"):
+            patch.setattr(f"uq.{module}.default_devices", lambda: jax.devices()[:1])
         yield
 
 

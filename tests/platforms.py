@@ -3,10 +3,10 @@
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from identify.motion.stewart_platform import Platform, Pose, Rod, Twist
 from identify.rigid_body.inertia import Body
-from identify.rigid_body.rotation import exponential
 
 NO_BODY = Body(jnp.array(0.0), jnp.zeros(3), jnp.zeros(6))
 NO_ROD = Rod(jnp.array(0.0), jnp.array(0.0), jnp.array(0.0))
@@ -29,7 +29,7 @@ def somewhere(generator, platform, spread=1.0):
     """A random pose in the workspace."""
     shift = spread * generator.uniform(-0.08, 0.08, 3)
     turn = spread * generator.uniform(-0.35, 0.35, 3)
-    return Pose(platform.home + shift, exponential(jnp.array(turn)))
+    return Pose(jnp.asarray(np.asarray(platform.home) + shift), jnp.asarray(Rotation.from_rotvec(turn).as_matrix()))
 
 
 def moving(generator):

@@ -12,7 +12,7 @@ from rig.record.port import converse
 from uq.sources.source import KINDS
 
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "extending.md"
-FILE = re.compile(r"File `(\w+\.py)` in `([\w/]+)/`:\n\n```python\n(.*?)```", re.S)
+FILE = re.compile(r"File `(\w+\.py)` in `([\w/]+)/`:\n\n```{literalinclude} (\S+)\n:language: python\n```")
 USE = re.compile(r"```(python|toml)\n(.*?)```", re.S)
 
 
@@ -21,7 +21,8 @@ def section(title):
     text = PAGE.read_text("utf-8").split(f"## {title}\n")[1].split("\n## ")[0]
     blocks = USE.findall(FILE.sub("", text))
     sources = {re.search(r'name = "(\w+)"', block)[1].upper(): block for kind, block in blocks if kind == "toml"}
-    return FILE.findall(text), sources, [block for kind, block in blocks if kind == "python"]
+    files = [(name, folder, (PAGE.parent / path).read_text("utf-8")) for name, folder, path in FILE.findall(text)]
+    return files, sources, [block for kind, block in blocks if kind == "python"]
 
 
 @pytest.fixture

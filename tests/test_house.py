@@ -1,4 +1,4 @@
-"""The shape of the house: small modules, small rooms, floors that the drawing shows, and a linter that sees cycles."""
+"""The shape of the house: small modules, small rooms, floors in the order of the list, and a linter that sees cycles."""
 
 import re
 import shutil
@@ -26,9 +26,9 @@ def test_every_room_says_what_it_is_for():
     assert not [room for room in house.rooms() if not (room / "__init__.py").read_text("utf-8").startswith('"""')]
 
 
-def test_the_drawing_is_of_this_house():
+def test_the_list_of_rooms_is_of_this_house():
     """Otherwise: ``python -m benchmarks.house --write``."""
-    assert house.PAGE.read_text("utf-8") == house.page_with_drawing()
+    assert house.PAGE.read_text("utf-8") == house.page_with_listing()
 
 
 def test_every_path_that_the_documentation_names_exists():
