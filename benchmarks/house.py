@@ -1,7 +1,7 @@
-"""The house in figures: ``python -m benchmarks.house`` prints the drawing of architecture.md and the rooms' sizes.
+"""The house in figures: ``python -m benchmarks.house`` prints the rooms' sizes.
 
-The drawing comes from the import linter's floors in pyproject.toml and the rooms' docstrings. ``--write`` puts it into
-docs/explanation/architecture.md; ``--closure`` counts the modules of ours that two entrances import.
+``--write`` renews the list of rooms in docs/explanation/architecture.md, from the import linter's floors in
+pyproject.toml and the rooms' docstrings. ``--closure`` counts the modules of ours that two entrances import.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from identify.text_tables import text_table
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "explanation" / "architecture.md"
-BEGIN, END = "<!-- drawn by python -m benchmarks.house --write -->\n", "<!-- end of the drawing -->\n"
+BEGIN, END = "<!-- written by python -m benchmarks.house --write -->\n", "<!-- end of the list -->\n"
 PACKAGES = ("uq", "identify", "rig")
 ENTRANCES = {
     "from uq import montecarlo": "from uq import montecarlo",
@@ -83,36 +83,20 @@ def purpose(package: str, name: str) -> str:
     return (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split("\n")[0].replace("``", "`")
 
 
-def box(title: str, rows: list[str], least: int = 0) -> list[str]:
-    """Return a frame around floors, at least so wide."""
-    width = max(least, 4 + max(map(len, rows)))
-    inside = [f"│ {row:<{width - 4}} │" for row in rows]
-    return [f"┌─ {title} " + "─" * (width - 5 - len(title)) + "┐", *inside, "└" + "─" * (width - 2) + "┘"]
-
-
-def drawing() -> str:
-    """Return the three packages as boxes of floors: whatever imports stands above what it imports."""
-    rows = {package: ["  ".join(floor) for floor in floors(package)] for package in PACKAGES}
-    left, right = (box(package, rows[package]) for package in ("identify", "rig"))
-    height, width = max(len(left), len(right)), len(left[0])
-    pairs = zip(left + [" " * width] * (height - len(left)), right + [""] * (height - len(right)), strict=True)
-    whole = [*box("uq", rows["uq"], width + 4 + len(right[0])), *(f"{a}    {b}".rstrip() for a, b in pairs)]
-    return "```\n" + "\n".join(whole) + "\n```\n"
-
-
-def sentences() -> str:
-    """Return a table of what every room and every module beside the rooms is for, from their docstrings."""
-    text = ["| room | what it is for |", "|---|---|"]
+def listing() -> str:
+    """Return rooms and modules beside them, with what each is for; what imports stands above what it imports."""
+    text = []
     for package in PACKAGES:
         names = [name for floor in floors(package) for name in floor]
-        text += [f"| `{place(package, name).relative_to(ROOT)}` | {purpose(package, name)} |" for name in names]
-    return "\n".join(text) + "\n"
+        text += ["", f"## {package}", ""]
+        text += [f"- `{place(package, name).relative_to(ROOT / package)}`: {purpose(package, name)}" for name in names]
+    return "\n".join([*text[1:], ""])
 
 
-def page_with_drawing() -> str:
-    """Return docs/explanation/architecture.md with drawing and sentences at their place."""
+def page_with_listing() -> str:
+    """Return docs/explanation/architecture.md with the list of rooms at its place."""
     before, rest = PAGE.read_text("utf-8").split(BEGIN)
-    return f"{before}{BEGIN}{drawing()}\n{sentences()}{END}{rest.split(END)[1]}"
+    return f"{before}{BEGIN}\n{listing()}\n{END}{rest.split(END)[1]}"
 
 
 def closure() -> str:
@@ -127,12 +111,12 @@ def closure() -> str:
 def main() -> int:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.house", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="draw docs/explanation/architecture.md anew")
+    parser.add_argument("--write", action="store_true", help="renew the list in docs/explanation/architecture.md")
     parser.add_argument("--closure", action="store_true", help="count the modules that two entrances import")
     options = parser.parse_args()
     if options.write:
-        PAGE.write_text(page_with_drawing(), "utf-8")
-    print(closure() if options.closure else drawing() + "\n" + table())
+        PAGE.write_text(page_with_listing(), "utf-8")
+    print(closure() if options.closure else table())
     return 0
 
 

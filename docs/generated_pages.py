@@ -18,17 +18,17 @@ from uq.cli import main
 from uq.cli.schema import file_schema
 
 FILES = {
-    "experiment": "Which keys may an experiment file have?",
-    "rig": "Which keys may a rig file have?",
-    "map": "Which keys may a map of a table's columns have?",
-    "body": "Which keys may a reference body have?",
-    "result": "Which keys have result.json and centre.json?",
+    "experiment": "an experiment file",
+    "rig": "a rig file",
+    "map": "a map of columns",
+    "body": "a reference body",
+    "result": "result.json and centre.json",
 }
 
 
 def commands() -> str:
     """Every command with its options, from its parser."""
-    lines = ["# Which commands are there?", ""]
+    lines = ["# Commands", "", "*Which commands and options are there?*", ""]
     for name, summary in main.COMMANDS.items():
         module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
         parser = main.Parser(prog=f"inertia {name}", description=summary)
@@ -59,7 +59,14 @@ def keys(which: str) -> str:
     """Every key of a TOML file with its type, its unit and what it is for, from the schema."""
     content = file_schema(which)
     definitions = content.get("$defs", {})
-    lines = [f"# {FILES[which]}", "", f"The JSON Schema: `inertia schema {which}`.", ""]
+    lines = [
+        f"# Keys of {FILES[which]}",
+        "",
+        "*Which keys are there?*",
+        "",
+        f"The JSON Schema: `inertia schema {which}`.",
+        "",
+    ]
     tables = {"": content, **definitions}
     for name, table in tables.items():
         properties = table.get("properties", {})
@@ -110,7 +117,13 @@ def _type(value: dict[str, Any], definitions: dict[str, Any]) -> str:
 def names(package: str) -> str:
     """Every public name of a package, from its docstring."""
     door = importlib.import_module(package)
-    lines = [f"# What does `{package}` offer?", "", *_directive(f"automodule:: {package}\n   :no-members:")]
+    lines = [
+        f"# Names of `{package}`",
+        "",
+        "*What does the package offer?*",
+        "",
+        *_directive(f"automodule:: {package}\n   :no-members:"),
+    ]
     for name in sorted(door.__all__):
         what = getattr(door, name)
         directive = "autoclass" if inspect.isclass(what) else "autofunction" if callable(what) else "autodata"

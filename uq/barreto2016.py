@@ -1,4 +1,4 @@
-"""The source's simulated experiment, reproduced beside its printed values (Table 2 and the shares of section 4)."""
+"""The source's simulated experiment beside its printed values (Table 2, section 4)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

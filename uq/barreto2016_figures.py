@@ -1,4 +1,4 @@
-"""Figures of the source's simulated experiment: its motions (figures 2 and 4) and the averages of figure 5."""
+"""Figures of the source's simulated experiment (figures 2, 4 and 5)."""
 
 from collections.abc import Mapping
 from typing import Any

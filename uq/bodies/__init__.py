@@ -1,1 +1,1 @@
-"""Bodies beside the measurement: reference bodies, normalised error, exports to simulators and robots."""
+"""Reference bodies, normalised error, exports to simulators and robots."""

@@ -1,1 +1,1 @@
-"""Coverage: intervals and regions from trials, the adaptive procedure, expanded uncertainty."""
+"""Coverage: intervals and regions from trials, the adaptive procedure."""

@@ -1,1 +1,1 @@
-"""What the commands share: how they start and end, the output folder, progress, several processes."""
+"""What the commands share: start, end, output folder, progress, several processes."""
