@@ -109,7 +109,7 @@ def _log(x: Float[Array, "..."]) -> Float[Array, "..."]:
     bits = jax.lax.bitcast_convert_type(x, jnp.int64)
     exponent = (bits - np.float64(math.sqrt(0.5)).view(np.int64)) >> np.int64(52)
     mantissa = jax.lax.bitcast_convert_type(bits - (exponent << np.int64(52)), jnp.float64)  # √½ … √2
-    ratio = (mantissa - 1) / (mantissa + 1)
+    ratio = (mantissa - 1) * (1 / (mantissa + 1))  # of a quotient with two uses, XLA draws the random word twice
     series = _polynomial(ratio * ratio, [2 / (2 * k + 1) for k in range(11)])
     return exponent.astype(jnp.int32).astype(jnp.float64) * math.log(2) + ratio * series
 
