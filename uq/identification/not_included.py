@@ -149,7 +149,7 @@ def _of_least_squares(
     """What each adds to the tensor: root sum of squares over its independent numbers."""
     open_to = replace(experiment, sources=tuple(sources), mixing=())
     as_stated = replace(result, sigma_r_cg=open_to.sigma_r_cg, cg_covariance=None)
-    problem = problem_of(as_stated, runs, open_to)
+    problem = problem_of(as_stated, runs, open_to, slopes=True)
     estimates = estimator_of(result.method).estimates
     slopes = _slopes(problem)
     ends = np.cumsum([np.size(source.sigma) for source in problem.sources])[:-1]

@@ -50,10 +50,11 @@ class RunSums(NamedTuple):
 
 
 def delay_nodes(mean: float, sigma: float) -> np.ndarray:
-    """Return the delays [s] at which sums are taken: Chebyshev's, or zero alone where there is no delay."""
-    if sigma == 0 and mean == 0:
+    """Return the delays [s] at which sums are taken: Chebyshev's, no delay among what they span."""
+    low, high = min(0.0, mean - REACH * sigma), max(0.0, mean + REACH * sigma)
+    if low == high:
         return np.zeros(1)
-    return mean + REACH * sigma * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+    return (low + high) / 2 + (high - low) / 2 * np.cos(np.pi * np.arange(NODES) / (NODES - 1))
 
 
 def run_sums(
@@ -101,11 +102,13 @@ def run_sums(
     fixed = None
     if weighed is not None:
         fixed = Lines.of(unbroken(keep), run.rate).samples(weighed)[reached].reshape(-1, ELEMENTS).T
-    spline = uniform_spline(run.omega, 1 / run.rate) if len(delays) > 1 else None
+    spline = uniform_spline(run.omega, 1 / run.rate) if np.any(delays) else None
     gram, with_wrench = [], []
     for delay in delays:
-        shifted = run.omega if spline is None else spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
-        elements = elements_of(run, shifted, estimator)[:, span]
+        elements = plain[:, span]
+        if spline is not None and delay != 0:
+            shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
+            elements = elements_of(run, shifted, estimator)[:, span]
         if offsets == "estimate":
             elements = elements - elements.mean(axis=1, keepdims=True)
         left = elements if fixed is None else fixed

@@ -180,9 +180,14 @@ def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Syst
 
 
 def problem_of(
-    result: Identification, runs: Sequence[Run], experiment: Experiment, *, redrawn: Collection[str] = ()
+    result: Identification,
+    runs: Sequence[Run],
+    experiment: Experiment,
+    *,
+    redrawn: Collection[str] = (),
+    slopes: bool = False,
 ) -> Problem:
-    """Return what the draws need of a result and its runs.
+    """Return what the draws need of a result and its runs; with ``slopes``, what its derivatives at no error need.
 
     Raises:
         ExperimentError, RunError: see :func:`with_declared_sources`.
@@ -190,7 +195,7 @@ def problem_of(
     sources, mixing = acting(result, experiment, redrawn)
     mountings = dict.fromkeys(run.mounting for run in runs)
     _check_redrawn(redrawn, experiment.sources, mixing)
-    nodes = nodes_of(sources)
+    nodes = nodes_of(sources, slopes=slopes)
     columns = Columns.of(sources)
     sums = [
         run_sums(
@@ -264,12 +269,12 @@ def _check_redrawn(redrawn: Collection[str], sources: Sequence[Source], mixing: 
             )
 
 
-def nodes_of(sources: Sequence[Source]) -> np.ndarray:
-    """Return the delays [s] at which the sums are taken for these sources."""
+def nodes_of(sources: Sequence[Source], *, slopes: bool = False) -> np.ndarray:
+    """Return the delays [s] at which the sums are taken for these sources; for derivatives at none, three."""
     delays = [source for source in sources if source.perturbs == "gyro_delay"]
     mean = float(sum(np.sum(source.mean) for source in delays))
     sigma = float(np.sqrt(sum(np.sum(np.square(source.standard_deviation)) for source in delays)))
-    return delay_nodes(mean, sigma)
+    return sigma * np.arange(-1, 2) if slopes and sigma > 0 else delay_nodes(mean, sigma)
 
 
 def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:

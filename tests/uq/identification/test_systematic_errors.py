@@ -171,6 +171,21 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
     assert 1 < wide.to_dict()["budget"]["M_gain"]["I11"] / (1e-3 * short.inertia[0]) < 2
 
 
+@pytest.mark.parametrize("sigma", [0.0, 1e-3])
+def test_an_expected_delay_is_a_bias_however_well_it_is_known(short, sigma):
+    """Of 20 ms, eight samples: the angular velocity of earlier ones, identified, against the mean of the draws."""
+    late = Source("late", "omega", "delay", "imu", np.array(sigma), mean=np.array(0.02))
+    run = simulate(only(short), "T1").run
+    inner = {name: getattr(run, name)[8:] for name in ("t", "force", "moment")}
+    prompt, delayed = (dataclasses.replace(run, **inner, omega=omega) for omega in (run.omega[8:], run.omega[:-8]))
+    result, other = (
+        identified(short, each, "none", estimator=short.estimator("smoothed")) for each in (prompt, delayed)
+    )
+    wide = with_declared_sources(result, [prompt], only(short, late))
+    change = other.inertia - result.inertia
+    np.testing.assert_allclose(wide.bias - result.bias, change, atol=0.02 * np.abs(change).max())
+
+
 def test_a_delay_that_takes_the_run_is_refused(short):
     late = Source("late", "omega", "delay", "imu", np.array(2.0))
     run = simulate(only(short), "T1").run
