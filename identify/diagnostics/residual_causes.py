@@ -19,7 +19,6 @@ from identify.diagnostics.spectral_lines import Line, line
 from identify.rounding import significant, with_uncertainty
 from identify.signals.correlation_time import correlation_time, score_covariance
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import motion_band
 from identify.signals.run import Run
 
 SIGNIFICANCE = 1e-5
@@ -135,7 +134,7 @@ def resonances(
     Arguments are those of :func:`consistency`, which looks for it beside what else the residuals follow.
     """
     moment = residual_moment(run, replace(estimator, lowpass=None), r_cg, inertia, offsets=offsets)
-    return () if len(moment) < SHORTEST else _lines(run, moment, motion_band(run.omega, run.rate))
+    return () if len(moment) < SHORTEST else _lines(run, moment, run.band)
 
 
 def _lines(run: Run, moment: np.ndarray, band: float) -> tuple[Verdict, ...]:

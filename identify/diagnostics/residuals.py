@@ -12,7 +12,7 @@ from identify.estimators.regressor_rows import rows_of, usable_rows
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import gaussian, motion_band
+from identify.signals.filters import gaussian
 from identify.signals.gravity_direction import upward
 from identify.signals.run import Run
 
@@ -69,11 +69,12 @@ def residuals(
     left, spin = about_cg - rows @ inertia, rows @ inertia
     if offsets == "estimate":
         spin = spin + np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi.mean(axis=1)) @ inertia
-    band = motion_band(run.omega, run.rate)
-    smooth = _Smoother(run.rate, OVER_BAND * band, len(keep))
+    smooth = _Smoother(run.rate, OVER_BAND * run.band, len(keep))
     alpha = smooth(phi[ALPHA].T)
     fitted = force_of_motion(force.T, upward_by_force(run, r_cg)[half + keep], phi[1:4].T, alpha)
-    return Residuals(run.t[half + keep] - run.t[0], left, rows, smooth(spin), fitted, phi[1:4].T, alpha, run.rate, band)
+    return Residuals(
+        run.t[half + keep] - run.t[0], left, rows, smooth(spin), fitted, phi[1:4].T, alpha, run.rate, run.band
+    )
 
 
 def residual_moment(

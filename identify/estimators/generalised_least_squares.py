@@ -22,13 +22,13 @@ from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.regressor_rows import rows_of
 from identify.estimators.residual_trace import trace
-from identify.estimators.run_information import Information, alpha_noise, gain_error, information, longest
+from identify.estimators.run_information import Information, alpha_noise, gain_error, information
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import motion_band, response
+from identify.signals.filters import response
 from identify.signals.run import Run
 from identify.signals.spectrum import Lines, Spectrum, spectrum
 
@@ -97,17 +97,18 @@ def whitened(
     """
     plain = information(run, estimator, r_cg, offsets=offsets)
     rows = rows_of(run, estimator)
-    lines, matrix = Lines.of(rows.segments, run.rate), rows.matrix
+    lines = Lines.of(rows.segments, run.rate)
+    centred = rows._replace(phi=rows.phi - rows.phi.mean(axis=1, keepdims=True)) if offsets == "estimate" else rows
     passed = response(estimator.filter_taps(run.rate), run.rate, lines.frequency)
     inside = _inside(run, lines, passed)
     if inside < lines.constants + FEWEST:
-        return _unweighed(plain, lines.transform(matrix - matrix.mean(axis=0) if offsets == "estimate" else matrix))
+        return _unweighed(plain, centred.transformed(lines))
     force, moment, motion = rows.force.T, rows.moment.T, rows.phi
     mean_force = force.mean(axis=0)
     if offsets == "still":
         force, moment = force - resting(run).force, moment - resting(run).moment
     about_cg = moment - np.cross(r_cg, force)
-    x, y, pushes = lines.transform(matrix), lines.transform(about_cg), lines.transform(force)
+    x, y, pushes = rows.transformed(lines), lines.transform(about_cg), lines.transform(force)
     lever = np.cross(pushes[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
     constants = lines.constant[:, None, None] * np.eye(3)
     free = constants if offsets == "estimate" else constants[:, :, :0]
@@ -124,12 +125,11 @@ def whitened(
         x[:inside] @ fit.value[:6], pushes[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit
     )
     roomy, left, freedom = _with_room(weighed, columns[:inside], follows, fit)
-    centred = matrix - matrix.mean(axis=0) if offsets == "estimate" else matrix
     longer = ((0, len(x) - inside), (0, 0), (0, 0))
-    every = np.concatenate([np.pad(weighed, longer), lines.transform(centred), np.pad(roomy, longer)], axis=2)
+    every = np.concatenate([np.pad(weighed, longer), centred.transformed(lines), np.pad(roomy, longer)], axis=2)
     scores = spectrum(left, freedom, lines.constants, passed**2).scores(every)
     of_weighted = fit.spectrum.scores(weighed)
-    residuals, removed = about_cg - matrix @ fit.value[:6], None
+    residuals, removed = about_cg - rows.inertial_moment(fit.value[:6]), None
     if offsets == "estimate":
         removed = Offsets(fit.value[6:9], fit.inverse[6:9, 6:9], mean_force)
         residuals, about_cg = residuals - removed.moment, about_cg - removed.moment
@@ -240,7 +240,7 @@ def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> t
 
 def _inside(run: Run, lines: Lines, passed: np.ndarray) -> int:
     """How many lines the motion reaches, and the filter lets through."""
-    reached = lines.frequency <= REACH * motion_band(longest(run), run.rate)
+    reached = lines.frequency <= REACH * run.band
     return int((reached & (passed >= HALF)).sum())
 
 

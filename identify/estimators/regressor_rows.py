@@ -11,6 +11,7 @@ from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
 from identify.signals.run import Run, RunError
+from identify.signals.spectrum import Lines
 
 SPLINE_REACH = 3
 """Samples beside a gap that the interpolation across it touches."""
@@ -31,10 +32,15 @@ class Rows(NamedTuple):
     instants: Int[np.ndarray, " n"]
     """Where they stand among the run's."""
 
-    @property
-    def matrix(self) -> Float[np.ndarray, "n 3 6"]:
-        """``Omega_R`` of each instant."""
-        return np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, self.phi, optimize=True)
+    def inertial_moment(self, inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
+        """Return ``Omega_R`` of each instant times a packed tensor [N·m]."""
+        return self.phi.T @ (OMEGA_R_OF_FEATURES @ inertia)
+
+    def transformed(self, lines: Lines) -> Float[np.ndarray, "m 3 6"]:
+        """Return the cosine transform of ``Omega_R``, by that of the nine features that it is made of."""
+        acting = OMEGA_R_OF_FEATURES.any(axis=(1, 2))
+        transformed = lines.transform(self.phi[acting].T)
+        return np.einsum("kji,mk->mji", OMEGA_R_OF_FEATURES[acting], transformed, optimize=True)
 
 
 def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:

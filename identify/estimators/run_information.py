@@ -19,7 +19,7 @@ from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import motion_band, noise_level, response
+from identify.signals.filters import noise_level, response
 from identify.signals.run import Run
 from identify.signals.spectrum import Lines, Spectrum, leverage, spectrum
 from identify.signals.welch import welch
@@ -101,11 +101,11 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
     normal, right, by_centre = _equations(sums_of(phi, force, moment), r_cg)
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
-    matrix = rows._replace(phi=phi).matrix
+    rows = rows._replace(phi=phi)
     about_cg = moment - np.cross(r_cg, force, axisb=0, axisc=0)
-    residuals = about_cg.T - matrix @ inertia
+    residuals = about_cg.T - rows.inertial_moment(inertia)
     lines = Lines.of(rows.segments, run.rate)
-    transformed, spread = lines.transform(matrix), np.linalg.pinv(normal, hermitian=True)
+    transformed, spread = rows.transformed(lines), np.linalg.pinv(normal, hermitian=True)
     errors = _spectrum(lines, transformed, residuals, spread, estimator, run.rate, offsets)
     scores = errors.scores(transformed)
     sigma = alpha_noise(run, estimator)
@@ -164,16 +164,11 @@ def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
     return noise_level(*(run.omega[segment] for segment in run.used())) * estimator.alpha_noise_gain(run.rate)
 
 
-def longest(run: Run) -> np.ndarray:
-    """Return the angular velocity of the longest segment in which every sample may be used."""
-    return run.omega[max(run.used(), key=lambda segment: segment.stop - segment.start)]
-
-
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
-    omega = longest(run)
+    omega = run.omega[run.longest_segment]
     frequency, power = welch(omega, run.rate, max(len(omega) // 4, 8), window="blackmanharris")
-    inside = frequency <= motion_band(omega, run.rate)
+    inside = frequency <= run.band
     passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
     weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2
     total = gain(estimator.taps(run.rate), run.rate, frequency[inside])

@@ -10,13 +10,11 @@ from typing import ClassVar
 import numpy as np
 
 from identify.choices import CgMotion, OffsetChoice
-from identify.estimators.run_information import longest
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import ConstantError
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import motion_band
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
 
@@ -60,13 +58,13 @@ class Problem:
     @cached_property
     def _band(self) -> float:
         for run in self.runs:
-            samples = len(longest(run))
+            samples = len(run.omega[run.longest_segment])
             if samples < SHORTEST:
                 raise RunError(
                     f"{run.name} has {samples} samples, fewer than the {SHORTEST} from which a motion's band is found: "
                     "record for longer, or name an estimator"
                 )
-        return max(motion_band(longest(run), run.rate) for run in self.runs)
+        return max(run.band for run in self.runs)
 
 
 class Estimator(ABC):

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
 from identify.signals.coloured_noise import ShapedNoise
+from identify.signals.filters import motion_band
 from identify.signals.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
 from identify.signals.segments import runs_of_true
 
@@ -83,6 +85,16 @@ class Run:
     def rate(self) -> float:
         """Sample rate [Hz]."""
         return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
+
+    @property
+    def longest_segment(self) -> slice:
+        """The longest segment in which every sample may be used."""
+        return max(self.used(), key=lambda segment: segment.stop - segment.start)
+
+    @cached_property
+    def band(self) -> float:
+        """Highest frequency at which the motion stands out from the gyro's noise, in the longest segment [Hz]."""
+        return motion_band(self.omega[self.longest_segment], self.rate)
 
     @classmethod
     def from_arrays(

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rounding import significant
-from identify.signals.filters import motion_band
 from identify.signals.run import Run
 from identify.signals.welch import welch
 from uq.sources.source import SIGNAL_UNITS, SIGNALS, Source
@@ -57,14 +56,13 @@ def declared_level(sources: Sequence[Source], target: str, rate: float) -> Float
 
 def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
     """Return a line for each channel whose noise is far from what its sources declare."""
-    segment = max(run.used(), key=lambda span: span.stop - span.start)
-    above = ABOVE * motion_band(run.omega[segment], run.rate)
+    segment = run.longest_segment
     warnings = []
     cell, imu = run.sensor_rates or (run.rate, run.rate)
     channels = zip(SIGNALS, (run.force, run.moment, run.omega), (cell, cell, imu), strict=True)
     for target, signal, sensor_rate in channels:
         declared = declared_level(sources, target, sensor_rate)
-        shown = white_level(signal[segment], run.rate, above)
+        shown = None if declared is None else white_level(signal[segment], run.rate, ABOVE * run.band)
         if declared is None or shown is None or not shown.all():
             continue
         shown = shown * np.sqrt(sensor_rate / run.rate)  # the sensor's own samples, of the same spectrum
