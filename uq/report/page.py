@@ -140,12 +140,15 @@ def rendered(figure: "Figure", kind: str) -> bytes:
         kind: ``svg``, ``png``, or ``page``: an SVG with texts for :func:`uq.report.inline_figure.inline`.
     """
     buffer, page = BytesIO(), kind == "page"
-    with matplotlib.rc_context({"svg.hashsalt": "inertia-uq", "svg.fonttype": "none" if page else "path"}):
+    with matplotlib.rc_context({
+        "svg.hashsalt": "inertia-uq", "svg.fonttype": "none" if page else "path",
+        "figure.autolayout": False, "figure.constrained_layout.use": False,
+    }):  # fmt: skip
         figure.savefig(
             buffer, format="svg" if page else kind, dpi=PAGE_DPI if page else DPI,
             metadata=None if kind == "png" else {"Date": None},
         )  # fmt: skip
-    figure.set_layout_engine("none")  # laying it out takes longer than drawing it
+        figure.set_layout_engine(None)  # with any engine, also "none", each file is drawn twice, the first time for it
     return buffer.getvalue()
 
 

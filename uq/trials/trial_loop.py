@@ -167,11 +167,10 @@ def _everywhere(tree: Tree, mesh: Mesh) -> Tree:
     return eqx.combine(arrays, static)
 
 
-COMPILER: dict[str, int | bool] = {"xla_cpu_prefer_vector_width": 512}
-"""Of processors; others take no notice. The widest vectors, which XLA by default does not use; and its older way to
-write a loop, where it still has one: the same speed, compiled in two thirds of the time."""
-if jax.__version_info__ < (0, 11, 1):
-    COMPILER["xla_cpu_use_fusion_emitters"] = False
+OLDER_LOOPS = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (0, 11, 1) else {}
+"""XLA's older way to write a loop, where it still has one: the same speed, compiled in two thirds of the time."""
+COMPILER = {"xla_cpu_prefer_vector_width": 512, **OLDER_LOOPS}
+"""Of processors; others take no notice. The widest vectors, which XLA by default does not use."""
 
 
 @eqx.filter_jit(compiler_options=COMPILER)  # type: ignore[call-overload]
