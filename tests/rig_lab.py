@@ -154,7 +154,7 @@ class Recording:
 
     def end(self):
         """Wait for the end."""
-        out, err = self.process.communicate(timeout=30)
+        out, err = self.process.communicate(timeout=120)
         self.messages += err.decode()
         return self.process.returncode, json.loads(out) if out else None, self.messages
 

@@ -125,7 +125,7 @@ class Console:
 
 
 def wait_for(happened):
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 30
     while not happened() and time.monotonic() < deadline:
         time.sleep(0.01)
 

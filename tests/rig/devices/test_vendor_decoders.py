@@ -109,7 +109,7 @@ def test_mscl_decodes_our_mip_packets_as_our_parser_does():
     for i in range(0, count, 20):
         os.write(master, b"".join(packets[i : i + 20]))
         theirs += node.getDataPackets(200)
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while len(theirs) < count and time.monotonic() < deadline:
         theirs += node.getDataPackets(200)
     connection.disconnect()

@@ -254,7 +254,7 @@ def test_watch_shows_rates_force_and_gravity_and_writes_nothing(emulated, tmp_pa
         [sys.executable, "-m", "uq.cli.main", "record", str(emulated), "--watch", "--seconds", "2.3"],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
     )
     assert done.returncode == 0
     assert sorted(tmp_path.iterdir()) == before
