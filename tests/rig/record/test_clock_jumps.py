@@ -91,9 +91,12 @@ def test_a_recording_outlives_absurd_device_times_and_a_host_clock_that_is_set_b
         summary = recorder.run(1.2)
         monkeypatch.undo()
     run = runs.read(tmp_path / "run.mcap")
-    assert sorted(device["clock_jumps"] for device in summary.devices.values()) == sorted(
-        (next(n) + 49) // 100 for n in seen.values()
-    )
+    jumps = sorted(device["clock_jumps"] for device in summary.devices.values())
+    absurd_ones = sorted((next(n) + 49) // 100 for n in seen.values())
+    assert min(jumps) >= 1
+    assert all(
+        n - 1 <= k <= n for k, n in zip(jumps, absurd_ones, strict=True)
+    )  # the last sample may come after the end
     for channel in (run.wrench, run.imu):
         assert len(channel.stamp) > 60  # however slow the machine
         assert (np.diff(channel.log_time) >= 0).all()

@@ -163,7 +163,7 @@ def test_an_output_that_is_moved_while_recording_is_whole_and_said_to_be_elsewhe
     assert (status, summary["complete"]) == (0, True)
     assert "was moved or replaced while recording" in messages
     assert "was moved or replaced" in summary["warnings"][-1]
-    assert len(runs.read(tmp_path / "other.mcap").wrench.stamp) > 100
+    assert len(runs.read(tmp_path / "other.mcap").wrench.stamp) > 20
 
 
 def test_ctrl_c_again_and_again_ends_a_recording_like_one(tmp_path):

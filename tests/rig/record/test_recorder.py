@@ -207,7 +207,7 @@ def test_udp_lines_are_a_device(tmp_path):
     )
     recording = Recording(rig, "-o", tmp_path / "run.mcap", "--seconds", "1", wait=False)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for i in range(1000):
+        for i in range(30_000):  # two minutes at most; the recording ends by itself
             sender.sendto(b"%d,%d" % (i, 2 * i), ("127.0.0.1", number))
             time.sleep(0.004)
             if recording.process.poll() is not None:
