@@ -180,13 +180,9 @@ def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Syst
 
 
 def problem_of(
-    result: Identification,
-    runs: Sequence[Run],
-    experiment: Experiment,
-    *,
-    redrawn: Collection[str] = (),
-    slopes: bool = False,
-) -> Problem:
+    result: Identification, runs: Sequence[Run], experiment: Experiment,
+    *, redrawn: Collection[str] = (), slopes: bool = False,
+) -> Problem:  # fmt: skip
     """Return what the draws need of a result and its runs; with ``slopes``, what its derivatives at no error need.
 
     Raises:
@@ -197,13 +193,11 @@ def problem_of(
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(sources, slopes=slopes)
     columns = Columns.of(sources)
+    of = result.estimator, result.r_cg, result.inertia, columns
     sums = [
-        run_sums(
-            run, result.estimator, result.r_cg, result.inertia, columns, offsets=result.offsets, weight=fitted.weight,
-            delays=nodes, weighed=fitted.weighed,
-        )
+        run_sums(run, *of, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
         for run, fitted in zip(runs, result.runs, strict=True)
-    ]  # fmt: skip
+    ]
     by_mounting = tuple(
         added([of for of, run in zip(sums, runs, strict=True) if run.mounting == mounting]) for mounting in mountings
     )
