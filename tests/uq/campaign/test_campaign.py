@@ -282,12 +282,14 @@ def test_any_number_of_samples(brief, seconds):
     spec = brief.trajectories["T1"]
     old = spec.trajectory
     fewer = dataclasses.replace(old, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
-    one = dataclasses.replace(brief, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=fewer)})
+    experiment = dataclasses.replace(
+        brief, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=fewer)}
+    )
     options = {"name": "T", "estimators": ("central",), "devices": jax.devices(), "sampling": "samples"}
-    first, again = (errors(one, 3, **options) for _ in range(2))
+    first, again = (errors(experiment, 3, **options) for _ in range(2))
     np.testing.assert_array_equal(first, again)
-    run, r_cg = simulate(one, "T", trial=1).run, brief.r_cg_from_q + drawn_constants(one, 1)["r_cg"]
-    found = identify(run, r_cg=np.asarray(r_cg), estimator=one.estimator("central"), offsets="none")
+    run, r_cg = simulate(experiment, "T", trial=1).run, brief.r_cg_from_q + drawn_constants(experiment, 1)["r_cg"]
+    found = identify(run, r_cg=np.asarray(r_cg), estimator=experiment.estimator("central"), offsets="none")
     np.testing.assert_allclose(plain(found) - brief.inertia, first[1, 0, 0], atol=1e-12)
 
 

@@ -51,11 +51,11 @@ def of_t1(brief, monkeypatch):
 
 
 def test_numbers_do_not_depend_on_batch_or_devices(brief, of_t1):
-    one, two = (
+    on_first, on_both = (
         of_t1(trials=trials, points="random", **given).errors["T1"]
         for trials, given in ((1024, {}), (7, {"devices": jax.devices()[:2], "batch": 3}))
     )
-    np.testing.assert_allclose(two, one[:7], atol=1e-12 * brief.inertia.max())
+    np.testing.assert_allclose(on_both, on_first[:7], atol=1e-12 * brief.inertia.max())
 
 
 def test_a_quasi_random_trial_depends_on_seed_and_number_alone(brief, of_t1):
