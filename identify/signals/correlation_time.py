@@ -1,13 +1,14 @@
 """Sums of samples that are correlated in time: how long the correlation lasts, and how far such a sum scatters."""
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 
 
 def correlation_time(signal: Float[np.ndarray, "n k"]) -> float:
     """Return the integrated correlation time [samples] of the axis where it is longest, to the first zero crossing."""
     n = len(signal)
-    size = 1 << (2 * n - 1).bit_length()
+    size = scipy.fft.next_fast_len(2 * n - 1, real=True)
     power = np.abs(np.fft.rfft(signal, size, axis=0)) ** 2
     correlation = np.fft.irfft(power, size, axis=0)[:n]
     times = []

@@ -26,11 +26,11 @@ def welch(
     Args:
         signal: samples first.
         rate: sample rate [Hz].
-        size: samples of a segment; all that there are, where these are fewer.
+        size: samples of a segment, or a few fewer, whose transform is fast; all that there are, where these are fewer.
         window: that weighs a segment's samples; the second one leaks less.
         straight: whether the straight line through a segment is taken off, and not only its mean.
     """
-    size = min(size, len(signal))
+    size = scipy.fft.prev_fast_len(min(size, len(signal)))
     angle = 2 * np.pi * np.arange(size) / size
     weights = sum((-1) ** k * a * np.cos(k * angle) for k, a in enumerate(WINDOWS[window]))
     segments = np.lib.stride_tricks.sliding_window_view(signal, size, axis=0)[:: size - size // 2]
