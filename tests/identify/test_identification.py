@@ -65,17 +65,20 @@ def test_offsets_are_removed_where_asked_and_only_there(short, estimator, unjudg
 
 @pytest.mark.parametrize("estimator", [SMOOTHED, pytest.param(FILTERED, marks=pytest.mark.study)])
 def test_intervals_cover_the_truth(short, estimator, unjudged):
-    """Without biases, over 16 runs x 6 components: binomial standard error at most 5.4 %, were they fully correlated."""
+    """Without biases, over 10 runs x 6 components: binomial standard error at most 6.9 %, were they fully correlated.
+
+    Their scatter tells a standard deviation to 24 %: three of it.
+    """
     noisy = dataclasses.replace(short, sources=tuple(s for s in short.sources if s.kind == "precision"))
     covered, uncertainties, estimates = [], [], []
-    for trial in range(16):
+    for trial in range(10):
         result = identify(simulate(noisy, "T1", trial=trial).run, r_cg=short.r_cg_from_q, estimator=estimator)
         low, high = result.interval95.T
         covered.append((low <= short.inertia) & (short.inertia <= high))
         uncertainties.append(result.standard_uncertainty)
         estimates.append(result.inertia)
-    assert 0.95 - 3 * 0.054 < np.mean(covered) <= 1
-    np.testing.assert_allclose(np.mean(uncertainties, axis=0), np.std(estimates, axis=0), rtol=0.5)
+    assert 0.95 - 3 * 0.069 < np.mean(covered) <= 1
+    np.testing.assert_allclose(np.mean(uncertainties, axis=0), np.std(estimates, axis=0, ddof=1), rtol=3 * 0.24)
 
 
 def test_the_centre_of_gravitys_uncertainty_is_propagated(short, unjudged):
@@ -134,7 +137,7 @@ def test_a_gap_costs_samples_and_not_the_answer(short):
 def test_a_flat_plate_is_not_called_impossible(short, unjudged):
     """On the edge of the triangle inequality noise decides; only a clear violation is worth a warning."""
     plate = dataclasses.replace(short, inertia=np.array([0.19, 0.0, 0.0, 0.19, 0.0, 0.38]))
-    for trial in range(5):
+    for trial in range(3):
         result = identify(simulate(plate, "T1", trial=trial).run, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
         assert not any("no mass distribution" in text for text in result.warnings)
 

@@ -131,16 +131,14 @@ def as_number(kernel, seed=0):
 def test_a_kernel_is_jitted_batched_and_differentiated(name, generator):
     kernel, *arrays = KERNELS[name]
     arrays = [np.asarray(array, float) for array in arrays]
-    number = jax.jit(as_number(kernel))
     slopes = jax.jit(jax.value_and_grad(as_number(kernel), tuple(range(len(arrays)))))
 
     batch = [np.stack([array, 1.01 * array, 0.98 * array]) for array in arrays]
-    each = [number(*(array[k] for array in batch)) for k in range(3)]
+    each = [slopes(*(array[k] for array in batch))[0] for k in range(3)]
     np.testing.assert_allclose(jax.jit(jax.vmap(as_number(kernel)))(*batch), each, rtol=1e-9, atol=1e-9)
 
     along = [generator.normal(size=array.shape) * (1e-2 + np.abs(array)) for array in arrays]
     value, gradient = slopes(*arrays)
-    np.testing.assert_allclose(value, each[0], rtol=1e-10, atol=1e-10)
     slope = sum(np.vdot(g, a) for g, a in zip(gradient, along, strict=True))
-    ends = [number(*(a + h * d for a, d in zip(arrays, along, strict=True))) for h in (1e-4, -1e-4)]
+    ends = [slopes(*(a + h * d for a, d in zip(arrays, along, strict=True)))[0] for h in (1e-4, -1e-4)]
     np.testing.assert_allclose(slope, (ends[0] - ends[1]) / 2e-4, rtol=1e-5, atol=1e-6 * (1 + abs(float(value))))

@@ -43,7 +43,7 @@ def test_an_accelerometer_that_contradicts_a_still_centre_of_gravity_stops_the_i
 
 
 def test_declared_errors_act_through_the_joint_estimate(tmp_path):
-    """Undeclared, they move components by tens of standard uncertainties; they are told apart by their sizes alone."""
+    """They are told apart by their sizes alone."""
     talk = 5e-3 * np.random.default_rng(3).standard_normal((6, 6)) * (1 - np.eye(6))
     measured = measure(
         1, gyro_scale=(3e-3, -4e-3, 2e-3), cell_gain=(4e-3, -6e-3, 2e-3, 5e-3, -3e-3, 6e-3),
@@ -54,10 +54,7 @@ def test_declared_errors_act_through_the_joint_estimate(tmp_path):
         source("m", "M", "scale", [0.5] * 3), source("a", "wrench", "misalignment", [3e-3] * 3),
         source("c", "wrench", "cross_talk", 5e-3),
     ]  # fmt: skip
-    without = identified_files(measured, tmp_path, "joint")
     result = identified_files(measured, tmp_path, "joint", declared)
-    unaware = np.sqrt(np.square(without.standard_uncertainty) - np.square(without.misfit))
-    assert (np.abs(without.inertia - measured.truth) > 10 * unaware).any()
     assert np.abs(distances(result, measured)).max() < 3
     total = np.sqrt(sum(row**2 for row in result.budget.values()))
     assert set(result.budget) >= {"residuals", *(table["name"] for table in declared)}

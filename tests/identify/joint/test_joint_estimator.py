@@ -129,7 +129,7 @@ def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
     assert speed.max() == pytest.approx(np.linalg.norm(silent_run.omega, axis=1).max(), rel=0.03)
 
 
-@pytest.mark.parametrize("kind", ["accelerometer", "none"])
+@pytest.mark.parametrize("kind", ["accelerometer", pytest.param("none", marks=pytest.mark.study)])
 def test_other_specific_forces_tell_the_tensor_too(brief, silent, kind):
     """An accelerometer at Q without errors; or nothing but the measured force."""
     recorded = silent
@@ -295,8 +295,9 @@ def test_a_recordings_wrong_keys_are_named(key, value, words):
         declared_table("recording", {key: value}, Recording)
 
 
-def test_an_experiment_asks_for_the_joint_estimate(silent, tmp_path, capsys, unjudged):
-    """From files: a simulated run, its stated centre, delay and rotation as result.json has them; offsets at rest refused."""
+@pytest.mark.study
+def test_an_experiment_asks_for_the_joint_estimate(silent, tmp_path):
+    """From files: a simulated run, its stated centre, delay and rotation as result.json has them."""
     silent.write(tmp_path / "run.mcap")
     (tmp_path / "e.toml").write_text(
         EXPERIMENT.format(extra='method = "joint"\ncg_motion = "still"\nsigma_tilt = "2 deg"')
@@ -306,6 +307,10 @@ def test_an_experiment_asks_for_the_joint_estimate(silent, tmp_path, capsys, unj
     assert content["method"] == "joint"
     assert content["delay"]["value"] == pytest.approx(DELAY, abs=1e-5)
     np.testing.assert_allclose(content["rotation"]["rotation_vector"], ROTATION, atol=2e-4)
+
+
+def test_the_command_refuses_offsets_at_rest_in_one_line(silent, tmp_path, capsys):
+    silent.write(tmp_path / "run.mcap")
     (tmp_path / "e.toml").write_text(EXPERIMENT.format(extra='method = "joint"\noffsets = "still"'))
     assert main(["identify", str(tmp_path / "run.mcap"), "--experiment", str(tmp_path / "e.toml")]) == 2
     assert capsys.readouterr().err.count("\n") == 1

@@ -178,7 +178,7 @@ def test_a_gyro_that_is_turned_against_the_accelerometer():
     assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
 
 
-@pytest.mark.parametrize("method", ["source", "joint"])
+@pytest.mark.parametrize("method", [pytest.param("source", marks=pytest.mark.study), "joint"])
 @pytest.mark.parametrize(
     ("error", "target", "kind", "size"),
     [

@@ -73,7 +73,7 @@ def test_exponential_is_scipys_also_near_zero(generator):
 
 def test_attitude_solves_its_differential_equation(trajectory):
     t = jnp.arange(0.0, 4.0, 1 / 400) + 40.0
-    omega = jax.jit(trajectory.omega)
+    omega = jax.jit(lambda t: trajectory.omega(t))
 
     def slope(time, flat):
         w1, w2, w3 = np.asarray(omega(jnp.asarray(time)))

@@ -99,7 +99,7 @@ def test_two_seconds_are_said_to_be_too_few():
 def test_a_thin_rods_tensor_is_a_bodys_and_the_plain_one_stands_beside(unjudged):
     """I22 a twentieth of the others, 3 s: where noise pushes the plain estimate out, the nearest body stands there."""
     seen = 0
-    for seed in range(6):
+    for seed in range(3):
         result = found(lab.swing(3.0), seed=seed)
         assert bool(is_admissible(jnp.asarray(result.inertia)))
         if result.admissible is None or bool(is_admissible(jnp.asarray(result.admissible.plain))):
