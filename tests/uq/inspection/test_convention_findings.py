@@ -67,7 +67,10 @@ def test_either_of_two_turned_sensors_may_be_declared(tmp_path):
     assert 'imu_rotation_to_body = "y, -x, z"' in found.text
 
 
-@pytest.mark.parametrize("name", ["opposite sign", "rotated IMU", "moment in N·mm"])
+@pytest.mark.parametrize(
+    "name",
+    ["rotated IMU", *(pytest.param(name, marks=pytest.mark.study) for name in ("opposite sign", "moment in N·mm"))],
+)
 def test_identify_warns(tmp_path, name):
     path = SPOILED[name][1](good()).write(tmp_path / "run.mcap")
     result = identify_files([path], Experiment.from_dict(T1))
@@ -83,7 +86,7 @@ def test_neither_says_a_word_of_a_clean_run(tmp_path, seed):
     assert experiment_findings(load_run(path, run.experiment.recording), run.experiment) == []
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.study)])
 def test_identify_is_silent_on_clean_runs(tmp_path, seed):
     run = clean(seed)
     result = identify_files([run.write(tmp_path / "run.mcap")], run.experiment)

@@ -22,7 +22,7 @@ from uq.identification.identify_files import identify_files
 from uq.recorded.message_times import instants
 from uq.recorded.time_window import TimeWindow, resolve, windows_of_options
 
-pytestmark = pytest.mark.usefixtures("few_draws")
+pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 
 MARKS = [(1.0, "start"), (5.0, "end"), (7.0, "twice"), (8.0, "twice")]
 
