@@ -30,7 +30,7 @@ def experiment():
     return Experiment.load(ROOT / "docs" / "experiments" / "throws.toml")
 
 
-@pytest.fixture(scope="module", params=["a", "empty"])
+@pytest.fixture(scope="module", params=["a", pytest.param("empty", marks=pytest.mark.study)])
 def thrown(request, experiment):
     """The files of a body, its true tensor [kg·m²], and the runs pooled."""
     files = sorted(THROWS.glob(f"{request.param}_*.mcap"))
