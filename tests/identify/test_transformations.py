@@ -48,6 +48,17 @@ def swung(trajectory):
     return of
 
 
+def rates(trajectory):
+    """Angular velocity and acceleration of a trajectory whose amplitude is scaled."""
+
+    def of(scale):
+        scaled = jax.tree.map(lambda leaf: scale * leaf, trajectory)
+        t = jnp.linspace(0.3, 1.7, 8) * scale
+        return jax.vmap(scaled.omega)(t), jax.vmap(scaled.alpha)(t)
+
+    return of
+
+
 def carried(turn, shift, speed, omega):
     """Forces of the legs at one instant."""
     pose = Pose(jnp.asarray(PLATFORM.home) + 0.01 * shift, rotation.exponential(0.1 * turn))
@@ -81,8 +92,8 @@ KERNELS = {
     "window": (window, np.array(0.4), np.array(3.0), np.array(1.0)),
     "running_product": (running_product, np.stack([np.outer(VECTOR, OTHER), np.eye(3), np.outer(OTHER, THIRD)])),
     "sphere trajectory": (swung(Sphere(1.0, 4.0, 2.0, 0.4, 1.0, 1)), np.array(1.0), np.array(9.8)),
-    "harmonic trajectory": (swung(Harmonic(1.0, 4.0, 2.0, 0.2)), np.array(1.0), np.array(9.8)),
-    "multisine": (swung(MULTISINE), np.array(1.0), np.array(9.8)),
+    "harmonic trajectory": (rates(Harmonic(1.0, 4.0, 2.0, 0.2)), np.array(1.0)),
+    "multisine": (rates(MULTISINE), np.array(1.0)),
     "leg lengths": (lambda p, turn: lengths(PLATFORM, Pose(p, rotation.exponential(turn))), np.array([0.0, 0.05, 0.6]), 0.2 * VECTOR),
     "singularity": (lambda turn: singularity(PLATFORM, Pose(jnp.asarray(PLATFORM.home), rotation.exponential(turn))), 0.2 * VECTOR),
     "leg forces": (carried, VECTOR, OTHER, 0.1 * THIRD, OTHER),
@@ -120,16 +131,14 @@ def as_number(kernel, seed=0):
 def test_a_kernel_is_jitted_batched_and_differentiated(name, generator):
     kernel, *arrays = KERNELS[name]
     arrays = [np.asarray(array, float) for array in arrays]
-    number = jax.jit(as_number(kernel))
     slopes = jax.jit(jax.value_and_grad(as_number(kernel), tuple(range(len(arrays)))))
 
     batch = [np.stack([array, 1.01 * array, 0.98 * array]) for array in arrays]
-    each = [number(*(array[k] for array in batch)) for k in range(3)]
+    each = [slopes(*(array[k] for array in batch))[0] for k in range(3)]
     np.testing.assert_allclose(jax.jit(jax.vmap(as_number(kernel)))(*batch), each, rtol=1e-9, atol=1e-9)
 
     along = [generator.normal(size=array.shape) * (1e-2 + np.abs(array)) for array in arrays]
     value, gradient = slopes(*arrays)
-    np.testing.assert_allclose(value, each[0], rtol=1e-10, atol=1e-10)
     slope = sum(np.vdot(g, a) for g, a in zip(gradient, along, strict=True))
-    ends = [number(*(a + h * d for a, d in zip(arrays, along, strict=True))) for h in (1e-4, -1e-4)]
+    ends = [slopes(*(a + h * d for a, d in zip(arrays, along, strict=True)))[0] for h in (1e-4, -1e-4)]
     np.testing.assert_allclose(slope, (ends[0] - ends[1]) / 2e-4, rtol=1e-5, atol=1e-6 * (1 + abs(float(value))))

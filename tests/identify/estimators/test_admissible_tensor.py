@@ -158,11 +158,11 @@ EDGES = {
 }
 
 
-@pytest.mark.parametrize("name", ["on the edge", "a needle"])
+@pytest.mark.parametrize("name", ["on the edge", pytest.param("a needle", marks=pytest.mark.study)])
 def test_intervals_hold_at_the_edge(name):
-    """15 trials: 0.95 less three binomial standard errors is 0.78; chance of a false alarm 0.6 % a component."""
-    held, width = coverage(EDGES[name], 15, 3)
-    assert held.min() > 0.78
+    """10 trials: at 95 % fewer than 7 hold once in 1,000 for each component."""
+    held, width = coverage(EDGES[name], 10, 3)
+    assert held.min() > 0.65
     assert (width < 1.2).all()
 
 

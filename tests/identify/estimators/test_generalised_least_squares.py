@@ -97,7 +97,7 @@ def test_the_spectrum_is_the_noises(generator):
 
 
 @pytest.mark.parametrize("estimator", [lab.SMOOTH, lab.LOWPASSED])
-def test_without_noise_it_is_exact_and_finds_the_offset(estimator):
+def test_without_noise_it_is_exact_and_finds_the_offset(estimator, unjudged):
     run = lab.run(lab.ROD, lab.swing(10.0), np.random.default_rng(0), level=0.0)
     plain = identify(run, r_cg=lab.R_CG, estimator=estimator)
     ours = identify(run, r_cg=lab.R_CG, estimator=estimator, method="gls")
@@ -107,7 +107,7 @@ def test_without_noise_it_is_exact_and_finds_the_offset(estimator):
     np.testing.assert_allclose(ours.inertia, plain.inertia, atol=2e-3 * lab.ROD.max())
 
 
-def test_a_gap_is_not_reached_across():
+def test_a_gap_is_not_reached_across(unjudged):
     """Two segments with one offset: the answer stays within its uncertainty of the whole run's."""
     run = lab.run(lab.ROD, lab.swing(30.0), np.random.default_rng(3), memory=MEMORY, mixing=MIXING)
     keep = (run.t < 12) | (run.t > 14)
@@ -117,18 +117,18 @@ def test_a_gap_is_not_reached_across():
     assert (gapped.standard_uncertainty < 1.4 * whole.standard_uncertainty).all()
 
 
-@pytest.mark.parametrize("estimator", [lab.SMOOTH, lab.LOWPASSED])
+@pytest.mark.parametrize("estimator", [lab.SMOOTH, pytest.param(lab.LOWPASSED, marks=pytest.mark.study)])
 def test_its_intervals_hold_and_are_shorter(estimator, unjudged):
-    """Strongly coloured noise across axes, 60 runs x 6: binomial standard error at most 2.8 %, fully correlated."""
+    """Strongly coloured noise across axes, 30 runs x 6: binomial standard error at most 4.0 %, fully correlated."""
     rng, motion = np.random.default_rng(11), lab.swing(20.0)
     held, ours, plain = [], [], []
-    for _ in range(60):
+    for _ in range(30):
         run = lab.run(BODY, motion, rng, memory=0.99, mixing=MIXING)
         result = identify(run, r_cg=lab.R_CG, estimator=estimator, method="gls")
         held.append(lab.covered(result, BODY))
         ours.append(result.inertia - BODY)
         plain.append(identify(run, r_cg=lab.R_CG, estimator=estimator).inertia - BODY)
-    assert np.mean(held) > 0.95 - 3 * 0.028
+    assert np.mean(held) > 0.95 - 3 * 0.040
     assert np.mean(np.var(ours, axis=0) / np.var(plain, axis=0)) < 0.85
 
 

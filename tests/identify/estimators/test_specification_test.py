@@ -81,11 +81,11 @@ def test_a_pool_is_linear_in_its_runs_equations_and_so_are_differences():
         assert (np.linalg.eigvalsh(difference.covariance) > 0).all()
 
 
-@pytest.mark.parametrize("still", [False, True])
-def test_clean_runs_are_answered_with_weights_narrower_and_true(still):
-    """Four runs x 6: the errors' mean square in standard uncertainties below 2, where 24 draws exceed it in 0.3 %."""
+@pytest.mark.parametrize("still", [False, pytest.param(True, marks=pytest.mark.study)])
+def test_clean_runs_are_answered_with_weights_narrower_and_true(still, unjudged):
+    """Three runs x 6: the errors' mean square in standard uncertainties below 2, where 18 draws exceed it in 0.7 %."""
     square = []
-    for seed in range(4):
+    for seed in range(3):
         run = measure(seed, still=still)
         result, plain = identified(run, "gls"), identified(run)
         assert not suspected(result)
@@ -94,8 +94,8 @@ def test_clean_runs_are_answered_with_weights_narrower_and_true(still):
     assert np.mean(square) < 2
 
 
-@pytest.mark.parametrize("name", SIZES)
-def test_a_moment_that_the_model_lacks_is_said_and_the_wider_answer_given(name):
+@pytest.mark.parametrize("name", [pytest.param("cable", marks=pytest.mark.study), "flexible mounting", "cross-talk"])
+def test_a_moment_that_the_model_lacks_is_said_and_the_wider_answer_given(name, unjudged):
     run = troubled(name, 7)
     result, plain = identified(run, "gls"), identified(run)
     assert suspected(result)
@@ -106,7 +106,7 @@ def test_a_moment_that_the_model_lacks_is_said_and_the_wider_answer_given(name):
     assert (np.linalg.eigvalsh(result.covariance) > 0).all()
 
 
-def test_runs_pooled_are_judged_together():
+def test_runs_pooled_are_judged_together(unjudged):
     clean = [measure(s, seconds=10.0) for s in (3, 4)]
     result = identified(clean, "gls")
     assert not suspected(result)
@@ -114,7 +114,7 @@ def test_runs_pooled_are_judged_together():
     assert suspected(identified([troubled("cable", s) for s in (3, 4)], "gls"))
 
 
-def test_a_brief_run_is_answered_by_least_squares_and_says_so():
+def test_a_brief_run_is_answered_by_least_squares_and_says_so(unjudged):
     """0.8 s behind 10 Hz: fewer lines than weights need."""
     run = measure(5, seconds=10.0)
     near = np.abs(run.t_wrench - 5) < 0.4

@@ -279,7 +279,7 @@ def test_patterns_are_those_of_one_wave(generator):
     np.testing.assert_allclose(2 * wave @ wave.T / 12, np.outer(pattern, pattern.conj()).real, atol=1e-12)
 
 
-@pytest.mark.parametrize("part", [MOMENTS, PRODUCTS])
+@pytest.mark.parametrize("part", [MOMENTS, pytest.param(PRODUCTS, marks=pytest.mark.study)])
 def test_the_mixture_is_optimal(part, generator):
     """Against another minimiser; and no pattern leads down from it (Kiefer and Wolfowitz)."""
     function, points = (

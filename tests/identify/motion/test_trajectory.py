@@ -73,9 +73,10 @@ def test_exponential_is_scipys_also_near_zero(generator):
 
 def test_attitude_solves_its_differential_equation(trajectory):
     t = jnp.arange(0.0, 4.0, 1 / 400) + 40.0
+    omega = jax.jit(lambda t: trajectory.omega(t))
 
     def slope(time, flat):
-        w1, w2, w3 = np.asarray(trajectory.omega(jnp.asarray(time)))
+        w1, w2, w3 = np.asarray(omega(jnp.asarray(time)))
         return (flat.reshape(3, 3) @ np.array([[0, -w3, w2], [w3, 0, -w1], [-w2, w1, 0]])).ravel()
 
     solution = solve_ivp(slope, (40.0, float(t[-1])), np.eye(3).ravel(), t_eval=t[::100], rtol=1e-9, atol=1e-10)

@@ -5,6 +5,7 @@ Poses are made here in plain NumPy, runs by tests/laboratory.py.
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.identification.static_centre import centre_file
 
+pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 SHORT = {"seconds": 15.0}
 GAIN = 2.5e-3
 """Standard uncertainty of each channel's gain: ±0.5 %, k = 2."""
@@ -92,6 +94,12 @@ def test_a_declared_gain_reaches_mass_and_centre(tmp_path, clean):
     np.testing.assert_allclose(again.lasting_errors["f 1"], with_gain.lasting_errors["f 1"])
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("laboratories")
+
+
+@cache
 def identified(tmp_path, seed, method, *, shared=True):
     """A laboratory whose load cell has gains of the declared size, in poses and run, and zeros that are those of the poses."""
     rng = np.random.default_rng([18, seed])
@@ -106,13 +114,13 @@ def identified(tmp_path, seed, method, *, shared=True):
     return measured, identify_files([path], experiment, centre=tmp_path / "c.json")
 
 
-@pytest.mark.parametrize(("method", "runs"), [*((m, 2) for m in ("source", "gls", "joint")),
+@pytest.mark.parametrize(("method", "runs"), [("source", 2), ("joint", 2), pytest.param("gls", 2, marks=pytest.mark.study),
                          *(pytest.param(m, 20, marks=pytest.mark.study) for m in ("source", "gls", "joint"))])  # fmt: skip
-def test_errors_of_all_ten_are_as_large_as_the_uncertainty_says(tmp_path, method, runs):
+def test_errors_of_all_ten_are_as_large_as_the_uncertainty_says(folder, method, runs):
     """Root mean square of errors over u of mass, centre and tensor together; 20 runs each in the study."""
     ratio = []
     for seed in range(runs):
-        measured, result = identified(tmp_path, seed, method)
+        measured, result = identified(folder, seed, method)
         ten = result.parameters
         truth = np.concatenate([[MASS], R_CG, measured.truth])
         ratio.append((ten.values - truth) / ten.standard_uncertainty)
@@ -122,9 +130,9 @@ def test_errors_of_all_ten_are_as_large_as_the_uncertainty_says(tmp_path, method
     assert 0.4 < np.sqrt(np.mean(rms**2)) < 1.6
 
 
-def test_a_gain_of_both_is_not_counted_twice(tmp_path):
+def test_a_gain_of_both_is_not_counted_twice(folder):
     """What the moment's gain has done to r_CG cancels with what it does to the run: independent, the two would add."""
-    (_, linked), (_, apart) = (identified(tmp_path, 0, "source", shared=shared) for shared in (True, False))
+    (_, linked), (_, apart) = (identified(folder, 0, "source"), identified(folder, 0, "source", shared=False))
     assert linked.standard_uncertainty[3] < 0.7 * apart.standard_uncertainty[3]
     assert {"f 1", "m 3"} <= set(linked.lasting)
     assert apart.lasting == {}

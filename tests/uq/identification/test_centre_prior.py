@@ -19,7 +19,7 @@ from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import tare_files
 
-pytestmark = pytest.mark.usefixtures("few_draws")
+pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 
 POSES = SHORT + "\n[poses]\n"
 
@@ -186,7 +186,11 @@ def test_a_datum_and_a_scale(short, files, plain):
         (["--tare", "none.mcap", "--tare-centre", "empty.json"], "none.mcap"),
         (["--tare", "empty.mcap", "--tare-centre", "e.toml"], "e.toml is not JSON"),
         (["--tare", "empty.mcap", "empty.mcap", "--tare-centre", "empty.json"], "a run is given twice"),
-        (["--tare", "empty.mcap", "--tare-centre", "heavy.json"], "the fixture has 30 kg, the body with it 19.7 kg"),
+        pytest.param(
+            ["--tare", "empty.mcap", "--tare-centre", "heavy.json"],
+            "the fixture has 30 kg, the body with it 19.7 kg",
+            marks=pytest.mark.study,
+        ),
         (["--tare", "whole.mcap", "--tare-centre", "empty.json"], "is both loaded and empty"),
     ],
 )

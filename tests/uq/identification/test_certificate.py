@@ -389,6 +389,7 @@ def test_it_prints_as_a_numbered_a4_document_without_complaint(full, tmp_path):
         assert "(A4)" in about
 
 
+@pytest.mark.study
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
 def test_the_browser_would_complain_of_a_request(plain, tmp_path):
     """The oracle of the test above."""

@@ -16,7 +16,7 @@ from uq.files.toml_text import toml_text
 from uq.identification.certificate import Certificate
 from uq.identification.certificate_tables import discordance
 
-pytestmark = pytest.mark.usefixtures("few_draws")
+pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 
 RANGE = (0.03, 0.03, 0.03)
 """Scale of a gyro that was set to another range [part]: it moves the large moments by 11 g·m²."""
@@ -32,7 +32,7 @@ def runs(*, strange=None):
     return [run(seed, **({"gyro_scale": RANGE} if seed == strange else {})) for seed in range(4)]
 
 
-@pytest.mark.parametrize("method", ["source", "gls", "joint"])
+@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.study), "joint"])
 def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(method, tmp_path):
     result = identified_files(runs(strange=2), tmp_path, method)
     (departure,) = result.discordance.departures
@@ -48,13 +48,16 @@ def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(metho
     assert line.startswith(f"run2.mcap leaves the others: {departure.component} is ")
     assert others.discordance is None
     assert not [text for text in others.warnings if "leaves the others" in text]
-    assert result.to_dict()["discordance"]["departures"][0]["runs"] == ["run2.mcap"]
+    content = result.to_dict()["discordance"]
+    assert content["departures"][0]["runs"] == ["run2.mcap"]
+    assert (content["with"]["runs"], content["without"]["runs"]) == (4, 3)
     departing, pools = discordance(result)
     assert departing.rows[0][:2] == ["run2.mcap", departure.component]
     assert [row[0] for row in pools.rows] == ["with them: 4 runs", "u", "without them: 3 runs", "u"]
     assert {departing.caption, pools.caption} <= {table.caption for table in Certificate(result).details()}
 
 
+@pytest.mark.study
 def test_terminal_result_and_report_hold_it(tmp_path, capsys):
     several = runs(strange=1)
     paths = [str(write(tmp_path / f"run{k}.mcap", measured)) for k, measured in enumerate(several)]

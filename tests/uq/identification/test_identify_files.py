@@ -15,7 +15,7 @@ from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run
 from uq.recorded.time_window import TimeWindow
 
-pytestmark = pytest.mark.usefixtures("few_draws")
+pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 
 MOMENTS = [0, 3, 5]
 POINT = np.array([0.010, -0.020, 0.030])
@@ -71,10 +71,16 @@ def test_a_run_rewritten_in_another_rigs_conventions_gives_the_same_tensor(folde
 @pytest.mark.parametrize(
     ("what", "keys", "spoil"),
     [
-        ("sign", {}, lambda s: dataclasses.replace(s, force=-s.force, moment=-s.moment)),
-        ("point", {}, lambda s: dataclasses.replace(s, moment=s.moment - np.cross(POINT, s.force))),
+        pytest.param(
+            "sign", {}, lambda s: dataclasses.replace(s, force=-s.force, moment=-s.moment), marks=pytest.mark.study),
+        pytest.param(
+            "point",
+            {},
+            lambda s: dataclasses.replace(s, moment=s.moment - np.cross(POINT, s.force)),
+            marks=pytest.mark.study,
+        ),
         ("imu", {}, lambda s: dataclasses.replace(s, omega=s.omega @ Rotation.from_euler("z", 3, degrees=True).as_matrix())),
-        ("unit", {}, lambda s: dataclasses.replace(s, moment=1e3 * s.moment)),
+        pytest.param("unit", {}, lambda s: dataclasses.replace(s, moment=1e3 * s.moment), marks=pytest.mark.study),
     ],
 )  # fmt: skip
 def test_what_is_not_declared_does_matter(folder, short, signals, plain, what, keys, spoil):
@@ -186,7 +192,14 @@ def test_the_load_cells_noise_does_not_fold_into_the_slow_imus_band(whole_and_sl
     assert (residuals[1] < residuals[0] / np.sqrt(10) * 1.2).all()
 
 
-@pytest.mark.parametrize(("late", "counted"), [("even", True), ("even", False), ("long", False), ("symmetric", False)])
+@pytest.mark.parametrize(
+    ("late", "counted"),
+    [
+        ("even", True),
+        ("long", False),
+        *(pytest.param(late, False, marks=pytest.mark.study) for late in ("even", "symmetric")),
+    ],
+)
 def test_bare_headers_and_late_arrivals(folder, short, fine, whole_and_slow, generator, late, counted):
     noisy, silent = fine
     n = len(noisy.t)
@@ -258,6 +271,7 @@ def test_without_options_the_right_segment_is_found(short, scene):
     assert content["left_out"] == {"outside the part": run.left_out["outside the part"]}
 
 
+@pytest.mark.study
 def test_everything_would_be_wrong(short, scene):
     """The oracle of the test above: hands and knock do matter."""
     _, path = scene
@@ -318,9 +332,15 @@ def reference(folder, short, rested):
 
 @pytest.mark.parametrize(
     ("kind", "offsets"),
-    [(kind, "estimate") for kind in ("empty", "loaded", "gravity", "gravity_from_force")]
-    + [("empty", "still"), ("gravity", "still"), ("gravity_from_force", "still")]
-    + [("loaded", "none"), ("gravity_from_force", "none")],
+    [("empty", "estimate"), ("gravity", "still"), ("gravity_from_force", "still"), ("loaded", "none")]
+    + [
+        pytest.param(*case, marks=pytest.mark.study)
+        for case in (
+            *((kind, "estimate") for kind in ("loaded", "gravity", "gravity_from_force")),
+            ("empty", "still"),
+            ("gravity_from_force", "none"),
+        )
+    ],
 )
 def test_however_zeroed_the_same_tensor(folder, short, rested, reference, kind, offsets):
     signals, declared = zeroed(rested, short, kind)
@@ -339,6 +359,7 @@ def test_however_zeroed_the_same_tensor(folder, short, rested, reference, kind, 
         np.testing.assert_allclose(content["moment_about_q"][0], OFFSETS[1], atol=0.15)
 
 
+@pytest.mark.study
 def test_gravity_removed_from_the_force_alone_and_not_declared_is_far_off(folder, short, rested):
     """The oracle of the test above: 116 g·m² on I11 and I22, m·r² g-fold."""
     signals, _ = zeroed(rested, short, "gravity_from_force")

@@ -28,6 +28,7 @@ from uq.sources.constant_errors import errors_of
 from uq.sources.distributions import Normal
 from uq.sources.source import Source
 
+pytestmark = pytest.mark.usefixtures("unjudged")
 DOCS = Path(__file__).parents[3] / "docs" / "experiments"
 SCALE = Source("M_gain", "M", "scale", "load_cell", np.full(3, 0.01))
 
@@ -171,7 +172,7 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
     assert 1 < wide.to_dict()["budget"]["M_gain"]["I11"] / (1e-3 * short.inertia[0]) < 2
 
 
-@pytest.mark.parametrize("sigma", [0.0, 1e-3])
+@pytest.mark.parametrize("sigma", [pytest.param(0.0, marks=pytest.mark.study), 1e-3])
 def test_an_expected_delay_is_a_bias_however_well_it_is_known(short, sigma):
     """Of 20 ms, eight samples: the angular velocity of earlier ones, identified, against the mean of the draws."""
     late = Source("late", "omega", "delay", "imu", np.array(sigma), mean=np.array(0.02))
@@ -205,8 +206,8 @@ def test_what_no_mounting_can_draw_anew_is_refused(constant, silent):
             with_declared_sources(result, [silent], whole, redrawn=[linked[0]])
 
 
-@pytest.mark.parametrize(("runs", "trials"), [(8, 2000), pytest.param(300, 2000, marks=pytest.mark.study)])
-def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs, trials, unjudged):
+@pytest.mark.parametrize(("runs", "trials"), [(8, 500), pytest.param(300, 2000, marks=pytest.mark.study)])
+def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs, trials):
     """Rigs with these errors (all of them in the study) and noise, identified without knowing them but by declaration.
 
     Of 8 runs the binomial standard error is at most 7.7 %, were the components fully correlated, 3.1 % were they

@@ -21,7 +21,7 @@ def half_width(result):
     return np.diff(result.interval95, axis=1)[:, 0] / 2
 
 
-def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator):
+def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator, unjudged):
     """U² = k_w² V_w + k_f² V_f: with the fixture's intervals doubled its part counts four times."""
     whole, _ = measured(experiment_of(brief, WHOLE), WHOLE, generator, np.zeros(3), 0)
     fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, np.zeros(3), 1)
@@ -42,8 +42,10 @@ def by_joint(brief):
     """Body with its fixture, and fixture, by the joint estimate; the centre of the first."""
     generator = np.random.default_rng(4)
     misaligned = ALIGNMENT * generator.normal(size=3)
-    whole, centre = measured(experiment_of(brief, WHOLE), WHOLE, generator, misaligned, 0, "joint")
-    fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, misaligned, 1, "joint")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("identify.identification.judged", lambda result, problem: result)
+        whole, centre = measured(experiment_of(brief, WHOLE), WHOLE, generator, misaligned, 0, "joint")
+        fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, misaligned, 1, "joint")
     return whole, fixture, centre
 
 
@@ -59,7 +61,7 @@ def test_with_joint_the_covariance_of_the_body_is_one_and_holds_the_truth(by_joi
     assert (np.diff(body.interval95, axis=1) > 0).all()
 
 
-def test_what_lasts_acts_through_the_joint_estimate(by_joint, brief):
+def test_what_lasts_acts_through_the_joint_estimate(by_joint, brief, unjudged):
     """The centre shifted by what an axis of the attitudes does to it, and the run identified anew."""
     whole, _, centre = by_joint
     run = simulate(experiment_of(brief, WHOLE), "T1", trial=0).run

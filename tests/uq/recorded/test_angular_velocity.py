@@ -114,7 +114,7 @@ def test_poses_may_jump_in_sign_and_come_unevenly(tmp_path, experiment, simulate
     np.testing.assert_allclose(result.inertia, experiment.inertia, rtol=2e-4, atol=2e-5)
 
 
-def test_the_bias_from_noisy_poses_is_the_stated_one(experiment, simulated, generator):
+def test_the_bias_from_noisy_poses_is_the_stated_one(experiment, simulated, generator, unjudged):
     """White attitude noise of 0.1 mrad makes the tensor too small: over 40 draws the mean error is the stated bias.
 
     Tolerance: four standard errors of the mean and a tenth of the bias, which neglects what it does to its own

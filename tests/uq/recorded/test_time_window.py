@@ -22,7 +22,7 @@ from uq.identification.identify_files import identify_files
 from uq.recorded.message_times import instants
 from uq.recorded.time_window import TimeWindow, resolve, windows_of_options
 
-pytestmark = pytest.mark.usefixtures("few_draws")
+pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 
 MARKS = [(1.0, "start"), (5.0, "end"), (7.0, "twice"), (8.0, "twice")]
 
@@ -136,13 +136,17 @@ def test_the_command_takes_parts(short, tmp_path, marked, capsys):
     said = capsys.readouterr().out
     assert "m.mcap: used from 2.00 to 8.50 s and 9.50 to 17.50 s; left out: 2,098 samples outside the part" in said
     assert "assumed: force and moment are free of constant offsets" in said
-    assert main([*command, "--out", str(tmp_path / "out")]) == 0
-    assert (tmp_path / "out" / "parts.svg").exists()
-    assert "used from 0.59 to" in (tmp_path / "out" / "report.html").read_text()
-    capsys.readouterr()
     assert "no mark 'stop' in m.mcap for --to" in refused(capsys, *command, "--to", "stop")
     assert "empty or reversed" in refused(capsys, *command, "--from", "9", "--to", "3")
     assert "invalid choice: 'maybe'" in refused(capsys, *command, "--offsets", "maybe")
+
+
+@pytest.mark.study
+def test_the_report_draws_the_part_that_counts(tmp_path, marked):
+    path = with_notes(tmp_path / "m.mcap", marked[1], marks=[])
+    assert main(["identify", str(path), "--experiment", "barreto2016", "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "parts.svg").exists()
+    assert "used from 0.59 to" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_samples_of_a_second_out_of_range_are_left_out_and_counted(short, tmp_path, marked):
