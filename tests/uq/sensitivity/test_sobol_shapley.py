@@ -340,9 +340,9 @@ WAYS = [(name, way) for name in CLOSED for way in ("shapley", "sobol", "walks") 
 
 
 @pytest.mark.parametrize("points", POINTS)
-@pytest.mark.parametrize(("name", "way"), WAYS)
+@pytest.mark.parametrize(("name", "way"), [("ishigami", "sobol"), ("g", "shapley"), ("gaussian", "walks")])
 def test_standard_errors_cover_the_closed_form(name, way, points):
-    """50 repeats of 300 trials: a coverage of 95 % has a standard error of 3 %."""
+    """Each way once; 50 repeats of 300 trials: a coverage of 95 % has a standard error of 3 %."""
     for kind, coverage in covered(name, way, points, 50, 300).items():
         assert (coverage >= 0.84).all(), (kind, coverage)
         assert 0.88 <= coverage.mean() <= 0.995, (kind, coverage)
