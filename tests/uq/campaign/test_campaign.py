@@ -190,7 +190,9 @@ def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, samp
     assert np.abs(other.inertia - reference.inertia).max() <= tolerance * brief.inertia.max()
 
 
+@pytest.mark.study
 def test_float32_draws_agree_with_float64_in_distribution(brief):
+    """Briefly below, without float64; and in ``sources/test_sources.py``."""
     trials = 300
     one, two = (errors(brief, trials, dtype=d) for d in ("float64", "float32"))
     np.testing.assert_allclose(one.std(0), two.std(0), rtol=5 / np.sqrt(trials), atol=1e-9)

@@ -176,13 +176,6 @@ def test_a_delay_is_a_polynomial_where_its_remainder_is_small(sigma):
     assert how(e) == (expected if by_samples else {"in_sums": {"late": "a polynomial in the delay"}})
 
 
-def test_a_delay_in_sums_is_a_delay_of_samples():
-    e = experiment(NOISE[2], source("late", "omega", "delay", mean="5 ms", sigma="5 ms"))
-    sums, samples = (montecarlo(e, trials=5, sampling=s).errors["T"] for s in ("conditioned", "samples"))
-    assert np.ptp(samples[:, 0, 0], axis=0).max() > 1e-4
-    np.testing.assert_allclose(sums, samples, atol=1e-6 * np.abs(samples).max())
-
-
 def test_nothing_to_do_by_sums():
     """Every case needs samples, or none is drawn at all."""
     limit = source("limit", "F", "saturation", limit=["100 N"] * 3)
