@@ -29,7 +29,10 @@ def only(experiment, *names):
     return dataclasses.replace(experiment, sources=tuple(s for s in experiment.sources if s.name in names))
 
 
-def estimates(experiment, trials, *, name="T1", estimators=("central", "smoothed"), devices=None, batch=1, **options):
+BOTH = ("central", "smoothed")
+
+
+def estimates(experiment, trials, *, name="T1", estimators=("central",), devices=None, batch=1, **options):
     """On one device at least a whole segment is run: any number of trials is one compiled program."""
     chosen = [experiment.estimator(e) for e in estimators]
     setup = prepare_setup(experiment, experiment.trajectories[name], chosen, **options)
@@ -58,9 +61,9 @@ def test_without_errors_analytic_alpha_gives_the_exact_tensor(preset, name):
 @pytest.mark.parametrize("name", ["T1", "T4"])
 def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, name):
     """A gain g at the motion's frequency scales alpha, so every moment comes out as I/g."""
-    error = errors(only(preset), 1, name=name)[0, :, 0]
+    error = errors(only(preset), 1, name=name, estimators=BOTH)[0, :, 0]
     frequency = np.array([4 / 0.425 / (2 * np.pi)])
-    for k, estimator in enumerate(("central", "smoothed")):
+    for k, estimator in enumerate(BOTH):
         g = gain(preset.estimator(estimator).taps(400.0), 400.0, frequency)[0]
         relative = error[k, [0, 3, 5]] / preset.inertia[[0, 3, 5]]
         np.testing.assert_allclose(relative, 1 / g - 1, rtol=0.05)
@@ -83,7 +86,7 @@ def test_motions_computed_together_are_those_computed_alone(brief):
 # --- closed forms ---
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", "samples"])
+@pytest.mark.parametrize("sampling", ["conditioned", pytest.param("samples", marks=pytest.mark.study)])
 def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
     """With the true omega the estimate is linear in F, M and r: variance (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹."""
     trials = 500
@@ -118,9 +121,11 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
             np.testing.assert_array_less(np.abs(mean - without), 4 * np.sqrt(variance / trials) + 1e-12)
 
 
+@pytest.mark.study
 def test_conditioned_and_sampled_noise_have_the_same_distribution(brief):
+    """Either against the reference trial: ``trials/test_reference_trial.py``."""
     trials = 600
-    one, two = (errors(brief, trials, name="T3", sampling=s) for s in ("conditioned", "samples"))
+    one, two = (errors(brief, trials, name="T3", estimators=BOTH, sampling=s) for s in ("conditioned", "samples"))
     first, second = one.std(0, ddof=1), two.std(0, ddof=1)
     # 2 estimators x 11 cases x 6: relative standard error of the ratio 1/√N; 5 of them: 1e-4 false alarms
     np.testing.assert_allclose(first, second, rtol=5 / np.sqrt(trials), atol=1e-12)
@@ -159,7 +164,7 @@ def plain(found):
     return found.inertia if found.admissible is None else found.admissible.plain
 
 
-@pytest.mark.parametrize("estimator", ["central", "smoothed"])
+@pytest.mark.parametrize("estimator", ["central", pytest.param("smoothed", marks=pytest.mark.study)])
 def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
     """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
     one = dataclasses.replace(brief, estimators=(brief.estimator(estimator),))
@@ -174,7 +179,8 @@ def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
 
 
 @pytest.mark.parametrize(
-    ("sampling", "dtype", "tolerance"), [("conditioned", "float64", 1e-12), ("samples", "float32", 1e-5)]
+    ("sampling", "dtype", "tolerance"),
+    [("conditioned", "float64", 1e-12), pytest.param("samples", "float32", 1e-5, marks=pytest.mark.study)],
 )
 def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, sampling):
     options = {"dtype": dtype, "sampling": sampling}
@@ -184,7 +190,9 @@ def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, samp
     assert np.abs(other.inertia - reference.inertia).max() <= tolerance * brief.inertia.max()
 
 
+@pytest.mark.study
 def test_float32_draws_agree_with_float64_in_distribution(brief):
+    """Briefly below, without float64; and in ``sources/test_sources.py``."""
     trials = 300
     one, two = (errors(brief, trials, dtype=d) for d in ("float64", "float32"))
     np.testing.assert_allclose(one.std(0), two.std(0), rtol=5 / np.sqrt(trials), atol=1e-9)
@@ -262,28 +270,30 @@ def test_the_standard_error_of_three_sigma_holds_for_other_distributions(generat
 
 
 def test_without_float64_it_warns_and_still_answers(brief):
+    few, options = only(brief, "M_precision", "omega_precision", "omega_bias"), {"trials": 20, "trajectories": "T1"}
     with jax.enable_x64(False):
         with pytest.warns(PrecisionWarning, match="JAX's float64 is off"):
-            result = montecarlo(brief, trials=20, trajectories="T1")
-        asked = montecarlo(brief, trials=20, trajectories="T1", dtype="float32")
+            result = montecarlo(few, **options)
+        asked = montecarlo(few, dtype="float32", **options)
     assert "computed in float32" in result.findings()[0]
     assert asked.warnings == ()
     for estimator in ("central", "smoothed"):
         assert asked["T1", estimator].failed == 0
         assert np.abs(asked["T1", estimator].total.mean_error).max() < 0.05
-    reference = montecarlo(brief, trials=20, trajectories="T1")
+    reference = montecarlo(few, **options)
     ratio = asked["T1", "smoothed"].total.three_sigma / reference["T1", "smoothed"].total.three_sigma
     assert (np.abs(np.log(ratio)) < np.log(2)).all()  # 20 trials each: standard error 0.23 of the logarithm
 
 
-@pytest.mark.parametrize("seconds", [2.5, 3.0, 3.0025])
+@pytest.mark.parametrize("seconds", [*(pytest.param(s, marks=pytest.mark.study) for s in (2.5, 3.0)), 3.0025])
 def test_any_number_of_samples(brief, seconds):
     """Fewer than a block, one block, one sample more; on two devices, an odd number of trials."""
     spec = brief.trajectories["T1"]
     old = spec.trajectory
     fewer = dataclasses.replace(old, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
+    few = only(brief, "M_precision", "omega_precision", "r_cg")
     experiment = dataclasses.replace(
-        brief, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=fewer)}
+        few, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=fewer)}
     )
     options = {"name": "T", "estimators": ("central",), "devices": jax.devices(), "sampling": "samples"}
     first, again = (errors(experiment, 3, **options) for _ in range(2))
@@ -360,7 +370,7 @@ def test_no_trials_are_refused(brief, trials):
 
 
 def test_a_trial_is_a_pure_function_of_its_key(brief):
-    setup = prepare_setup(brief, brief.trajectories["T1"], brief.estimators)
+    setup = prepare_setup(brief, brief.trajectories["T1"], brief.estimators[:1])
     first = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
     again = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
     other = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(3))

@@ -21,7 +21,14 @@ def run(draw, goal, block=10_000, most=400):
     return np.concatenate(parts)[:, 0], found
 
 
-@pytest.mark.parametrize("law", [stats.expon(), stats.norm(scale=2), stats.lognorm(0.3)], ids=["exponential", "normal", "lognormal"])  # fmt: skip
+@pytest.mark.parametrize(
+    "law",
+    [
+        pytest.param(stats.expon(), id="exponential"),
+        pytest.param(stats.norm(scale=2), id="normal", marks=pytest.mark.study),
+        pytest.param(stats.lognorm(0.3), id="lognormal", marks=pytest.mark.study),
+    ],
+)
 def test_the_achieved_error_is_within_the_tolerance(law):
     """200 repeats: mean, standard deviation and both ends of the 95 % interval all within it in 95 % of them at least.
 
@@ -91,12 +98,12 @@ def test_draws_depend_on_the_input_alone():
 
 def test_blocks_of_quasi_random_trials_need_fewer_and_keep_their_promise():
     """A product of a normal and a rectangular input, u = 0.2944 by hand: two digits stable on 60 % of the trials, and
-    mean and standard uncertainty within the tolerance that the procedure promises with 95 %, in each of ten runs."""
+    mean and standard uncertainty within the tolerance that the procedure promises with 95 %, in each of five runs."""
     inputs = {"a": Normal(1.0, 0.1), "b": Rectangular(0.0, 1.0)}
     u = np.sqrt((1 + 0.1**2) / 3 - 1 / 4)
     trials = {"quasi-random": 0, "random": 0}
     for points in trials:
-        for seed in range(10):
+        for seed in range(5):
             result = propagate_distributions(lambda x: x["a"] * x["b"], inputs, seed=seed, points=points)
             trials[points] += result.trials
             assert abs(result.estimate - 0.5) < result.stability.tolerance

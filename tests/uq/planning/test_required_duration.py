@@ -114,7 +114,7 @@ def test_the_answer_holds_in_the_monte_carlo(longer, growth):
     answer = required_duration(longer, target, growth=growth)
     assert answer.seconds == pytest.approx(40.0, rel=1e-3)
     assert answer.reached == pytest.approx(target, rel=2e-3)
-    trials = montecarlo(longer, trials=400, sampling="collapsed")
+    trials = montecarlo(longer, trials=400)
     got = of_trials(trials, "T1", "smoothed", GOALS["moments"])
     assert abs(got.three_sigma - answer.target) < 4 * got.three_sigma_standard_error
 
@@ -157,7 +157,7 @@ def test_a_halved_sigma_does_what_the_monte_carlo_says(longer, worth):
     k = worth.sources.index(worth.best)
     sources = tuple(s.error_kind.resized(s, 0.5) if i == k else s for i, s in enumerate(longer.sources))
     first, two = (
-        montecarlo(e, trials=400, sampling="collapsed")["T1", "smoothed"].total.three_sigma
+        montecarlo(e, trials=400)["T1", "smoothed"].total.three_sigma
         for e in (longer, dataclasses.replace(longer, sources=sources))
     )
     assert worth.best == "M_precision"

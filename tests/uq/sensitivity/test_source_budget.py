@@ -239,7 +239,7 @@ def test_the_bias_share_has_an_honest_standard_error(bias, generator):
 # --- the engine's draws ---
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", "samples"])
+@pytest.mark.parametrize("sampling", [pytest.param("conditioned", marks=pytest.mark.study), "samples"])
 def test_choices_are_the_campaigns_own_trials(brief, sampling):
     """All from the first draws is the campaign's total; a twin's is the campaign's with that source renamed."""
     some = only(brief, "M_precision", "omega_precision", "omega_bias")

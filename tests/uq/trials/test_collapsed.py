@@ -18,14 +18,14 @@ TRIALS = 4_000  # the trials by samples, a tenth of them, decide the tests' shar
 
 @pytest.fixture(scope="module")
 def both(brief):
-    options = {"trajectories": ["T1", "T3"], "estimators": ["central", "smoothed"]}
+    options = {"trajectories": ["T1", "T3"], "estimators": "smoothed"}
     return montecarlo(brief, trials=400, **options), montecarlo(brief, trials=TRIALS, sampling="collapsed", **options)
 
 
-@pytest.mark.parametrize("pair", [(t, e) for t in ("T1", "T3") for e in ("central", "smoothed")], ids="-".join)
-def test_drawn_sums_give_what_samples_give(both, pair):
+@pytest.mark.parametrize("trajectory", ["T1", "T3"])
+def test_drawn_sums_give_what_samples_give(both, trajectory):
     """Every case and component: 264 comparisons in all at 4.5 standard errors, a false alarm in 500 seeds."""
-    by_samples, collapsed = (result[pair] for result in both)
+    by_samples, collapsed = (result[trajectory, "smoothed"] for result in both)
     assert collapsed.failed == 0
     for kind in ("groups", "sources"):
         for name, reference in getattr(by_samples, kind).items():
@@ -44,10 +44,15 @@ def test_drawn_sums_give_what_samples_give(both, pair):
 
 @pytest.fixture
 def of_t1(brief, monkeypatch):
-    """Campaigns of T1 by central differences, 512 trials at a time: from there any number is one compiled program."""
+    """Campaigns of T1 by central differences, 512 trials at a time: from there any number is one compiled program.
+
+    Without noise of the load cell, whose sums take as long again to compile.
+    """
     monkeypatch.setattr("uq.trials.engines.COLLAPSED_SEGMENT", 512)
+    names = ("M_bias", "r_cg", "omega_bias", "omega_precision")
+    few = dataclasses.replace(brief, sources=tuple(s for s in brief.sources if s.name in names))
     options = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
-    return lambda **given: montecarlo(brief, **{"batch": 128} | options | given)
+    return lambda **given: montecarlo(few, **{"batch": 128} | options | given)
 
 
 def test_numbers_do_not_depend_on_batch_or_devices(brief, of_t1):

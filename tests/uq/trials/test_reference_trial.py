@@ -19,7 +19,7 @@ from uq.sources.draws import draw_constants
 from uq.trials.samplewise import draw_noise, prepare_samples
 
 SCRIPT = Path(__file__).parents[3] / "docs" / "reference_trial.py"
-TRIALS = 400
+TRIALS = 200
 KEY, INDEX = jax.random.key(5), jnp.asarray(3)
 CONSTANT = ("F_bias", "M_bias", "r_cg", "omega_bias")
 
@@ -94,7 +94,11 @@ def statistics(reference, truth, brief, groups):
     return {name: Statistics.of(errors[:, k]) for k, name in enumerate(groups)}
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", "samples", "collapsed"])
+STUDIED = [pytest.param(sampling, marks=pytest.mark.study) for sampling in ("samples", "collapsed")]
+"""The one has each trial from the same draws above, the other the distribution of the one in ``test_collapsed.py``."""
+
+
+@pytest.mark.parametrize("sampling", ["conditioned", *STUDIED])
 def test_an_engines_campaign_has_the_references_distribution(statistics, brief, sampling):
     """4 groups, 6 components, 2 figures, 3 engines: 144 comparisons at 4.5 standard errors, a false alarm in 1,000."""
     trials = 20_000 if sampling == "collapsed" else TRIALS
@@ -107,8 +111,10 @@ def test_an_engines_campaign_has_the_references_distribution(statistics, brief, 
             assert (np.abs(value - reference) <= 4.5 * error + 1e-14).all(), (name, figure, (value - reference) / error)
 
 
+@pytest.mark.study
 def test_the_law_predicts_the_references_trials(statistics, brief):
-    """48 comparisons at 4.5 standard errors of the trials: a false alarm in 3,000."""
+    """48 comparisons at 4.5 standard errors of the trials: a false alarm in 3,000. Against an engine's trials:
+    ``propagation/test_experiment_law.py``."""
     predicted = law(brief, "T1", "central")["T1", "central"].groups
     for name, measured in statistics.items():
         for figure in ("mean_error", "three_sigma"):
