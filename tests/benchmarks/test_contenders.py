@@ -61,7 +61,7 @@ def ratios(experiment, trials, dtype):
     return spread / other, means / np.hypot(spread, other) * 3 * np.sqrt(trials)
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.study)])
 def test_the_engine_agrees_with_the_numpy_version(brief, dtype):
     trials = 1000
     ratio, means = ratios(brief, trials, dtype)

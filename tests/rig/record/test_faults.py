@@ -82,7 +82,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("repeats", REPEATS)
-@pytest.mark.parametrize("command", FAULTS)
+@pytest.mark.parametrize("command", [pytest.param("unplug", marks=pytest.mark.study), "silence", "babble"])
 def test_one_sensor_fails_and_the_other_is_recorded_whole(tmp_path, command, repeats):
     fault(tmp_path, repeats, *one_sensor_lost(command, *FAULTS[command]))
 

@@ -264,7 +264,11 @@ def test_watch_shows_rates_force_and_gravity_and_writes_nothing(emulated, tmp_pa
     assert "gravity" in done.stdout
 
 
-def test_list_names_the_devices_that_answer(tmp_path, capsys):
+@pytest.mark.parametrize("kinds", [("bota", "xsens"), pytest.param(None, marks=pytest.mark.study)])
+def test_list_names_the_devices_that_answer(tmp_path, capsys, monkeypatch, kinds):
+    """By default two kinds are asked for, since a port is silent for a second at each that is not there."""
+    if kinds:
+        monkeypatch.setattr("rig.record.discover.kinds", lambda: kinds)
     with Bench(tmp_path) as bench:
         assert main(["record", "--list", bench.ports["cell"], bench.ports["imu"]]) == 0
         lines = capsys.readouterr().out.splitlines()

@@ -240,16 +240,6 @@ def test_a_failed_command_leaves_no_folder(tmp_path, experiment, capsys):
     assert not (tmp_path / "deep").exists()
 
 
-def test_montecarlo_writes_its_result(tmp_path, experiment, capsys):
-    out = tmp_path / "out"
-    arguments = ["montecarlo", str(experiment), "--trials", "3", "--trajectory", "T1", "--out", str(out)]
-    assert main(arguments) == 0
-    content = json.loads((out / "result.json").read_text())
-    assert content["trials"] == 3
-    assert list(content["trajectories"]) == ["T1"]
-    assert "T1" in capsys.readouterr().out
-
-
 def test_help_names_every_command(capsys):
     assert main(["--help"]) == 0
     said = capsys.readouterr().out

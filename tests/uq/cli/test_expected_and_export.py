@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import uq.cli.identify as command_module
 from uq.bodies.export_formats import export_format, names
 from uq.cli.main import main
 
@@ -50,6 +51,22 @@ def lab(tmp_path_factory, preset):
         run = ["simulate", str(folder / "e.toml"), "-o", str(folder / f"{seed}.mcap"), "--seed", str(seed)]
         assert main(run) == 0
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def identified_once(few_draws):
+    """The same runs of the same experiment are identified once."""
+    real, found = command_module.identify_files, {}
+
+    def identified(paths, experiment, *arguments, **options):
+        key = repr((paths, experiment.document, arguments, options))
+        if key not in found:
+            found[key] = real(paths, experiment, *arguments, **options)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command_module, "identify_files", identified)
+        yield identified
 
 
 def command(lab, *options, experiment="e.toml"):
@@ -115,14 +132,15 @@ def test_export_without_a_folder(lab, capsys):
     assert capsys.readouterr().err == "error: --export has no folder: add --out DIR\n"
 
 
-def test_without_a_mass_or_of_a_tensor_that_no_body_has_nothing_is_written(lab, tmp_path, capsys, monkeypatch):
+def test_without_a_mass_or_of_a_tensor_that_no_body_has_nothing_is_written(
+    lab, tmp_path, capsys, monkeypatch, identified_once
+):
     out = tmp_path / "out"
     assert main(command(lab, "--export", "urdf", "--out", out, experiment="massless.toml")) == 2
     assert "the mass is not known" in capsys.readouterr().err
-    from uq.identification.identify_files import identify_files
 
     def impossible(*arguments, **options):
-        result = identify_files(*arguments, **options)
+        result = identified_once(*arguments, **options)
         return dataclasses.replace(result, inertia=result.inertia * [1, 1, 1, 1, 1, 3])
 
     monkeypatch.setattr("uq.cli.identify.identify_files", impossible)

@@ -63,6 +63,7 @@ def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     for text in ("Do the laws' 95 % intervals hold?", "The laws' intervals, case by case"):
         assert text.replace("'", "&#39;") in page
     content = json.loads((out / "result.json").read_text())
+    assert (content["trials"], list(content["trajectories"])) == (20, ["T3"])
     total = content["law"]["trajectories"]["T3"]["central"]["groups"]["total"]
     assert total["three_sigma"]["I22"] > 0
     verdicts = content["law_validation"]["verdicts"]

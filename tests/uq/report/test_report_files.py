@@ -26,14 +26,17 @@ from uq.report.report_files import report, write
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
 
 
-@pytest.fixture(scope="module", params=["montecarlo", "paper"])
+@pytest.fixture(scope="module", params=[pytest.param("montecarlo", marks=pytest.mark.study), "paper"])
 def result(request):
     return campaign() if request.param == "montecarlo" else paper_result()
 
 
 @pytest.fixture(scope="module")
-def html(result, every_picture):
-    return report(result)
+def html(result, rendered_once):
+    """With every figure rendered itself, for what is said of the page's size."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uq.report.page.rendered", rendered_once)
+        return report(result)
 
 
 def test_page_is_well_formed_and_loads_nothing(html):
