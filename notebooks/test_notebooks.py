@@ -23,20 +23,26 @@ def client(notebook, folder):
 
 
 SHORTER = {
+    r'jax.config.update."jax_num_cpu_devices".*': "",
     r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
     r"starts=\d+, period=2.0, rounds=\d+, steps=\d+": "starts=1, period=2.0, rounds=2, steps=10",
     r"steps=40, random=5": "steps=40, random=1",
     r"designed = design_arm\(": "from uq.arm import arm_design, common_practice\n"
+    "common_practice.FREQUENCIES = 1\n"
     "arm_design.searched = lambda search, *_, **__: (common_practice.random_series(search, 1, 1), [])\n"
     "designed = design_arm(",
-    r"found = design\(": "from uq.excitation import rig_limits\n"
+    r"found = design\(": "from identify.motion.optimiser import Optimum\n"
+    "from uq.excitation import design as designs, design_search, rig_limits\n"
+    "design_search.minimise = lambda lagrangian, first, **_: Optimum(first, 0.0, 0.0, 0)\n"
+    "designs.best_reference = lambda experiment, given, limits, *_: designs.PredictedTrajectory.of(\n"
+    "    experiment, designs.scaled(given, 0.1, 1.0), limits.bandwidth\n)\n"
     "rig_limits.HALVINGS, rig_limits.PIECE = 3, 4096\nfound = design(",
     r"in spoiled\.items\(\)": "in list(spoiled.items())[::3]",
     r"in cures\.items\(\)": "in cures.items() if name in paths",
     r"SAMPLES = 72_000": "SAMPLES = 12_000",
     r'"duration": "20 s", "ramp": "3 s"': '"duration": "8 s", "ramp": "2 s"',
 }
-"""What a brief run replaces: few trials, a short search or none, a part of the samples and of the spoiled runs."""
+"""What a brief run replaces: few trials, no search, one device, a part of the samples and of the spoiled runs."""
 
 
 def shortened(notebook):

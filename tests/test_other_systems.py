@@ -85,10 +85,10 @@ def test_every_module_is_imported_and_the_commands_run(tmp_path):
         '[[device]]\nname = "cell"\nkind = "bota"\nwrench = "on_body"\nport = "emulator:run.mcap"\n'
     )
     preset = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
-    (tmp_path / "e.toml").write_text(preset.replace("180 s", "12 s").replace("27 s", "1.8 s"))
+    (tmp_path / "e.toml").write_text(preset.replace("180 s", "6 s").replace("27 s", "0.9 s"))
     commands = [
         ["--version"],
-        ["montecarlo", "e.toml", "--trajectory", "T1", "--trials", "4", "--out", "out"],
+        ["montecarlo", "e.toml", "--trajectory", "T1", "--estimator", "central", "--trials", "4", "--out", "out"],
         ["simulate", "e.toml", "--trajectory", "T1", "-o", "run.mcap"],
         ["inspect", "run.mcap"],
         ["identify", "run.mcap", "--experiment", "e.toml", "--estimator", "smoothed"],
