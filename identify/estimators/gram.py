@@ -124,7 +124,7 @@ def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Fl
 
 def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
     """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
-    return offset_features(jnp.eye(N_FEATURES, dtype=offset.dtype), offset)
+    return offset_features(jnp.eye(N_FEATURES, dtype=jnp.result_type(offset)), offset)
 
 
 def normal_equations(sums: Sums, r_cg: Float[Array, "3"]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:

@@ -1,6 +1,5 @@
 """Live values of a rig without a file: rates, and at rest the force, the moment and gravity that the sensors see."""
 
-import threading
 import time
 from collections.abc import Iterator
 
@@ -8,9 +7,8 @@ import numpy as np
 
 from rig.record.device_source import DeviceSource
 from rig.record.rig_file import Rig
-from rig.record.session import Session
+from rig.record.session import Session, Stop
 
-Stop = threading.Event
 PERIOD = 1.0  # seconds that a line averages over
 
 

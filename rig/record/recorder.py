@@ -3,7 +3,6 @@
 import contextlib
 import json
 import platform
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from rig.record import command_delay, memory
 from rig.record.device_source import DeviceSource, Measurement
 from rig.record.recording_file import Output, Sink, outputs
 from rig.record.rig_file import Rig
-from rig.record.session import Session
+from rig.record.session import Session, Stop
 
 TICK = 0.01  # seconds between two looks at the queues
 FLUSH = 0.05  # seconds of data that a killed recorder may lose, at most, with TICK
@@ -78,7 +77,7 @@ class Recorder:
 
     def __init__(self, rig: Rig, path: Path, *, note: str = "", say: Callable[[str], None] = lambda text: None) -> None:
         self._rig, self._path, self._note, self._say = rig, path, note, say
-        self._stopped = threading.Event()
+        self._stopped = Stop()
         self._marks: deque[tuple[int, str]] = deque()
         self._epoch = time.time_ns() - time.monotonic_ns()  # once: a wall clock that is set later changes nothing
         self.summary = Summary(str(path))

@@ -5,7 +5,6 @@ import math
 import os
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -118,6 +117,31 @@ def _emulator_option(entry: Entry, text: str) -> tuple[str, float]:
     return key, value
 
 
+class Stop:
+    """Whether somebody has asked for the end, from any thread or a signal's handler.
+
+    A handler runs between two steps of the thread that waits here. :class:`threading.Event` holds a lock in some of
+    these steps, for which its handler would then wait for ever.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def set(self) -> None:
+        """Ask for the end."""
+        self._asked = True
+
+    def is_set(self) -> bool:
+        """Return whether the end was asked for."""
+        return self._asked
+
+    def wait(self, seconds: float) -> bool:
+        """Wait so long, and return whether the end was asked for."""
+        if not self._asked:
+            time.sleep(seconds)
+        return self._asked
+
+
 class Session:
     """All devices of a rig, connected. Use as a context manager.
 
@@ -125,9 +149,9 @@ class Session:
         RigError: a port cannot be opened, or a device does not answer or sends no samples.
     """
 
-    def __init__(self, rig: Rig, cancelled: threading.Event | None = None) -> None:
+    def __init__(self, rig: Rig, cancelled: Stop | None = None) -> None:
         self._rig = rig
-        self._cancelled = cancelled or threading.Event()
+        self._cancelled = cancelled or Stop()
         self._emulators: Emulators | None = None
         self._readers: list[Reader] = []
         self.sources: list[DeviceSource] = []

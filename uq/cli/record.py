@@ -168,8 +168,9 @@ def _identified(path: Path, experiment: str, say: Callable[[str], None]) -> bool
 
 def _watch(arguments: argparse.Namespace) -> int:
     from rig.record import live_values, rig_file
+    from rig.record.session import Stop
 
-    stop = live_values.Stop()
+    stop = Stop()
     with _on_signal(stop.set):
         for line in live_values.watch(rig_file.load_rig(arguments.rig), stop, seconds=arguments.seconds):
             print(line, flush=True)

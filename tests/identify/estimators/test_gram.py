@@ -47,6 +47,13 @@ def test_the_features_of_a_shifted_omega(samples, generator):
     np.testing.assert_allclose(shifted, features(omega + offset[:, None], alpha), atol=1e-13)
 
 
+def test_no_offset_is_shifted_by_in_silence_without_float64() -> None:
+    with jax.enable_x64(False):
+        shifted = shift_omega(np.zeros(3))
+    assert shifted.dtype == jnp.float32
+    np.testing.assert_array_equal(shifted, np.eye(13))
+
+
 def test_offsets_act_on_sums_as_on_samples(samples, generator):
     omega, alpha, force, moment = samples
     b_omega, b_force, b_moment = (jnp.asarray(generator.normal(size=3)) for _ in range(3))
