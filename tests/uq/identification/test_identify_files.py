@@ -1,6 +1,7 @@
 """Anybody's recording: declared signs, frames, units and points; zeros; rates and clocks; the part that counts."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from uq.recorded.load_run import load_run
 from uq.recorded.time_window import TimeWindow
 
 pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
+study = partial(pytest.param, marks=pytest.mark.study)
 
 MOMENTS = [0, 3, 5]
 POINT = np.array([0.010, -0.020, 0.030])
@@ -71,16 +73,10 @@ def test_a_run_rewritten_in_another_rigs_conventions_gives_the_same_tensor(folde
 @pytest.mark.parametrize(
     ("what", "keys", "spoil"),
     [
-        pytest.param(
-            "sign", {}, lambda s: dataclasses.replace(s, force=-s.force, moment=-s.moment), marks=pytest.mark.study),
-        pytest.param(
-            "point",
-            {},
-            lambda s: dataclasses.replace(s, moment=s.moment - np.cross(POINT, s.force)),
-            marks=pytest.mark.study,
-        ),
+        study("sign", {}, lambda s: dataclasses.replace(s, force=-s.force, moment=-s.moment)),
+        study("point", {}, lambda s: dataclasses.replace(s, moment=s.moment - np.cross(POINT, s.force))),
         ("imu", {}, lambda s: dataclasses.replace(s, omega=s.omega @ Rotation.from_euler("z", 3, degrees=True).as_matrix())),
-        pytest.param("unit", {}, lambda s: dataclasses.replace(s, moment=1e3 * s.moment), marks=pytest.mark.study),
+        study("unit", {}, lambda s: dataclasses.replace(s, moment=1e3 * s.moment)),
     ],
 )  # fmt: skip
 def test_what_is_not_declared_does_matter(folder, short, signals, plain, what, keys, spoil):
@@ -193,12 +189,7 @@ def test_the_load_cells_noise_does_not_fold_into_the_slow_imus_band(whole_and_sl
 
 
 @pytest.mark.parametrize(
-    ("late", "counted"),
-    [
-        ("even", True),
-        ("long", False),
-        *(pytest.param(late, False, marks=pytest.mark.study) for late in ("even", "symmetric")),
-    ],
+    ("late", "counted"), [("even", True), study("even", False), ("long", False), study("symmetric", False)]
 )
 def test_bare_headers_and_late_arrivals(folder, short, fine, whole_and_slow, generator, late, counted):
     noisy, silent = fine
@@ -333,14 +324,8 @@ def reference(folder, short, rested):
 @pytest.mark.parametrize(
     ("kind", "offsets"),
     [("empty", "estimate"), ("gravity", "still"), ("gravity_from_force", "still"), ("loaded", "none")]
-    + [
-        pytest.param(*case, marks=pytest.mark.study)
-        for case in (
-            *((kind, "estimate") for kind in ("loaded", "gravity", "gravity_from_force")),
-            ("empty", "still"),
-            ("gravity_from_force", "none"),
-        )
-    ],
+    + [study(kind, "estimate") for kind in ("loaded", "gravity", "gravity_from_force")]
+    + [study("empty", "still"), study("gravity_from_force", "none")],
 )
 def test_however_zeroed_the_same_tensor(folder, short, rested, reference, kind, offsets):
     signals, declared = zeroed(rested, short, kind)
