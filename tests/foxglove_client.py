@@ -1,6 +1,7 @@
 """A client of Foxglove's WebSocket protocol, for the tests."""
 
 import asyncio
+import contextlib
 import json
 import struct
 
@@ -30,6 +31,6 @@ async def heard(address, topics, enough, seconds=60):
                 _, number, time = MESSAGE.unpack_from(message)
                 messages.append((wanted[number], time, message[MESSAGE.size :]))
 
-    await asyncio.wait_for(listen(), seconds)
-    socket.close()
+    with contextlib.closing(socket):
+        await asyncio.wait_for(listen(), seconds)
     return messages
