@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
@@ -89,8 +88,13 @@ def rates(spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a trajectory's instants [s], angular velocity [rad/s] and acceleration [rad/s²], thinned for drawing."""
     t = samples(spec)
     t = t[:: -(-len(t) // POINTS)]
-    omega, alpha = (jax.vmap(f)(jnp.asarray(t)) for f in (spec.trajectory.omega, spec.trajectory.alpha))
+    omega, alpha = _rates(spec.trajectory, t)
     return t, np.asarray(omega).T, np.asarray(alpha).T
+
+
+@jax.jit
+def _rates(trajectory, t):
+    return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 
 
 def averages(

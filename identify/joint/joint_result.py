@@ -178,8 +178,8 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     rows = run.model.rows
     variance = run.gyro_noise**2 * alpha_noise_gain(run.run.rate, rows)
     weight = np.linalg.inv(run.noise / rows.factor)
-    matrix, slope = (np.asarray(array) for array in _by_alpha(jnp.asarray(theta), jnp.asarray(run.model.imu_position),
-                                                              run.model.specific_force))  # fmt: skip
+    unknown, position = jax.device_put((theta, run.model.imu_position))
+    matrix, slope = map(np.asarray, _by_alpha(unknown, position, run.model.specific_force))
     return float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
 
 
@@ -258,7 +258,7 @@ def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
 def _trace(fitted_run: JointRun, theta: np.ndarray) -> Trace:
     """Residuals and motion of the rows that count, in the motion's band."""
     used = np.asarray(fitted_run.model.rows.used) > 0
-    signals = [np.asarray(signal).T[used] for signal in _fitted(fitted_run.model, jnp.asarray(theta))]
+    signals = [np.asarray(signal).T[used] for signal in _fitted(fitted_run.model, jax.device_put(theta))]
     left, fitted, omega, alpha = signals
     t = float(fitted_run.run.t[0]) + np.asarray(fitted_run.model.rows.t)[used]
     return trace(t, left, fitted + left, omega, alpha)

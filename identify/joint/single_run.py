@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -105,14 +106,14 @@ def fitted(model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting,
         setting: all else that is declared; with ``setting.noise`` the covariance stays as it is.
         name: what messages call the run.
     """
-    start = jnp.asarray(_start(model, beforehand, setting))
+    start = jax.device_put(_start(model, beforehand, setting))
     tolerance = TOLERANCE if setting.noise is not None else ROUGH
-    first = solve(model, beforehand, jnp.asarray(whitener(noise)), start, jnp.asarray(tolerance))
+    first = solve(model, beforehand, jax.device_put(whitener(noise)), start, jax.device_put(tolerance))
     _check(name, model, beforehand, first)
     if setting.noise is not None:
         return first, noise
     left = residual_noise(first, beforehand, model)
-    fit = solve(model, beforehand, jnp.asarray(whitener(left)), first.z, jnp.asarray(TOLERANCE))
+    fit = solve(model, beforehand, jax.device_put(whitener(left)), first.z, jax.device_put(TOLERANCE))
     _check(name, model, beforehand, fit)
     return fit, left
 

@@ -272,7 +272,7 @@ def _identity(
         **settings,
         "experiment": experiment.inputs()["resolved"],
         "estimators": [e.name for e in estimators],
-        "sums": str(jnp.zeros(()).dtype),
+        "sums": str(jnp.result_type(float)),
         "devices": devices[0].device_kind,
         "jax": jax.__version__,
         "code": code_digest(),

@@ -5,7 +5,6 @@ from itertools import cycle
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from identify.motion.trajectory import Motion, further_from_still, sample
@@ -75,7 +74,7 @@ def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     platform = platform_of(experiment, spec)
     return _sampled(
         spec.trajectory,
-        jnp.asarray(samples(spec)),
+        jax.device_put(samples(spec)),
         r_cg_from_still=platform.r_cg_from_still,
         gravity=platform.gravity,
     )
@@ -124,6 +123,6 @@ def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:
             f"estimator '{estimator.name}' has a low-pass, which is for recorded runs: leave it out here"
         )
     try:
-        return Estimator(estimator.name, jnp.asarray(estimator.taps(rate)))
+        return Estimator(estimator.name, jax.device_put(estimator.taps(rate)))
     except ValueError as error:
         raise ExperimentError(f"estimator '{estimator.name}': {error}") from None

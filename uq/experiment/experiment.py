@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import msgspec
 import numpy as np
 
@@ -163,7 +162,7 @@ class Experiment(Shown):
         for key in ("mass", "inertia"):
             if getattr(self, key) is None:
                 raise self._missing(f"body.{key}", "a simulation needs it")
-        return Body(jnp.asarray(self.mass), jnp.asarray(self.stated_r_cg), jnp.asarray(self.inertia))
+        return Body(*jax.device_put((self.mass, self.stated_r_cg, self.inertia)))
 
     def _missing(self, key: str, advice: str) -> ExperimentError:
         file = f" (in {self.file['file']})" if self.file else ""
@@ -178,7 +177,7 @@ class Experiment(Shown):
         """
         if self.geometry is None:
             raise ExperimentError(f"missing key platform.geometry: describe the legs, or name {', '.join(GEOMETRIES)}")
-        return jax.tree.map(jnp.asarray, self.geometry)
+        return jax.device_put(self.geometry)
 
     @property
     def stated_r_cg(self) -> np.ndarray:

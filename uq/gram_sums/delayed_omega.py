@@ -60,12 +60,12 @@ def delayed_omega(trajectory: Trajectory, t: Float[Array, " n"], reach: float) -
     between = np.cos(np.pi * np.arange(DEGREE + 2) / (DEGREE + 1))
     powers = np.arange(1, DEGREE + 1)
     coefficients, off, largest = _fitted(
-        trajectory, t, jnp.asarray(reach), points, between, np.linalg.inv(points[:, None] ** powers)
+        trajectory, t, jax.device_put(reach), points, between, np.linalg.inv(points[:, None] ** powers)
     )
     sizes = np.abs(np.asarray(coefficients)).max(axis=(1, 2)) / max(float(largest), 1e-300)
     degree = max([1, *(1 + np.flatnonzero(sizes > NEGLIGIBLE))])
     remainder = float(off) / max(float(largest), 1e-300) + sizes[degree:].sum()
-    return DelayedOmega(coefficients[:degree], jnp.asarray(reach), float(remainder))
+    return DelayedOmega(coefficients[:degree], jax.device_put(reach), float(remainder))
 
 
 @jax.jit

@@ -96,9 +96,10 @@ def collapse(
                                     [e.taps for e in estimators], variances)  # fmt: skip
     places = _places_of_sums(len(estimators))
     return CollapsedSetup(
-        body.r_cg_from_q, tuple(sources), tuple(mixing), cases, means[:, places], roots[:, places],
-        jnp.asarray([variants.index(names) for names in acting]),
-        jnp.asarray([_cell_covariance(white, mixing, case) for case in cases]), len(estimators),
+        body.r_cg_from_q, tuple(sources), tuple(mixing), cases,
+        jax.device_put(np.asarray(means)[:, places]), jax.device_put(np.asarray(roots)[:, places]),
+        jax.device_put(np.array([variants.index(names) for names in acting])),
+        jax.device_put(np.array([_cell_covariance(white, mixing, case) for case in cases])), len(estimators),
     )  # fmt: skip
 
 

@@ -90,7 +90,7 @@ def prepare_samples(
 ) -> SampledSetup:
     """Keep every sample of a noise-free motion and its wrench; ``cases``: None for all of the breakdown."""
     columns = Columns.of(sources)
-    wrench = columns.sampled(body, motion)
+    wrench = jax.device_put(columns.sampled(*jax.tree.map(np.asarray, (body, motion))))
     return SampledSetup(
         body, platform, trajectory, motion.t, motion.omega, wrench, tuple(sources), tuple(mixing), tuple(estimators),
         tuple(cases or cases_of(sources)), columns, np.dtype(dtype),

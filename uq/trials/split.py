@@ -63,7 +63,8 @@ def in_sums(motion: Motion, trajectory: Trajectory, sources: Sequence[Source], m
     delayed = None
     if "gyro_delay" in perturbed(sources):
         delayed = delayed_omega(trajectory, motion.t, longest_delay(sources))
-    rate = float((len(motion.t) - 1) / (motion.t[-1] - motion.t[0]))
+    first, last = np.asarray(motion.t)[[0, -1]]
+    rate = float((len(motion.t) - 1) / (last - first))
     remainder = 0.0 if delayed is None else delayed.remainder
     standing: dict[str, Source] = {}
     summed, sampled, same = [], [], []

@@ -105,14 +105,14 @@ def prepare(
     displacements = displacements.reshape(len(displacements), *powers.shape[:-1], BLOCK)
     signals = Signals(
         jnp.arange(-(-len(t) // BLOCK)),
-        jnp.asarray(_blocks(np.concatenate([phi, wrench]).astype(dtype), halo)),
-        jnp.asarray(_blocks(valid[None].astype(dtype), halo)[:, 0]),
-        jnp.asarray(displacements.astype(dtype)),
+        jax.device_put(_blocks(np.concatenate([phi, wrench]).astype(dtype), halo)),
+        jax.device_put(_blocks(valid[None].astype(dtype), halo)[:, 0]),
+        jax.device_put(displacements.astype(dtype)),
     )
-    force, moment, other = map(jnp.asarray, np.split(phi @ wrench.T, (3, 6), axis=1))
+    force, moment, other = jax.device_put(np.split(phi @ wrench.T, (3, 6), axis=1))
     return Setup(
-        body, platform, signals, delayed.reach, jnp.asarray((len(t) - 1) / t[-1]),
-        Sums(jnp.asarray(phi @ phi.T), force, moment), other, tuple(sources), tuple(mixing), tuple(estimators),
+        body, platform, signals, delayed.reach, jax.device_put((len(t) - 1) / t[-1]),
+        Sums(jax.device_put(phi @ phi.T), force, moment), other, tuple(sources), tuple(mixing), tuple(estimators),
         tuple(cases or cases_of(sources)), columns, gyro_mapped, np.dtype(dtype), sampling,
     )  # fmt: skip
 
