@@ -15,7 +15,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The pages by their names, as Sphinx makes them; a warning is an error."""
+    """The pages by their names, as Sphinx makes them; a warning is an error. Without listings of the code, a fifth of the time."""
     folder = tmp_path_factory.mktemp("site")
     arguments = [
         "-q",
@@ -23,6 +23,8 @@ def site(tmp_path_factory):
         "--keep-going",
         "-b",
         "html",
+        "-D",
+        "extensions=myst_nb,sphinx.ext.autodoc,generated_pages",
         "-d",
         str(folder / "doctrees"),
         str(DOCS),

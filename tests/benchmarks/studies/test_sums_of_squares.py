@@ -79,6 +79,7 @@ def test_the_best_periodic_signals_stay_below(generator, bound):
     assert 0.6 < best < bound < 0.73
 
 
+@pytest.mark.study
 def test_limits(bound):
     """With the tightest integral a sine; it grows with the integral, and improves on single excursions."""
     least = mean_square_bound(1.0)
@@ -87,6 +88,7 @@ def test_limits(bound):
     assert bound < largest_mean_square(1.0, RATIO / (10 * np.pi), 5.0) - 0.07
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("ratio", [1 - 1e-12, 1e6])
 def test_extreme_integrals_give_a_bound(ratio):
     """Nothing fails there; a free integral allows a square wave, whose mean square is one."""

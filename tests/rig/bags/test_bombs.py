@@ -9,6 +9,7 @@ import resource
 import sqlite3
 import subprocess
 import sys
+from functools import cache
 
 import lz4.frame
 import numpy as np
@@ -33,6 +34,7 @@ MOST = 0.7 * GIB
 WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
 
 
+@cache
 def packed_zeros(size, *, kind="zstd", stated=True):
     """A record of an unused kind with zeros, together so many bytes, compressed a piece at a time."""
     piece = bytes(2**23)
