@@ -74,7 +74,7 @@ def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     platform = platform_of(experiment, spec)
     return _sampled(
         spec.trajectory,
-        jax.device_put(samples(spec)),
+        jax.device_put(samples(spec)),  # jnp.asarray of a NumPy array compiles a program for every shape
         r_cg_from_still=platform.r_cg_from_still,
         gravity=platform.gravity,
     )
