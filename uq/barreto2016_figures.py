@@ -11,6 +11,7 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
+from identify.compiled_program import CompiledProgram
 from identify.figure_style import COLUMN, GRID, PALETTE, RULE, STYLE, label, new_figure
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from uq.campaign.averages import average
@@ -92,7 +93,7 @@ def rates(spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, np.asarray(omega).T, np.asarray(alpha).T
 
 
-@jax.jit
+@CompiledProgram
 def _rates(trajectory, t):
     return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 

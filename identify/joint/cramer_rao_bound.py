@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import information
@@ -134,7 +134,7 @@ def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: Specif
 
 def _information(model: Any, beforehand: Prior, white: np.ndarray, theta: np.ndarray) -> np.ndarray:
     z = np.linalg.lstsq(np.asarray(beforehand.root), theta - np.asarray(beforehand.mean), rcond=None)[0]
-    return np.asarray(eqx.filter_jit(information)(model, beforehand, jnp.asarray(white), jnp.asarray(z)))
+    return np.asarray(CompiledProgram(information)(model, beforehand, jnp.asarray(white), jnp.asarray(z)))
 
 
 def _bound_from_information(beforehand: Prior, samples: np.ndarray) -> Bound:

@@ -6,11 +6,11 @@ best of several.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.joint.alignment_prior import Alignment
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
 from identify.signals.band_limited_run import InBand, evaluate
@@ -78,6 +78,6 @@ def motion_at_delay(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray]
     return np.asarray(value), np.asarray(slope)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _spline(rows: InBand, delay: Array) -> tuple[Array, Array, Array]:
     return evaluate(rows.motion, rows.step, rows.t + delay)

@@ -6,12 +6,12 @@ at the solution. Every function takes one run; ``vmap`` it over runs of one leng
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.joint.joint_model import Model, kinematics, residuals, unknowns
 from identify.joint.priors import Prior
 
@@ -35,7 +35,7 @@ class Fit(NamedTuple):
     converged: Bool[Array, ""]
 
 
-@eqx.filter_jit
+@CompiledProgram
 def solve(
     model: Model,
     prior: Prior,

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +9,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.choices import OffsetChoice
+from identify.compiled_program import CompiledProgram
 from identify.estimators.offsets import Offsets
 from identify.estimators.residual_trace import Trace, trace
 from identify.joint.alignment_prior import Alignment
@@ -183,7 +183,7 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     return float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _by_alpha(
     theta: Float[Array, " count"], imu_position: Float[Array, "3"], specific_force: SpecificForce
 ) -> tuple[Array, Array]:
@@ -264,7 +264,7 @@ def _trace(fitted_run: JointRun, theta: np.ndarray) -> Trace:
     return trace(t, left, fitted + left, omega, alpha)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _fitted(model: Model, theta: Float[Array, " count"]) -> tuple[Array, Array, Array, Array]:
     """Residual moment, the moment that motion and tensor ask for, angular velocity and acceleration."""
     x = unknowns(theta)

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.estimators.least_squares import excitation
 from identify.joint.alignment_prior import Alignment
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
@@ -273,6 +273,6 @@ def _up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
     return mean / np.linalg.norm(mean)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _attitude(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
     return attitude_at_nodes(rows, x)

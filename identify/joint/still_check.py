@@ -1,10 +1,10 @@
 """Whether a recorded accelerometer contradicts a centre of gravity that is declared still."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.exceptions import RunError
 from identify.joint.joint_model import Model, kinematics, unknowns
 from identify.joint.single_run import JointRun
@@ -52,7 +52,7 @@ def check_still(fitted: JointRun) -> None:
         )
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _at_imu(model: Model, theta: Float[Array, " count"]) -> tuple[Array, Array, Array]:
     """Acceleration of the accelerometer's place, angular velocity and acceleration, in B."""
     x = unknowns(theta)

@@ -2,12 +2,12 @@
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.attitude import attitude
 from identify.motion.stewart_platform import Legs, Platform, Pose, Twist, forces, joint_angles, legs
 from identify.motion.trajectory import Trajectory, acceleration_of
@@ -29,7 +29,7 @@ class PlatformMotion(NamedTuple):
     """Velocity and acceleration of OMB in A; omega and alpha in B; (n, 3) each."""
 
 
-@eqx.filter_jit
+@CompiledProgram
 def platform_motion(
     platform: Platform, trajectory: Trajectory, t: Float[Array, " n"], still_from_omb: Float[Array, "3"]
 ) -> PlatformMotion:
@@ -76,7 +76,7 @@ class Effort(NamedTuple):
     """Of the body's centre of gravity, without gravity [m/s²]."""
 
 
-@eqx.filter_jit
+@CompiledProgram
 def effort(
     platform: Platform, body: Body, r_cg_from_omb: Float[Array, "3"], motion: PlatformMotion, gravity: Float[Array, ""]
 ) -> Effort:

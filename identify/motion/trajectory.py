@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.attitude import attitude
 from identify.motion.window import Scalar, window
 from identify.rigid_body.dynamics import acceleration_at
@@ -112,7 +113,7 @@ class Motion(NamedTuple):
     """``a_CG - R g`` in B [m/s²]."""
 
 
-@eqx.filter_jit
+@CompiledProgram
 def sample(
     trajectory: Trajectory,
     t: Float[Array, " n"],

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.window import Scalar, swell
 
 Joints = Float[Array, "t n"] | Float[np.ndarray, "t n"]
@@ -69,7 +70,7 @@ class JointSeries(eqx.Module):
         return eqx.tree_at(lambda series: (series.cosine, series.sine), self, (size * self.cosine, size * self.sine))
 
 
-@eqx.filter_jit
+@CompiledProgram
 def bases(series: JointSeries, t: Float[Array, " t"]) -> Float[Array, "3 t 2 k"]:
     """Return the basis of a series and its first and second derivative at instants: the joints are linear in it."""
 

@@ -20,10 +20,10 @@ from uq.campaign.trial_setup import prepare_setup, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.experiment.experiment_tables import left_out_note
-from uq.files.provenance import provenance
+from uq.files.provenance import code_digest, provenance
 from uq.gram_sums.setup import Sampling
 from uq.sources.quasi_random import REPLICATES, Points
-from uq.trials.checkpoint import Checkpoint, code_digest
+from uq.trials.checkpoint import Checkpoint
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engines import AnySetup, default_batch, how_computed, with_sobol_points
 from uq.trials.progress_bar import Progress, progress_of

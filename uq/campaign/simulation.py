@@ -4,12 +4,12 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from identify.motion.trajectory import Motion, acceleration_of
@@ -97,7 +97,7 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     return SimulatedRun(run, np.asarray(specific_force), np.asarray(rotation), name, seed, trial)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
     """What the sensors say, the true specific force at Q, and the true attitude."""
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, further_from_still, sample
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, samples
@@ -18,7 +19,7 @@ from uq.trials.trial_loop import OLDER_LOOPS
 
 COMPILER = {"xla_cpu_parallel_codegen_split_count": 1, **OLDER_LOOPS}
 """A motion is sampled in milliseconds and compiled in a second; in one piece and with these loops, in a third of it."""
-_sampled = eqx.filter_jit(compiler_options=COMPILER)(sample)  # type: ignore[call-overload]
+_sampled = CompiledProgram(sample, COMPILER)
 
 
 def prepare_setup(

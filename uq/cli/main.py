@@ -146,6 +146,8 @@ def _run(argv: list[str], by_itself: bool) -> int:
         gc.set_threshold(SELDOM)
     with _leaving_at_once() if by_itself else contextlib.nullcontext():
         module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
+        if by_itself and name not in WITHOUT_JAX:
+            importlib.import_module("uq.files.compilation_cache").keep_programs()
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:

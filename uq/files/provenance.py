@@ -33,6 +33,16 @@ def sha256(path: str | Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def code_digest() -> str:
+    """Return a hash of the code that computes: of `uq` and `identify`, as it stands on disk."""
+    uq = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for package in (uq, uq.with_name("identify")):
+        for path in sorted(package.rglob("*.py")):
+            digest.update(path.relative_to(package.parent).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
 def _version(distribution: str) -> str:
     try:
         return version(distribution)

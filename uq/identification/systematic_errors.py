@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
+from identify.compiled_program import CompiledProgram
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.methods.base import estimator_of
 from identify.model_check.judge import with_misfit
@@ -311,7 +312,7 @@ def errors_of(problem: Problem, drawn: Mapping[Name, Array], cases: Sequence[fro
     return errors
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _of_axes(problem: Problem, name: Name, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
     """The tensor with each of some draws of one source."""
     nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.leg_limits import platform_motion
 from identify.motion.multisine import Multisine
 from identify.motion.stewart_platform import Platform, Pose, lengths
@@ -175,7 +175,7 @@ def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.
     return Commanded(t, position, np.asarray(motion.pose.rotation), np.asarray(length))
 
 
-@eqx.filter_jit
+@CompiledProgram
 def leg_lengths(platform: Platform, poses: Pose) -> jax.Array:
     """Return the legs' lengths [m] in each of several poses, (poses, 6)."""
     return jax.vmap(lambda pose: lengths(platform, pose))(poses)

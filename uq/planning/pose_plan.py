@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
 from identify.motion.stewart_platform import Platform, Pose, Twist
@@ -269,7 +269,7 @@ def _naive(experiment: Experiment, reach: np.ndarray, count: int) -> np.ndarray:
     return experiment.gravity * np.resize(upward, (count, 3))
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _leaning(
     platform: Platform, azimuth: Float[Array, " n"], tilt: Float[Array, " n"], pivot: Float[Array, " n"]
 ) -> Pose:

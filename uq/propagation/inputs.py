@@ -7,13 +7,13 @@ enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is whi
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
+from identify.compiled_program import CompiledProgram
 from uq.gram_sums.setup import Case
 from uq.propagation.beyond_the_law import Peaks, check_law
 from uq.sources.constant_errors import errors_of, no_errors
@@ -83,7 +83,7 @@ def _rows(source: Source) -> bool:
     return isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _linear_map(constant: Sequence[Source]) -> Array:
     sizes = [int(np.prod(np.shape(source.sigma))) for source in constant]
 

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.floating_point import check_precision
 from identify.reporting import Result
 from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant
@@ -174,7 +174,7 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
     )
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]) -> Expansion:
     sizes = [root.shape[1] for root in roots.values()]
 

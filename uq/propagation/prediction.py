@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import cross_matrix, omega_r
@@ -75,7 +76,7 @@ class Prediction(eqx.Module):
             Columns.of(experiment.sources),
         )
 
-    @eqx.filter_jit
+    @CompiledProgram
     def moments(
         self,
         motion: Motion,
@@ -194,6 +195,6 @@ def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
     return _slopes(spec.trajectory, motion.t)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _slopes(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
     return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)

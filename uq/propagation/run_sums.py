@@ -6,12 +6,12 @@ What is compiled depends on neither duration nor rate, and no more than a piece 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Trajectory, sample
 from identify.rigid_body.inertia import Body
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
@@ -71,7 +71,7 @@ def run_sums(
     return RunSums(NoiseFreeRun(body, platform, sums.true, columns), _moments(sums.piece, list(taps))), peaks
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _moved(first, start, trajectory, platform, rate, count, margin, delayed):
     """A piece's motion; the first and second derivatives of omega by a delay; the attitude where the next one starts.
 
@@ -88,7 +88,7 @@ def _moved(first, start, trajectory, platform, rate, count, margin, delayed):
     return motion, jax.jvp(slope, (jnp.zeros(()),), (unit,)), motion.rotation[PIECE]
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _summed(motion, by_delay, body, taps, first, count, columns):
     """The sums over a piece, given what :func:`_moved` returns."""
     reach = max(map(len, taps))

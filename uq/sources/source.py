@@ -79,6 +79,11 @@ class Source(eqx.Module):
         return kind_of(self.target, self.kind)
 
     @property
+    def acting_classes(self) -> tuple[type, ...]:
+        """Whose code acts on it, for :mod:`identify.compiled_program`: the kind's may be a user's own."""
+        return (type(self.error_kind),)
+
+    @property
     def standard_deviation(self) -> Any:
         """Standard deviation of the draw on each axis, in SI."""
         return self.sigma * self.shape.standard_deviation

@@ -6,13 +6,13 @@ then, with gain and offset, by least squares on the plan's own derivative, to a 
 
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Trajectory
 from identify.rounding import significant
 from identify.signals.run import Run, RunError
@@ -112,7 +112,7 @@ def plan_at(spec: TrajectorySpec, t: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.where(inside[:, None], omega, 0.0), np.where(inside[:, None], alpha, 0.0)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def _sampled(trajectory: Trajectory, t: Float[Array, " n"]) -> tuple[Array, Array]:
     return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 

@@ -198,16 +198,6 @@ def _lock(handle: int) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def code_digest() -> str:
-    """Return a hash of the package's code: two checkouts that differ give different checkpoints."""
-    uq = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for package in (uq, uq.with_name("identify")):
-        for path in sorted(package.rglob("*.py")):
-            digest.update(path.relative_to(package.parent).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()
-
-
 def _delete(folder: Path) -> str:
     return f"delete {folder} to start again"
 

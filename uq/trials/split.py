@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory
 from uq.gram_sums.delayed_omega import DelayedOmega, delayed_omega, longest_delay
 from uq.gram_sums.setup import Case, cases_of
@@ -92,7 +93,7 @@ def _beside(
     return Beside(white, sum(other.error_kind is source.error_kind for other in others), remainder)
 
 
-@eqx.filter_jit
+@CompiledProgram
 def first_trial(setup: SampledSetup) -> TrialEstimates:
     """Return the estimates of one trial: where nothing is drawn, of every trial."""
     return sampled_trial(setup, jax.random.key(0), jnp.zeros((), int))

@@ -18,8 +18,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float, Int, Key, UInt32
 
+from identify.compiled_program import CompiledProgram
 from uq.trials.distributed import guarded, local_share, several
 
 Tree = TypeVar("Tree")
@@ -72,10 +73,11 @@ class TrialLoop:
         self.run, self.batch, self.segment, self.keep = run, batch, segment, keep
         self.devices = list(devices or default_devices())
         self.mesh = Mesh(np.array(self.devices), ("trials",), axis_types=(AxisType.Auto,))
-        self.problem, self.key = problem, jax.random.key(seed)
+        data: Any = key_data(seed)
+        self.problem = problem
         if several():
-            self.problem, data = _everywhere((problem, jax.random.key_data(self.key)), self.mesh)
-            self.key = jax.random.wrap_key_data(data)
+            self.problem, data = _everywhere((problem, data), self.mesh)
+        self.key = jax.random.wrap_key_data(data)
         self.pending: Any = None
         self.segments = list(done)
         self.count = sum(map(trials_in, self.segments))
@@ -105,11 +107,8 @@ class TrialLoop:
         return segment_of(self.devices, self.batch, asked, self.segment)
 
     def _begin(self, segment: int) -> Any:
-        numbers = np.arange(self.count, self.count + segment)
-        split = jnp.asarray(numbers)
-        if several():
-            placed = NamedSharding(self.mesh, PartitionSpec("trials"))
-            split = jax.make_array_from_callback(numbers.shape, placed, lambda share: numbers[share])
+        numbers, placed = np.arange(self.count, self.count + segment), NamedSharding(self.mesh, PartitionSpec("trials"))
+        split = jax.make_array_from_callback(numbers.shape, placed, lambda share: numbers[share])
         with guarded():
             return _sharded(self.run, self.problem, self.key, split, self.mesh, self.batch, several())
 
@@ -134,6 +133,11 @@ def all_trials(
     loop = TrialLoop(run, problem, seed, **options)
     loop.reach(trials, progress)
     return loop.results(trials)
+
+
+def key_data(seed: int) -> UInt32[np.ndarray, "2"]:
+    """Return the words of ``jax.random.key(seed)``, for which JAX would compile a program."""
+    return np.array([seed >> 32 & 0xFFFFFFFF, seed & 0xFFFFFFFF], np.uint32)
 
 
 def default_devices() -> list[jax.Device]:
@@ -173,8 +177,7 @@ COMPILER = {"xla_cpu_prefer_vector_width": 512, **OLDER_LOOPS}
 """Of processors; others take no notice. The widest vectors, which XLA by default does not use."""
 
 
-@eqx.filter_jit(compiler_options=COMPILER)  # type: ignore[call-overload]
-def _sharded(
+def _on_mesh(
     run: RunTrials, problem: Any, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int, gathered: bool
 ) -> Any:
     """Trials spread over the mesh; ``gathered``: every process is given all results."""
@@ -194,6 +197,9 @@ def _sharded(
         check_vma=False,
     )
     return sharded(arrays, key, numbers)
+
+
+_sharded = CompiledProgram(_on_mesh, COMPILER)
 
 
 def _in_batches(run: Callable[[jax.Array], Any], mine: jax.Array, batch: int) -> Any:
