@@ -16,14 +16,17 @@ from collections.abc import Callable, Iterator, Mapping
 from types import FunctionType, MappingProxyType
 from typing import Any, ClassVar, Generic, ParamSpec, Protocol, TypeVar, runtime_checkable
 
-import equinox as eqx
 import jax
 import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 from jax.sharding import Mesh
 
+from identify.pytree import is_array
+
 Given = ParamSpec("Given")
 Result = TypeVar("Result", covariant=True)
+Static = tuple[Any, tuple[tuple[type, str, Any], ...]]
+"""The structure of arguments, and in place of each leaf None (an array) or the leaf."""
 PACKAGES = frozenset({"identify", "uq"})
 """Whose code a store knows."""
 
@@ -44,7 +47,7 @@ class UnknownCodeError(TypeError):
 
 
 class CompiledProgram(Generic[Given, Result]):
-    """A function compiled once for each kind of arguments: ``equinox.filter_jit``, with the same results.
+    """A function compiled once for each kind of arguments: ``jax.jit``, with all that is no array static.
 
     Arrays are traced, all else is compiled in. Use it as a decorator of functions at the top of a module.
     """
@@ -55,22 +58,35 @@ class CompiledProgram(Generic[Given, Result]):
     def __init__(self, function: Callable[Given, Result], options: Mapping[str, Any] = MappingProxyType({})) -> None:
         """Wrap a function; ``options`` are the compiler's."""
         functools.update_wrapper(self, function)
-        self.function, self.options = function, dict(options)
-        self.jitted: Any = eqx.filter_jit(compiler_options=self.options)(function)  # type: ignore[call-overload]
+        self.function: Callable[..., Any] = function
+        self.options = dict(options)
+
+        @functools.wraps(function)
+        def of_arrays(static: Static, arrays: list[Any]) -> Any:
+            tree, others = static
+            following = iter(arrays)
+            leaves = [next(following) if leaf is None else leaf for *_, leaf in others]
+            args, kwargs = jax.tree.unflatten(tree, leaves)
+            return function(*args, **kwargs)
+
+        del of_arrays.__wrapped__
+        self.jitted = jax.jit(of_arrays, static_argnums=0, compiler_options=self.options)
         self.loaded: dict[str, Callable[..., Any]] = {}
 
     def __call__(self, *args: Given.args, **kwargs: Given.kwargs) -> Result:
         """Call the function."""
         leaves, tree = jax.tree.flatten((args, kwargs))
-        if self.store is None or jax.process_count() > 1 or any(isinstance(x, jax.core.Tracer) for x in leaves):
-            return self.jitted(*args, **kwargs)
+        arrays = [leaf for leaf in leaves if is_array(leaf)]
+        static = tree, tuple(_distinct(None if is_array(leaf) else leaf) for leaf in leaves)
+        if self.store is None or jax.process_count() > 1 or any(isinstance(x, jax.core.Tracer) for x in arrays):
+            return self.jitted(static, arrays)
         try:
             name = self._name(args, kwargs)
         except UnknownCodeError:
-            return self.jitted(*args, **kwargs)
+            return self.jitted(static, arrays)
         if name not in self.loaded:
-            self.loaded[name] = _loaded(self.store.load(name)) or self._compiled(self.store, name, leaves, tree)
-        return self.loaded[name]([leaf for leaf in leaves if eqx.is_array(leaf)])
+            self.loaded[name] = _loaded(self.store.load(name)) or self._compiled(self.store, name, static, arrays)
+        return self.loaded[name](arrays)
 
     def __get__(self, instance: object, owner: type) -> Any:
         """Bind a method."""
@@ -84,25 +100,19 @@ class CompiledProgram(Generic[Given, Result]):
         text = repr((described(self.function), sorted(self.options.items()), settings, described((args, kwargs))))
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def _compiled(self, store: Store, name: str, leaves: list[Any], tree: Any) -> Callable[..., Any]:
+    def _compiled(self, store: Store, name: str, static: Static, arrays: list[Any]) -> Callable[..., Any]:
         """Compile the program for these arguments, and keep it."""
-        function: Callable[..., Any] = self.function
-        places = [place for place, leaf in enumerate(leaves) if eqx.is_array(leaf)]
-
-        def of_arrays(arrays: list[Any]) -> Any:
-            every = list(leaves)
-            for place, array in zip(places, arrays, strict=True):
-                every[place] = array
-            args, kwargs = jax.tree.unflatten(tree, every)
-            return function(*args, **kwargs)
-
-        of_arrays.__name__ = of_arrays.__qualname__ = self.function.__name__
-        lowered = jax.jit(of_arrays, compiler_options=self.options).lower([leaves[place] for place in places])
+        lowered = self.jitted.lower(static, arrays)
         with _without_jaxs_cache():
             compiled = lowered.compile()
         if (data := _serialized(compiled)) is not None:
             store.save(name, data)
         return compiled
+
+
+def _distinct(leaf: Any) -> tuple[type, str, Any]:
+    """A leaf beside what tells it from those that Python holds for equal: 1, 1.0 and True; 0.0 and -0.0."""
+    return type(leaf), repr(leaf) if isinstance(leaf, float) else "", leaf
 
 
 def described(value: Any) -> Any:
@@ -113,7 +123,7 @@ def described(value: Any) -> Any:
     """
     if value is None or type(value) in (bool, int, float, complex, str, bytes):
         return value
-    if eqx.is_array(value):
+    if is_array(value):
         placed = f"{value.sharding}" if isinstance(value, jax.Array) and value.committed else ""
         return "array", str(value.dtype), value.shape, bool(getattr(value, "weak_type", False)), placed
     if isinstance(value, CompiledProgram):

@@ -12,13 +12,13 @@ Beside the body and the alignment there are the sensors' constant errors. All ar
 
 from typing import Literal, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from identify.motion.attitude import magnus_turn
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.regressor import Array, cross_matrix
 from identify.rigid_body.rotation import exponential
@@ -82,7 +82,7 @@ class Unknowns(NamedTuple):
     and a small misalignment [1, N per N·m, N·m per N]."""
 
 
-class Model(eqx.Module):
+class Model(Pytree):
     """A run's rows and what is needed to predict them."""
 
     rows: InBand
@@ -92,7 +92,7 @@ class Model(eqx.Module):
     """Local gravity [m/s²]."""
     imu_position: Float[Array, "3"]
     """The accelerometer, from Q, in B [m]."""
-    specific_force: SpecificForce = eqx.field(static=True)
+    specific_force: SpecificForce = static_field()
 
 
 def unknowns(theta: Float[Array, " count"]) -> Unknowns:

@@ -7,12 +7,12 @@ free. An unknown of zero uncertainty has no column, so it is neither estimated n
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER
+from identify.pytree import Pytree
 from identify.rigid_body.regressor import Array
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
@@ -107,7 +107,7 @@ def calibrated(blocks: Mapping[tuple[str, ...], PriorBlock]) -> bool:
     return any(names[: len(STATIC)] == STATIC for names in blocks)
 
 
-class Prior(eqx.Module):
+class Prior(Pytree):
     """The prior of all unknowns of one run."""
 
     mean: Float[Array, " count"]

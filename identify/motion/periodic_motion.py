@@ -6,7 +6,6 @@ that of home, each in units of what its leg may do: so every unknown has the sam
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +14,7 @@ from jaxtyping import Array, Float
 from identify.motion.leg_limits import Limits, PlatformMotion
 from identify.motion.stewart_platform import Platform, Pose, Twist, jacobian
 from identify.motion.trajectory import Motion
+from identify.pytree import Pytree
 from identify.rigid_body.dynamics import acceleration_at
 from identify.rigid_body.rotation import exponential, rate_of_turn
 
@@ -22,7 +22,7 @@ TYPICAL = 2 * np.pi
 """Angular frequency [rad/s] at which a limited speed or stroke is turned into an acceleration where none is limited."""
 
 
-class Periodic(eqx.Module):
+class Periodic(Pytree):
     """Harmonics of one period, sampled on a uniform grid."""
 
     frequency: Float[np.ndarray, " k"]

@@ -1,6 +1,5 @@
 """A motion in stages: each repeats a period of its own for its share of the run, in closed form over one period."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +9,7 @@ from identify.motion.multisine import Multisine
 from identify.motion.periodic_motion import Moved, Periodic, moved
 from identify.motion.stewart_platform import Platform
 from identify.motion.window import swell
+from identify.pytree import Pytree
 
 STARTED = 0.3
 """Part of a ramp that is left out, next to rest: there the window is below 0.2."""
@@ -17,7 +17,7 @@ FINER = 4
 """Times as many instants of a period at which limits are looked at."""
 
 
-class Stages(eqx.Module):
+class Stages(Pytree):
     """Stages of one period, from rest to rest, whose unknowns are their motions', one after the other.
 
     Of each stage one period and both ramps are looked at: what it does besides is one of these again.

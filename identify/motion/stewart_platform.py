@@ -8,12 +8,12 @@ with the legs' own masses.
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.pytree import Pytree
 from identify.rigid_body.dynamics import acceleration_at, wrench
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.rotation import exponential
@@ -63,7 +63,7 @@ class Rod(NamedTuple):
     """Moment about its centre of mass, across the leg [kg·m²]."""
 
 
-class Platform(eqx.Module):
+class Platform(Pytree):
     """Geometry and masses of a platform with six legs."""
 
     base: Float[Array | np.ndarray, "6 3"]

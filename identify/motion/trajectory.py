@@ -5,9 +5,8 @@ starts and ends at rest with all derivatives (and so do the seams between segmen
 """
 
 from abc import abstractmethod
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,13 +15,18 @@ from jaxtyping import Array, Float
 from identify.compiled_program import CompiledProgram
 from identify.motion.attitude import attitude
 from identify.motion.window import Scalar, window
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.dynamics import acceleration_at
 
 
-class Trajectory(eqx.Module):
+class Trajectory(Pytree):
     """A rotation of the body in time."""
 
-    duration: eqx.AbstractVar[Scalar]
+    if TYPE_CHECKING:  # a field, whose place among the others is the subclass's own
+
+        @property
+        def duration(self) -> Scalar:
+            """Duration [s]."""
 
     @abstractmethod
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
@@ -54,7 +58,7 @@ class Sphere(Trajectory):
     """Time to start and to stop [s]."""
     precessions: Scalar
     """Turns of the spiral about its pole."""
-    pole: int = eqx.field(static=True)
+    pole: int = static_field()
     """Body axis of the spiral's pole: 0, 1, 2."""
 
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:

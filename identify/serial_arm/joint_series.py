@@ -1,8 +1,8 @@
 """Motions of an arm's joints, from rest to rest: Fourier series between two ramps, or in stages, one after another."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from identify.compiled_program import CompiledProgram
 from identify.motion.window import Scalar, swell
+from identify.pytree import Pytree
 
 Joints = Float[Array, "t n"] | Float[np.ndarray, "t n"]
 
@@ -22,7 +23,7 @@ class JointStates(NamedTuple):
     acceleration: Joints
 
 
-class JointSeries(eqx.Module):
+class JointSeries(Pytree):
     """Each joint's departure from home is a sum of sines, each times the window of its stage.
 
     ``q(t) = home + Σ_k w_k(t) (c_k cos 2πf_k t' + s_k sin 2πf_k t')``, t' from the start of the sine's stage. A sine of
@@ -67,7 +68,7 @@ class JointSeries(eqx.Module):
 
     def scaled(self, size: float) -> "JointSeries":
         """Return the motion with ``size`` times its amplitudes."""
-        return eqx.tree_at(lambda series: (series.cosine, series.sine), self, (size * self.cosine, size * self.sine))
+        return replace(self, cosine=size * self.cosine, sine=size * self.sine)
 
 
 @CompiledProgram

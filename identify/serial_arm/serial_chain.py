@@ -7,17 +7,17 @@ Gravity enters as an acceleration of the base upwards, so that every acceleratio
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.rotation import exponential
 
 
-class SerialChain(eqx.Module):
+class SerialChain(Pytree):
     """Joints from the base to the tool, n of them, and the links that they move, as URDF describes them."""
 
     rotation: Float[Array | np.ndarray, "n 3 3"]
@@ -36,7 +36,7 @@ class SerialChain(eqx.Module):
     """Its centre of gravity from its joint, in its frame [m]."""
     inertia: Float[Array | np.ndarray, "n 6"]
     """Its packed tensor about its centre of gravity, in its frame [kg·m²]."""
-    prismatic: tuple[bool, ...] = eqx.field(static=True)
+    prismatic: tuple[bool, ...] = static_field()
     """Which joints slide; the others turn."""
 
     @property

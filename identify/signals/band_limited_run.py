@@ -5,11 +5,11 @@ are then decimated, the load cell to a few samples a period and the motion to ma
 samples is exact to rounding. White noise stays white in the band: a decimated sample's is ``sigma / sqrt(factor)``.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.regressor import Array
 from identify.signals.filters import apply, kaiser, kaiser_shape
 from identify.signals.resample import uniform_spline
@@ -28,7 +28,7 @@ DEGREE = 5
 """Of the spline."""
 
 
-class InBand(eqx.Module):
+class InBand(Pytree):
     """Decimated signals of a run, component first."""
 
     t: Float[Array, " n"]
@@ -41,15 +41,15 @@ class InBand(eqx.Module):
     """1 where a row counts, 0 where it must not be used."""
     motion: Float[Array, "degree cells channels"]
     """Quintic spline of the angular velocity [rad/s] and, where there is one, the specific force [m/s²]."""
-    step: float = eqx.field(static=True)
+    step: float = static_field()
     """Seconds from node to node."""
-    stride: int = eqx.field(static=True)
+    stride: int = static_field()
     """Nodes from row to row."""
-    first: int = eqx.field(static=True)
+    first: int = static_field()
     """The node of the first row."""
-    factor: int = eqx.field(static=True)
+    factor: int = static_field()
     """Samples from row to row."""
-    band: float = eqx.field(static=True)
+    band: float = static_field()
     """Highest frequency of the motion [Hz]."""
 
     @property

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from identify.floating_point import check_precision
+from identify.pytree import Pytree
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import fixed, with_uncertainty
@@ -205,7 +205,7 @@ def emulated_tables(
     return EmulatedTables(runs, seed, np.asarray(experiment.body.inertia), errors, imperfections, tuple(warned), record)
 
 
-class _Rig(eqx.Module):
+class _Rig(Pytree):
     """One trajectory's runs, and whether its platform holds the believed centre of gravity still."""
 
     setup: SampledSetup
@@ -248,12 +248,12 @@ def shared_error(centre: Sequence[Source], key: jax.Array, repeat: Index) -> jax
 
 def _emulated_runs(rig: _Rig, key: jax.Array, indices: jax.Array, *, at_once: bool) -> jax.Array:
     """Tensors of some runs, repeat after repeat; a platform that holds the believed centre misses the true one."""
-    at = [k for k, source in enumerate(rig.setup.sources) if source.name in ("shared r_cg", "still point")]
 
     def of_run(index: jax.Array) -> jax.Array:
         shared = shared_error(rig.centre, key, index // rig.runs)
-        means = (shared, -rig.holds_cg * shared)
-        setup = eqx.tree_at(lambda setup: [setup.sources[k].mean for k in at], rig.setup, means)
+        means = {"shared r_cg": shared, "still point": -rig.holds_cg * shared}
+        sources = (replace(s, mean=means[s.name]) if s.name in means else s for s in rig.setup.sources)
+        setup = replace(rig.setup, sources=tuple(sources))
         return sampled_trial(setup, key, index).inertia[0, 0]
 
     return jax.lax.map(of_run, indices)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -105,11 +104,7 @@ def true_motions(
 
 def same_rotation(first: TrajectorySpec, second: TrajectorySpec) -> bool:
     """Return whether two trajectories have one rotation, sampled at the same instants."""
-    return bool(
-        eqx.tree_equal(
-            (first.trajectory, first.duration, first.rate), (second.trajectory, second.duration, second.rate)
-        )
-    )
+    return first.trajectory == second.trajectory and (first.duration, first.rate) == (second.duration, second.rate)
 
 
 def platform_of(experiment: Experiment, spec: TrajectorySpec) -> Platform:

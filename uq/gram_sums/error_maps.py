@@ -9,13 +9,13 @@ to samples.
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from identify.estimators.gram import shift_omega
 from identify.motion.trajectory import Motion
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import (
@@ -40,7 +40,7 @@ OF_THE_GYRO = frozenset({"gyro_misalignment", "gyro_scale", "gyro_drift"})
 """Errors that map the angular velocity, beyond an offset."""
 
 
-class Platform(eqx.Module):
+class Platform(Pytree):
     """What carries the body."""
 
     gravity: Float[Array | np.ndarray, ""]
@@ -49,11 +49,11 @@ class Platform(eqx.Module):
     """Believed centre of gravity from the point that keeps still, in B [m]."""
 
 
-class Columns(eqx.Module):
+class Columns(Pytree):
     """The functions of time, besides the true wrench, that make up the measured wrench: those that the sources need."""
 
-    time: bool = eqx.field(static=True)
-    motion: bool = eqx.field(static=True)
+    time: bool = static_field()
+    motion: bool = static_field()
 
     @classmethod
     def of(cls, sources: Sequence[Source]) -> "Columns":

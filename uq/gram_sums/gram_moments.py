@@ -10,17 +10,17 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from identify.estimators.gram import Sums
+from identify.pytree import Pytree
 from uq.gram_sums.setup import SHARED
 from uq.gram_sums.wick import Monomial, Term, summed_products, terms
 
 
-class GramMoments(eqx.Module):
+class GramMoments(Pytree):
     """Sums over one run's samples from which the moments of its Gram sums follow."""
 
     sums: Float[Array, " products"]

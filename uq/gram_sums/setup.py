@@ -1,14 +1,15 @@
 """What a trial needs besides its key: cases, estimators, the noise-free run in blocks and its sums."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from identify.estimators.gram import Sums
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import ALPHA
 from uq.gram_sums.error_maps import Columns, Platform
@@ -20,10 +21,10 @@ SHARED = ALPHA.start
 """Features that all estimators share: all but alpha."""
 
 
-class Estimator(eqx.Module):
+class Estimator(Pytree):
     """A way from recorded signals to the tensor: ordinary least squares with a differentiator."""
 
-    name: str = eqx.field(static=True)
+    name: str = static_field()
     taps: Float[Array, " h"]
     """Taps of the differentiator [1/s]; see :mod:`identify.signals.differentiate`."""
 
@@ -55,7 +56,7 @@ class Signals(NamedTuple):
     (:class:`uq.gram_sums.delayed_omega.DelayedOmega`); degree zero where nothing is delayed."""
 
 
-class Setup(eqx.Module):
+class Setup(Pytree):
     """Everything that a trial needs besides its key: one trajectory, one body, its sources and estimators."""
 
     body: Body
@@ -72,13 +73,13 @@ class Setup(eqx.Module):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
-    cases: tuple[Case, ...] = eqx.field(static=True)
-    columns: Columns = eqx.field(static=True)
-    gyro_mapped: bool = eqx.field(static=True)
+    cases: tuple[Case, ...] = static_field()
+    columns: Columns = static_field()
+    gyro_mapped: bool = static_field()
     """Whether errors map the angular velocity, so that the elements are not the features but what these are made of."""
-    dtype: np.dtype = eqx.field(static=True)
+    dtype: np.dtype = static_field()
     """Precision of draws and features; sums and solutions have the default precision."""
-    sampling: Sampling = eqx.field(static=True)
+    sampling: Sampling = static_field()
 
     @property
     def changed(self) -> slice:
@@ -87,7 +88,7 @@ class Setup(eqx.Module):
         return slice(count - noisy_count(self.gyro_mapped, self.estimators), count)
 
 
-class EqualRotations(eqx.Module):
+class EqualRotations(Pytree):
     """Set-ups of one rotation that carry the body at different points, so that only the true wrench is another.
 
     The gyro's noise, most of a trial's work, is drawn and summed once for all of them.
@@ -104,7 +105,7 @@ class EqualRotations(eqx.Module):
         rows = [first.signals.noise_free, *(setup.signals.noise_free[:, elements:] for setup in setups[1:])]
         empty = first.signals._replace(noise_free=jnp.zeros(0), valid=jnp.zeros(0), displacement=jnp.zeros(0))
         return cls(
-            tuple(eqx.tree_at(lambda setup: setup.signals, setup, empty) for setup in setups),
+            tuple(replace(setup, signals=empty) for setup in setups),
             first.signals._replace(noise_free=jnp.concatenate(rows, axis=1)),
         )
 

@@ -9,7 +9,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +19,7 @@ from identify.compiled_program import CompiledProgram
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.methods.base import estimator_of
 from identify.model_check.judge import with_misfit
+from identify.pytree import Pytree, static_field
 from identify.results.covariances import with_cross
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
@@ -58,7 +58,7 @@ HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
 
 
-class Problem(eqx.Module):
+class Problem(Pytree):
     """Everything that a draw of the systematic errors needs: nothing grows with the runs' length."""
 
     sums: tuple[RunSums, ...]
@@ -72,10 +72,10 @@ class Problem(eqx.Module):
     columns: Columns
     centre_by_draw: dict[Name, Float[Array, "3 n"]]
     """What a source's draw has done to the centre of gravity of static poses already [m]."""
-    redrawn: frozenset[Name] = eqx.field(static=True)
+    redrawn: frozenset[Name] = static_field()
     """Sources that each mounting draws independently."""
-    offsets: OffsetChoice = eqx.field(static=True)
-    weighed: bool = eqx.field(static=True)
+    offsets: OffsetChoice = static_field()
+    weighed: bool = static_field()
     """Whether the sums are those of generalised least squares."""
 
     @property

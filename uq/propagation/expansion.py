@@ -8,7 +8,6 @@ white noise through the mean and covariance of the sums (:mod:`uq.gram_sums.gram
 from collections.abc import Collection
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
 from identify.estimators.gram import N_FEATURES, Sums, normal_equations, solve_normal
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body
 from uq.gram_sums.error_maps import Columns, Platform, element_map
 from uq.gram_sums.gram_moments import GramMoments, unpack
@@ -45,17 +45,17 @@ class TrueSums(NamedTuple):
         return TrueSums(self.gram[index[:, None], index], self.wrench[index])
 
 
-class NoiseFreeRun(eqx.Module):
+class NoiseFreeRun(Pytree):
     """Sums over one run without noise: all that the effect of constant errors of any size depends on."""
 
     body: Body
     platform: Platform
     sums: tuple[TrueSums, TrueSums, TrueSums]
     """Sums, and their first and second derivatives by a delay of the gyro [1/s, 1/s²]."""
-    columns: Columns = eqx.field(static=True)
+    columns: Columns = static_field()
 
 
-class RunSums(eqx.Module):
+class RunSums(Pytree):
     """Sums over one run: all that the law depends on, whatever the size of the errors."""
 
     noise_free: NoiseFreeRun

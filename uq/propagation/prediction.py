@@ -7,7 +7,6 @@ nothing, from as few instants as a motion of limited band allows; each counts fo
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +14,7 @@ from jaxtyping import Array, Float
 
 from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory, sample
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import cross_matrix, omega_r
 from uq.campaign.trial_setup import platform_of
@@ -35,7 +35,7 @@ class Predicted(NamedTuple):
     """Of the tensor [(kg·m²)²]."""
 
 
-class Prediction(eqx.Module):
+class Prediction(Pytree):
     """An experiment's errors, ready to be propagated through any motion."""
 
     body: Body
@@ -49,9 +49,9 @@ class Prediction(eqx.Module):
     """Covariance of the white noise of force and moment at one sample."""
     gyro: Float[Array, "3"]
     """Variance of omega's white noise at one sample [rad²/s²]."""
-    rate: float = eqx.field(static=True)
+    rate: float = static_field()
     """Sample rate [Hz]."""
-    columns: Columns = eqx.field(static=True)
+    columns: Columns = static_field()
 
     @classmethod
     def of(cls, experiment: Experiment, spec: TrajectorySpec) -> "Prediction":

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from identify.floating_point import check_precision
+from identify.pytree import Pytree, static_field
 from identify.reporting import Result
 from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant
 from identify.text_tables import Table
@@ -151,12 +151,12 @@ def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:
     return texts + ([f"{failed} of {trials:,} trials are not finite and are left out."] if failed else [])
 
 
-class _Problem(eqx.Module):
+class _Problem(Pytree):
     """What a block of trials needs besides its number."""
 
-    model: Model = eqx.field(static=True)
+    model: Model = static_field()
     inputs: Mapping[str, Distribution]
-    size: int = eqx.field(static=True)
+    size: int = static_field()
     """Trials in a block."""
     net: SobolPoints | None
     """Of quasi-random trials: a block shifts them anew."""

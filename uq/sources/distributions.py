@@ -10,17 +10,18 @@ import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
+from identify.pytree import Pytree
+
 Value = Any
 """A number or an array of numbers."""
 
 
-class Distribution(eqx.Module):
+class Distribution(Pytree):
     """The probability distribution of a quantity."""
 
     uniforms: ClassVar[int] = 1
@@ -39,11 +40,6 @@ class Distribution(eqx.Module):
         @property
         def degrees_of_freedom(self) -> Value:
             """How well the standard uncertainty is known (GUM G.4.2); infinite unless stated."""
-
-    else:
-        mean: eqx.AbstractVar[Value]
-        standard_deviation: eqx.AbstractVar[Value]
-        degrees_of_freedom: eqx.AbstractVar[Value]
 
     @abstractmethod
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Float[Array, "..."]:
@@ -71,7 +67,7 @@ class Normal(Distribution):
     standard_deviation: Value
     degrees_of_freedom: Value = np.inf
 
-    def __check_init__(self) -> None:
+    def __post_init__(self) -> None:
         _require("standard_deviation", "zero or more", self.standard_deviation, lambda s: s >= 0)
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
@@ -93,7 +89,7 @@ class Bounded(Distribution):
     low: Value
     high: Value
 
-    def __check_init__(self) -> None:
+    def __post_init__(self) -> None:
         if not isinstance(self.low, jax.core.Tracer):
             _require("high", "low or more", self.high, lambda high: high >= np.asarray(self.low))
 
@@ -175,7 +171,7 @@ class StudentT(Distribution):
     scale: Value
     degrees_of_freedom: Value
 
-    def __check_init__(self) -> None:
+    def __post_init__(self) -> None:
         _require("scale", "zero or more", self.scale, lambda s: s >= 0)
         _require("degrees_of_freedom", "above zero", self.degrees_of_freedom, lambda n: n > 0)
 
@@ -209,8 +205,8 @@ class CurvilinearTrapezoid(Bounded):
     limit_half_width: Value
     degrees_of_freedom: Value = np.inf
 
-    def __check_init__(self) -> None:
-        super().__check_init__()  # first: the half-width is compared with limits in order
+    def __post_init__(self) -> None:
+        super().__post_init__()  # first: the half-width is compared with limits in order
         room = lambda d: (d >= 0) & (2 * d <= np.subtract(self.high, self.low))  # noqa: E731
         _require("limit_half_width", "between zero and half of high - low", self.limit_half_width, room)
 
@@ -233,7 +229,7 @@ class Empirical(Distribution):
 
     samples: Float[Array | np.ndarray, " n *k"]
 
-    def __check_init__(self) -> None:
+    def __post_init__(self) -> None:
         if np.ndim(self.samples) not in (1, 2) or len(self.samples) < 2:
             raise ValueError(
                 f"Argument `samples` must be two or more values or rows, but has shape {np.shape(self.samples)}."
@@ -280,7 +276,7 @@ class MultivariateNormal(Distribution):
     covariance: Float[Array | np.ndarray, "k k"]
     degrees_of_freedom: Value = np.inf
 
-    def __check_init__(self) -> None:
+    def __post_init__(self) -> None:
         wrong = "symmetric without a negative eigenvalue"
         _require("covariance", wrong, self.covariance, lambda c: np.isclose(c, c.T, rtol=1e-9, atol=0))
         _require("covariance", wrong, self.covariance, lambda c: np.linalg.eigvalsh(c) >= -1e-9 * np.trace(c))

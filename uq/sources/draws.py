@@ -8,12 +8,12 @@ import zlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact, Key
 
+from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Empirical, Normal
 from uq.sources.quasi_random import values_at
 from uq.sources.random_normals import Index, normal_pairs, normals
@@ -23,11 +23,11 @@ BLOCK = 1200
 """Samples in a block of draws; always this, since the draws depend on it."""
 
 
-class Mixing(eqx.Module):
+class Mixing(Pytree):
     """Normal sources that are correlated: axes of one, or several."""
 
-    names: tuple[str, ...] = eqx.field(static=True)
-    axes: tuple[int, ...] = eqx.field(static=True)
+    names: tuple[str, ...] = static_field()
+    axes: tuple[int, ...] = static_field()
     """How many numbers each source draws."""
     correlation: Float[Array | np.ndarray, "k k"]
     """Between all these numbers, in the order of the names."""

@@ -8,16 +8,16 @@ scale factor, a delay …), *noise* (fresh at each sample), or nothing of it is 
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
 
-import equinox as eqx
 import jax
 import msgspec
 import numpy as np
 from jaxtyping import Array, Float, Key
 
+from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.random_normals import Index
 from uq.sources.source_figures import figures, on_axes, part_of
@@ -34,26 +34,26 @@ Draw = Float[Array | np.ndarray, "..."] | float
 """What a constant source draws, in SI."""
 
 
-class Source(eqx.Module):
+class Source(Pytree):
     """One error source. A constant's draw is ``mean + sigma * shape``; noise is ``sigma * shape`` at each sample."""
 
-    name: str = eqx.field(static=True)
+    name: str = static_field()
     """Its name, from which its random stream is keyed."""
-    target: str = eqx.field(static=True)
+    target: str = static_field()
     """The quantity that errs."""
-    kind: str = eqx.field(static=True)
+    kind: str = static_field()
     """How: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see docs/reference/sources.md."""
-    group: str = eqx.field(static=True)
+    group: str = static_field()
     """The group it counts in, such as ``load_cell``."""
     sigma: Float[Array | np.ndarray, "..."]
     """Scale of the draw on each axis, in SI: the standard deviation, but for Student's t."""
-    reference: str = eqx.field(static=True, default="")
+    reference: str = static_field(default="")
     """Where the figure comes from."""
     mean: Float[Array | np.ndarray, "..."] | float = 0.0
     """Expectation of a constant's draw, in SI: a known effect that is not corrected."""
     shape: Distribution = Normal(0.0, 1.0)
     """Distribution of the draw in units of ``sigma``, about its mean."""
-    settings: Mapping[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
+    settings: Mapping[str, Float[Array | np.ndarray, "..."]] = field(default_factory=dict)
     """Figures that are not drawn, in SI: Allan parameters, a limit, a step, where the air's centre is."""
 
     def __repr__(self) -> str:

@@ -126,7 +126,8 @@ def _standard(distribution: Distribution) -> tuple[float, Distribution]:
     sigma = float(distribution.standard_deviation)
     for build, ratio in BOUNDED.values():
         if type(distribution) is build:
-            return sigma, build(-ratio, ratio)
+            bounded: Any = build
+            return sigma, bounded(-ratio, ratio)
     return sigma, Normal(0.0, 1.0)
 
 

@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from identify.motion.trajectory import Motion
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body
 from uq.files.document import ExperimentError
@@ -43,14 +43,14 @@ from uq.trials.trial import TrialEstimates, valid_samples
 REFUSED, INSTEAD = "the sums over samples cannot be drawn (collapsed)", "draw samples"
 
 
-class CollapsedSetup(eqx.Module):
+class CollapsedSetup(Pytree):
     """Everything that a collapsed trial needs besides its key: nothing in it grows with the number of samples."""
 
     r_cg: Float[Array, "3"]
     """True centre of gravity from Q, in B [m]."""
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    cases: tuple[Case, ...] = eqx.field(static=True)
+    cases: tuple[Case, ...] = static_field()
     mean: Float[Array, "variants estimators kept"]
     """Each estimator's expected ``sum_equations.TRIAL_SUMS``; the first variant has no noise of the gyro."""
     root: Float[Array, "noisy estimators kept products"]
@@ -59,7 +59,7 @@ class CollapsedSetup(eqx.Module):
     """Which variant acts in each case."""
     cell: Float[Array, "cases 6 6"]
     """Covariance of the load cell's white noise of one sample in each case; force before moment."""
-    estimators: int = eqx.field(static=True)
+    estimators: int = static_field()
     points: SobolPoints | None = None
     """Of quasi-random trials; see :func:`with_points`."""
 

@@ -9,7 +9,6 @@ angular velocity is that of an earlier instant (delay); the range ends (saturati
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +16,7 @@ from jaxtyping import Array, Float, Int, Key
 
 from identify.estimators.gram import Sums, solve, sums_of
 from identify.motion.trajectory import Motion, Trajectory
+from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
@@ -29,7 +29,7 @@ from uq.sources.source import Source
 from uq.trials.trial import TrialEstimates
 
 
-class SampledSetup(eqx.Module):
+class SampledSetup(Pytree):
     """Everything that a trial needs besides its key, with every sample of the noise-free run."""
 
     body: Body
@@ -45,9 +45,9 @@ class SampledSetup(eqx.Module):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
-    cases: tuple[Case, ...] = eqx.field(static=True)
-    columns: Columns = eqx.field(static=True)
-    dtype: np.dtype = eqx.field(static=True)
+    cases: tuple[Case, ...] = static_field()
+    columns: Columns = static_field()
+    dtype: np.dtype = static_field()
     """Precision of draws and signals; sums and solutions have the default precision."""
 
     @property

@@ -8,13 +8,13 @@ needs samples, these are visited once.
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory
+from identify.pytree import Pytree, static_field
 from uq.gram_sums.delayed_omega import DelayedOmega, delayed_omega, longest_delay
 from uq.gram_sums.setup import Case, cases_of
 from uq.sources.constant_errors import perturbed
@@ -25,16 +25,16 @@ from uq.trials.samplewise import SampledSetup, crossed, sampled_trial
 from uq.trials.trial import TrialEstimates
 
 
-class SplitSetup(eqx.Module):
+class SplitSetup(Pytree):
     """Set-ups of some cases each, and the estimates of those that are the same in every trial."""
 
     parts: tuple[Any, ...]
     """Set-ups of other engines."""
     same: TrialEstimates
     """Of the cases in which nothing is drawn."""
-    cases: tuple[Case, ...] = eqx.field(static=True)
+    cases: tuple[Case, ...] = static_field()
     """All of them."""
-    order: tuple[int, ...] = eqx.field(static=True)
+    order: tuple[int, ...] = static_field()
     """Where each stands among those of the parts, one part after the other, and the same ones last."""
 
     def joined(self, of_parts: Sequence[TrialEstimates], count: int) -> TrialEstimates:
@@ -44,16 +44,16 @@ class SplitSetup(eqx.Module):
         return jax.tree.map(lambda *leaves: jnp.concatenate(leaves, axis=2)[:, :, order], *of_parts, same)
 
 
-class InSums(eqx.Module):
+class InSums(Pytree):
     """What sums tell of an experiment."""
 
     sources: tuple[Source, ...]
     """What stands for the sources; a source for itself where nothing does."""
-    summed: tuple[Case, ...] = eqx.field(static=True)
+    summed: tuple[Case, ...] = static_field()
     """Cases that sums over samples express."""
-    sampled: tuple[Case, ...] = eqx.field(static=True)
+    sampled: tuple[Case, ...] = static_field()
     """Cases that need every sample."""
-    same: tuple[Case, ...] = eqx.field(static=True)
+    same: tuple[Case, ...] = static_field()
     """Those among them that are the same in every trial."""
     delayed: DelayedOmega | None
     """The delayed angular velocity, if sources delay it."""

@@ -19,10 +19,10 @@ Cases that sums cannot express (saturation, a coarse quantisation) need every sa
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -162,7 +162,7 @@ def trials_of_equal_rotations(
     Returns:
         The estimates, trials leading, then the experiments.
     """
-    first = eqx.tree_at(lambda setup: setup.signals, equal.setups[0], equal.signals)
+    first = replace(equal.setups[0], signals=equal.signals)
     plan = plan_of(first)
     drawn = _visit_blocks(first, plan, key, indices, _all_at_once if at_once else _one_by_one)
 
@@ -171,7 +171,7 @@ def trials_of_equal_rotations(
         errors = errors_of_cases(first.sources, draws, [case.sources for case in first.cases])
         estimates = []
         for number, setup in enumerate(equal.setups):
-            setup = eqx.tree_at(lambda s: s.sums.gram, setup, first.sums.gram)  # what follows from it is done once
+            setup = replace(setup, sums=setup.sums._replace(gram=first.sums.gram))  # what follows from it is done once
             of_setup = drawn._replace(products=drawn.products[:, equal.rows(number)])
             sums, r_cg = _problems(setup, plan, errors, _all_sums(setup, plan, of_setup, key, index))
             estimate = jax.vmap(jax.vmap(solve), in_axes=(0, None))(sums, r_cg)

@@ -13,7 +13,6 @@ alone and returns arrays with the trials on the leading axis; a trial that fails
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +20,7 @@ from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int, Key, UInt32
 
 from identify.compiled_program import CompiledProgram
+from identify.pytree import combine, partition
 from uq.trials.distributed import guarded, local_share, several
 
 Tree = TypeVar("Tree")
@@ -164,11 +164,11 @@ def segment_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int
 
 def _everywhere(tree: Tree, mesh: Mesh) -> Tree:
     """Give every device of all processes what each process has computed for itself."""
-    arrays, static = eqx.partition(tree, eqx.is_array)
+    arrays, static = partition(tree)
     placed = NamedSharding(mesh, PartitionSpec())
     arrays = jax.tree.map(np.asarray, arrays)
     arrays = jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, placed, lambda share: x[share]), arrays)
-    return eqx.combine(arrays, static)
+    return combine(arrays, static)
 
 
 OLDER_LOOPS = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (0, 11, 1) else {}
@@ -187,10 +187,10 @@ def _on_mesh(
         results = _in_batches(lambda indices: run(problem, key, indices, at_once=at_once), mine, batch)
         return jax.lax.all_gather(results, "trials", tiled=True) if gathered else results
 
-    arrays, static = eqx.partition(problem, eqx.is_array)
+    arrays, static = partition(problem)
     everywhere, split = PartitionSpec(), PartitionSpec("trials")
     sharded = jax.shard_map(
-        lambda arrays, key, mine: on_one_device(eqx.combine(arrays, static), key, mine),
+        lambda arrays, key, mine: on_one_device(combine(arrays, static), key, mine),
         mesh=mesh,
         in_specs=(everywhere, everywhere, split),
         out_specs=everywhere if gathered else split,

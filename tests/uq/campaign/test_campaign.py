@@ -242,12 +242,12 @@ def test_an_added_source_changes_no_draw(brief):
 
 def test_a_new_number_does_not_compile_again(brief):
     estimates(brief, 2)
-    before = trial_loop._sharded._cached._cache_size()
+    before = trial_loop._sharded.jitted._cache_size()
     louder = dataclasses.replace(
         brief, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 2.5 * s.sigma) for s in brief.sources), mass=12.0
     )
     estimates(louder, 2)
-    assert trial_loop._sharded._cached._cache_size() == before
+    assert trial_loop._sharded.jitted._cache_size() == before
 
 
 # --- results ---
