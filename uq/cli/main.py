@@ -10,15 +10,16 @@ import importlib.metadata
 import importlib.util
 import keyword
 import os
-import signal
 import sys
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
 from identify.rounding import concise
 from rig.exceptions import on_one_line, quoted
+from uq.terminal.interrupt import STATUS as INTERRUPTED
+from uq.terminal.interrupt import Interrupt, leave
 from uq.trials.watchdog import divide
 
 COMMANDS = {
@@ -75,14 +76,15 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 done but something is missing, 2 bad input."""
-    by_itself = argv is None
-    if by_itself:
+    interrupt = Interrupt() if argv is None else None
+    if interrupt:
         _open_closed_streams()
+        interrupt.listen()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors=_in_ascii.__name__)
     try:
-        status = _run(list(sys.argv[1:] if argv is None else argv), by_itself)
+        status = _run(list(sys.argv[1:] if argv is None else argv), interrupt)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads has enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -95,9 +97,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (MemoryError, RuntimeError, ImportError, SystemError) as error:
         if not isinstance(error, MemoryError) and not any(words in str(error) for words in OUT_OF_MEMORY):
             raise
-    except KeyboardInterrupt:
-        _complain("interrupted")
-        return 130
+    except KeyboardInterrupt as error:
+        _complain("; ".join(("interrupted", *map(str, error.args))))
+        if interrupt:
+            leave()
+        return INTERRUPTED
     else:
         return status
     # Here, where the error and all that its frames held is gone, is memory to say so.
@@ -105,8 +109,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 2
 
 
-def _run(argv: list[str], by_itself: bool) -> int:
-    """Run one command; a user's mistake is one line and status 2."""
+def _run(argv: list[str], interrupt: Interrupt | None) -> int:
+    """Run one command; a user's mistake is one line and status 2. No ``interrupt``: within a program."""
+    by_itself = interrupt is not None
     if clash := _other_identify():
         _complain(f"{clash}: install inertia-uq into an environment of its own (uv tool, pipx, python -m venv)")
         return 2
@@ -144,17 +149,19 @@ def _run(argv: list[str], by_itself: bool) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if by_itself:  # imports and traces make millions of objects that stay: looking through them takes 0.3 s
         gc.set_threshold(SELDOM)
-    with _leaving_at_once() if by_itself else contextlib.nullcontext():
-        module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
-        if by_itself and name not in WITHOUT_JAX:
-            importlib.import_module("uq.files.compilation_cache").keep_programs()
+    module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
+    if by_itself and name not in WITHOUT_JAX:
+        importlib.import_module("uq.files.compilation_cache").keep_programs()
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:
-        with _ending_at_once() if by_itself else contextlib.nullcontext(), _notation(concisely):
+        with interrupt.raising() if interrupt else contextlib.nullcontext(), _notation(concisely):
             return module.run(parser.parse_args(rest, argparse.Namespace(by_itself=by_itself)))
     except module.ERRORS as error:
         _complain(str(error))
+    finally:
+        if by_itself:  # Python's end would look for circles among objects that end with it (0.4 s)
+            gc.freeze()
     return 2
 
 
@@ -196,31 +203,6 @@ def _memory_limit() -> int | None:
         return None
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     return None if limit == resource.RLIM_INFINITY else limit
-
-
-@contextlib.contextmanager
-def _leaving_at_once() -> Iterator[None]:
-    """Let Ctrl-C end the program without a word of Python's, which interrupted imports would have much to say of."""
-
-    def leave(*_: object) -> NoReturn:
-        os.write(sys.stderr.fileno(), b"error: interrupted\n")
-        os._exit(130)
-
-    before = signal.signal(signal.SIGINT, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextlib.contextmanager
-def _ending_at_once() -> Iterator[None]:
-    """Let Python's own end not meet a second Ctrl-C, nor look for circles among objects that end with it (0.4 s)."""
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        gc.freeze()
 
 
 def _open_closed_streams() -> None:

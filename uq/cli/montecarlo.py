@@ -12,7 +12,7 @@ from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
-from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.common import ERRORS, GOES_ON, TerminalBar, finish, output_folder, say, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.trials.checkpoint import Checkpoint
@@ -86,11 +86,10 @@ def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
                 for name, experiment in experiments.items()
             }
             more = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
             if out is None or arguments.distributed:
                 raise
-            say("error: interrupted; the same command goes on from there")
-            return 130
+            raise KeyboardInterrupt(GOES_ON) from error
         for name, result in results.items() if speaks else ():
             if name:
                 print(f"\nbody {name}\n")

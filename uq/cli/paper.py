@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from uq.barreto2016 import paper, row
 from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
-from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.common import ERRORS, GOES_ON, TerminalBar, finish, output_folder, say, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -38,11 +38,10 @@ def run(arguments: argparse.Namespace) -> int:
             given = {"trials": arguments.trials, "seed": arguments.seed, "dtype": arguments.dtype}
             try:
                 result = paper(**given, progress=progress, checkpoint=checkpoint, shown=show)
-            except KeyboardInterrupt:
+            except KeyboardInterrupt as error:
                 if checkpoint is None or arguments.distributed:
                     raise
-                say("error: interrupted; the same command goes on from there")
-                return 130
+                raise KeyboardInterrupt(GOES_ON) from error
         if speaks:
             print()
             finish(result, out)

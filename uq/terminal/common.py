@@ -21,6 +21,8 @@ from uq.files.compilation_cache import keep_compiled
 from uq.trials.progress_bar import ProgressBar
 
 ERRORS = (ExperimentError, RunError, RigError)
+GOES_ON = "the same command goes on from there"
+"""What is said of an interrupted command that keeps what is done."""
 BETWEEN_LINES = 60.0
 """Seconds after which a line of progress follows another of the same step."""
 
