@@ -198,6 +198,7 @@ def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
 
 CAMPAIGN = """
 import sys
+import jax
 import numpy as np
 from uq.terminal.common import start_jax
 start_jax()
@@ -205,15 +206,19 @@ from tests.small_campaign import document
 from uq.campaign.campaign import montecarlo
 from uq.trials.checkpoint import Checkpoint
 from uq.experiment.experiment import Experiment
-experiment, checkpoint = Experiment.from_dict(document()), Checkpoint(sys.argv[1], every=0.1)
-result = montecarlo(experiment, trials=5000, trajectories="T1", estimators="central", checkpoint=checkpoint)
+experiment, checkpoint = Experiment.from_dict(document()), Checkpoint(sys.argv[1], every=0.05)
+options = {"trials": 20_000, "trajectories": "T1", "estimators": "central", "devices": jax.devices()[:1]}
+result = montecarlo(experiment, checkpoint=checkpoint, **options)
 np.savez(sys.argv[2], **result.errors)
 """
 
 
 @pytest.mark.study
 def test_ten_kills_at_random_moments(tmp_path):
-    """SIGKILL ten times, at a moment between the first part that a process writes and a second later."""
+    """SIGKILL ten times, at a moment between the first part that a process writes and 0.2 s later.
+
+    The campaign is several times as long, and has one device, so that more processors do not end it sooner.
+    """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     generator = np.random.default_rng(12)
     folder = tmp_path / "checkpoint"
@@ -227,12 +232,11 @@ def test_ten_kills_at_random_moments(tmp_path):
         while len(list(folder.glob("*.part"))) == before:
             assert process.poll() is None, "the campaign ended before it was killed ten times"
             time.sleep(0.01)
-        time.sleep(generator.uniform(0, 1))
+        time.sleep(generator.uniform(0, 0.2))
         process.send_signal(signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL
-        print(
-            f"kill {kill + 1}: {len(list(folder.glob('*.part')))} parts, {len(list(folder.glob('*.partial')))} halves"
-        )
+        parts = sorted(folder.glob("*.part"))
+        print(f"kill {kill + 1}: {parts[-1].stem[-6:]} trials, {len(list(folder.glob('*.partial')))} halves")
     assert start(tmp_path / "resumed.npz", folder).wait() == 0
     assert start(tmp_path / "whole.npz", tmp_path / "other").wait() == 0
     with np.load(tmp_path / "resumed.npz") as resumed, np.load(tmp_path / "whole.npz") as whole:
