@@ -11,11 +11,10 @@ from mcap.records import Channel, Schema
 from rig.bags.message_batches import MESSAGE
 from rig.bags.topics import Contents
 from rig.exceptions import RigError
+from rig.mcap.record_batch import PARSE_ERRORS, Batch
 from rig.mcap.records import (
     MAGIC,
-    PARSE_ERRORS,
     RECORD_HEADER,
-    Batch,
     Definitions,
     Record,
     chunk_batch,

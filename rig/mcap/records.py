@@ -15,11 +15,11 @@ from typing import IO
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
 from rig.exceptions import RigError, quoted, reason
+from rig.mcap.record_batch import PARSE_ERRORS, Batch, walk
 from rig.read_limits import UnpackBudget
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -27,15 +27,10 @@ BLOCK = 2**20
 """Bytes at a time of a record that nobody reads."""
 UNREAD = frozenset(map(int, (Opcode.ATTACHMENT, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX)))
 """Records whose bytes count only for the checksums."""
-MESSAGE_HEAD = 22
-"""Bytes of a message's record before its data: channel, sequence, two times."""
-MOST_DEFINITIONS = 2**16
-"""Records in one chunk that are no messages; ids of schemas and channels have 16 bits."""
 DEFINITION = 4096
 """Bytes that such a record counts for, however short it is: the objects that it becomes, and the time."""
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
-PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
 
 
 class DamageError(RigError):
@@ -195,65 +190,11 @@ def _from_zstd(chunk: Chunk, budget: UnpackBudget, limit: int) -> bytes:
     return zstandard.decompress(chunk.data, max_output_size=stated)
 
 
-def chunk_batch(record: Record, budget: UnpackBudget) -> "Batch":
+def chunk_batch(record: Record, budget: UnpackBudget) -> Batch:
     """The records of a chunk. Raises as :func:`chunk_data` and :func:`walk`."""
     batch = walk(chunk_data(record, budget))
     budget.take(DEFINITION * batch.others)
     return batch
-
-
-@dataclass
-class Batch:
-    """The records of one chunk: its bytes, and per channel the offsets of its messages, in file order.
-
-    ``others`` counts the records that are no messages.
-    """
-
-    data: bytes
-    offsets: dict[int, list[int]]
-    schemas: list[Schema]
-    channels: list[Channel]
-    others: int = 0
-
-
-_MESSAGE_START = struct.Struct("<BQH").unpack_from
-
-
-def walk(data: bytes) -> Batch:
-    """Find the records in a chunk's bytes. Raises ``ValueError`` when they do not fill it exactly."""
-    batch = Batch(data, {}, [], [])
-    offsets = batch.offsets
-    position, end = 0, len(data)
-    try:
-        while position < end:
-            opcode, length, channel = _MESSAGE_START(data, position)
-            if opcode == 5:
-                if length < MESSAGE_HEAD:
-                    raise ValueError("a chunk's records are damaged")
-                if channel in offsets:
-                    offsets[channel].append(position)
-                else:
-                    offsets[channel] = [position]
-            else:
-                _definition(batch, opcode, data[position + 9 : position + 9 + length])
-            position += 9 + length
-    except PARSE_ERRORS as error:
-        raise ValueError("a chunk's records are damaged") from error
-    if position != end:
-        raise ValueError("a chunk's last record is cut")
-    return batch
-
-
-def _definition(batch: Batch, opcode: int, body: bytes) -> None:
-    if opcode == Opcode.SCHEMA:
-        batch.schemas.append(Schema.read(ReadDataStream(BytesIO(body))))
-    elif opcode == Opcode.CHANNEL:
-        batch.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
-    elif not opcode:
-        raise ValueError("no record has the opcode 0")
-    batch.others += 1
-    if batch.others > MOST_DEFINITIONS:
-        raise ValueError("a chunk defines too much")
 
 
 SEAL = "crc32"

@@ -24,21 +24,19 @@ from mcap.writer import Writer
 
 from rig.atomic_files import refuse_existing, replacing
 from rig.exceptions import RigError
+from rig.mcap.record_batch import PARSE_ERRORS, Batch, walk
 from rig.mcap.records import (
     BLOCK,
     KNOWN,
     MAGIC,
-    PARSE_ERRORS,
     RECORD_HEADER,
     UNREAD,
-    Batch,
     Record,
     Scanner,
     chunk_batch,
     is_sealed,
     metadata,
     seal,
-    walk,
 )
 from rig.mcap.writer import new_writer
 from rig.read_limits import UnpackBudget, UnpackError, require_file
