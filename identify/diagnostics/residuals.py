@@ -96,7 +96,7 @@ def _sides(
     """``Ω`` and the moment about the centre of gravity, less their means or the load cell's offset."""
     if offsets == "still":
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
-    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi)
+    rows = np.tensordot(phi.T, OMEGA_R_OF_FEATURES, axes=1)
     about_cg = moment.T - np.cross(r_cg, force.T)
     if offsets != "estimate":
         return rows, about_cg

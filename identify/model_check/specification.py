@@ -60,7 +60,7 @@ def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> Difference:
     rows = back @ fit.lines(moved)
     about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, np.eye(3)])  # M - r × F of a wrench
     inverse = np.linalg.inv(products(rows, rows))
-    gain = np.einsum("mkp,kj,ji,pq->miq", rows[:, 3:], about_cg, back, inverse)
+    gain = np.einsum("mkp,ki->mip", rows[:, 3:], about_cg @ back) @ inverse
     value = np.einsum("miq,mi->q", gain, fit.residuals)
     noise = gain * np.sqrt(spectrum(fit.residuals))[:, :, None]
     along = products(fit.columns, gain)

@@ -148,7 +148,8 @@ def spectrum(
 
 def leverage(rows: Float[np.ndarray, "m 3 p"], inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m 3"]:
     """Return how much of each value its own fit takes up: the diagonal of ``X (XᵀX)⁻¹ Xᵀ``."""
-    return np.clip(np.einsum("map,pq,maq->ma", rows, inverse, rows, optimize=True), 0, 1)
+    weighed = (rows.reshape(-1, rows.shape[2]) @ inverse).reshape(rows.shape)
+    return np.clip(np.einsum("map,map->ma", weighed, rows), 0, 1)
 
 
 def _colour(residuals: np.ndarray, free: np.ndarray, gain: np.ndarray, constants: int) -> np.ndarray:

@@ -217,8 +217,7 @@ def _columns(
     force = smoothed(run.force[inner].T, run, estimator)
     if offsets == "still":
         force = force - resting(run).force[:, None]
-    rows = np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, elements[FEATURES])
-    moment = np.cross(r_cg, force.T).T + (rows @ inertia).T
+    moment = np.cross(r_cg, force.T).T + (OMEGA_R_OF_FEATURES @ inertia).T @ elements[FEATURES]
     parts = [force, moment, *([elements[10:11]] if columns.time else [])]
     if columns.motion:
         up = smoothed(upward_by_force(run, r_cg)[inner].T, run, estimator)

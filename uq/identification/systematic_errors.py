@@ -52,7 +52,7 @@ from uq.trials.trial_loop import all_trials, finite_trials
 
 TRIALS = 10_000
 """Draws of the systematic errors."""
-BATCH = 100
+BATCH = 25
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
