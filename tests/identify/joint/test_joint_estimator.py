@@ -116,8 +116,8 @@ def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
     trajectory = brief.trajectories["T1"].trajectory
     omega, alpha, _ = evaluate(rows.motion, rows.step, rows.t + 0.0131)
     at = rows.t + 0.0131 + lag
-    np.testing.assert_allclose(omega.T, jax.vmap(trajectory.omega)(at), atol=2e-7)
-    np.testing.assert_allclose(alpha.T, jax.vmap(trajectory.alpha)(at), atol=4e-6)
+    np.testing.assert_allclose(omega.T, jax.jit(jax.vmap(trajectory.omega))(at), atol=2e-7)
+    np.testing.assert_allclose(alpha.T, jax.jit(jax.vmap(trajectory.alpha))(at), atol=4e-6)
 
 
 def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
@@ -210,9 +210,9 @@ def test_the_bound_of_few_unknowns_is_gauss_markovs(brief, sigma_still):
     )  # fmt: skip
     trajectory = brief.trajectories["T1"].trajectory
     t = jnp.asarray(run.t)
-    omega, alpha = (np.asarray(jax.vmap(signal)(t)) for signal in (trajectory.omega, trajectory.alpha))
+    omega, alpha = (np.asarray(jax.jit(jax.vmap(signal))(t)) for signal in (trajectory.omega, trajectory.alpha))
     rows = np.zeros((len(t), 6, 9))
-    rows[:, 3:, :6] = np.asarray(jax.vmap(omega_r)(jnp.asarray(omega), jnp.asarray(alpha)))
+    rows[:, 3:, :6] = np.asarray(jax.jit(jax.vmap(omega_r))(jnp.asarray(omega), jnp.asarray(alpha)))
     for axis, e in enumerate(np.eye(3)):
         force = float(brief.mass) * (np.cross(alpha, e) + np.cross(omega, np.cross(omega, e)))
         rows[:, :, 6 + axis] = np.hstack([force, np.cross(np.asarray(brief.r_cg_from_q), force)])

@@ -25,15 +25,15 @@ def test_the_covariance_is_that_of_least_squares(generator):
     omega, alpha, force = generator.normal(size=(3, 150, 3)) * np.array([2.0, 20.0, 10.0])[:, None, None]
     root = np.diag([0.1] * 3 + [0.005] * 3) + 1e-3 * generator.normal(size=(6, 6))
     motion = LinkMotion(*map(jnp.asarray, (omega, alpha, force)))
-    told = information(motion, jnp.ones(150), root @ root.T)
-    expected = np.asarray(covariance_about_cg(told, BODY))
-    rows = np.asarray(jax.vmap(wrench_regressor)(*motion))
+    told = jax.jit(information)(motion, jnp.ones(150), root @ root.T)
+    expected = np.asarray(jax.jit(covariance_about_cg)(told, BODY))
+    rows = np.asarray(jax.jit(jax.vmap(wrench_regressor))(*motion))
     whiten = np.linalg.inv(root)
     columns = np.concatenate([np.concatenate([whiten @ row, whiten], axis=1) for row in rows])
     truth = np.concatenate([about_q(BODY), np.arange(6.0)])
     noise = generator.normal(size=(2000, 900))
     estimates = (columns @ truth + noise) @ np.linalg.pinv(columns).T
-    scatter = np.asarray(jax.vmap(about_cg)(jnp.asarray(estimates[:, :10])))
+    scatter = np.asarray(jax.jit(jax.vmap(about_cg))(jnp.asarray(estimates[:, :10])))
     np.testing.assert_allclose(scatter.std(axis=0), np.sqrt(np.diag(expected)), rtol=0.08)  # 5 standard errors
 
 
@@ -41,4 +41,4 @@ def test_offsets_cost_what_the_mean_told():
     """Where nothing but gravity acts and the tool rests, nothing is known: the offsets explain it all."""
     rest = jnp.zeros((50, 3))
     motion = LinkMotion(rest, rest, jnp.tile(jnp.array([0.0, 0.0, 9.81]), (50, 1)))
-    np.testing.assert_allclose(information(motion, jnp.ones(50), np.eye(6)), 0, atol=1e-9)
+    np.testing.assert_allclose(jax.jit(information)(motion, jnp.ones(50), np.eye(6)), 0, atol=1e-9)
