@@ -26,8 +26,8 @@ R = jnp.array([0.01, -0.02, 0.053])
 def test_sums_solve_as_qr_does(samples):
     omega, alpha, force, moment = samples
     rows = jax.jit(jax.vmap(omega_r, in_axes=1))(omega, alpha)
-    by_qr = ordinary(rows, (moment - jnp.cross(R[:, None], force, axis=0)).T)
-    by_sums = solve(accumulate(*samples), R)
+    by_qr = jax.jit(ordinary)(rows, (moment - jnp.cross(R[:, None], force, axis=0)).T)
+    by_sums = jax.jit(solve)(accumulate(*samples), R)
     np.testing.assert_allclose(by_sums.inertia, by_qr.value, rtol=1e-10)
     assert by_qr.condition**2 <= by_sums.condition <= 6 * by_qr.condition**2
     assert by_sums.ok
@@ -92,9 +92,9 @@ def test_conditioning_of_the_sums_is_enough_for_the_presets_motion(preset):
     tensor = preset.body.inertia
     rows = jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega, motion.alpha)
     moment = (rows @ jnp.asarray(tensor)).T
-    estimate = solve(accumulate(motion.omega, motion.alpha, jnp.zeros_like(moment), moment), R)
+    estimate = jax.jit(solve)(accumulate(motion.omega, motion.alpha, jnp.zeros_like(moment), moment), R)
     np.testing.assert_allclose(estimate.inertia, tensor, atol=1e-11 * tensor.max())
-    np.testing.assert_allclose(ordinary(rows, moment.T).value, tensor, atol=1e-11 * tensor.max())
+    np.testing.assert_allclose(jax.jit(ordinary)(rows, moment.T).value, tensor, atol=1e-11 * tensor.max())
     assert estimate.condition < 100
 
 
@@ -106,7 +106,7 @@ def test_from_arrays_to_the_tensor_as_numpy_fits_the_same_rows(samples, offsets)
     """Oracle: ``numpy.linalg.lstsq`` on rows of central differences, a constant moment on each axis as three columns."""
     omega, _, force, moment = (np.asarray(signal).T for signal in samples)
     alpha, inner = (omega[2:] - omega[:-2]) * 50.0, slice(1, -1)
-    rows = np.stack([np.asarray(omega_r(*both)) for both in zip(omega[inner], alpha, strict=True)])
+    rows = np.asarray(jax.jit(jax.vmap(omega_r))(omega[inner], alpha))
     constants = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
     columns = np.concatenate([rows, constants], axis=2) if offsets == "estimate" else rows
     values = moment[inner] - np.cross(np.asarray(R), force[inner])

@@ -94,7 +94,7 @@ def test_the_promise_is_that_of_the_simulated_samples(design, report):
     """Least squares on all samples of MuJoCo's run: without noise the truth; its covariance is what was promised."""
     run, body = report.run, design.experiment.body
     motion = jax.tree.map(jnp.asarray, design.limits.tool_of(run.joints))
-    rows = np.asarray(jax.vmap(wrench_regressor)(*motion))
+    rows = np.asarray(jax.jit(jax.vmap(wrench_regressor))(*motion))
     whiten = np.diag([10.0] * 3 + [200.0] * 3)  # 0.1 N and 5 mN·m
     columns = np.concatenate([np.concatenate([whiten @ row, whiten], axis=1) for row in rows])
     estimate = np.linalg.lstsq(columns, (run.wrench @ whiten).ravel())[0]

@@ -57,8 +57,9 @@ def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
     motion = true_motion(short, short.trajectories["T2"])
     wrench = np.asarray(Columns.of(()).sampled(short.body, motion))
     rows = jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega, motion.alpha)
+    drawn = jax.jit(lambda repeat: shared_error(centre_of(short), jax.random.key(0), repeat))
     for repeat in range(3):
-        delta = np.asarray(shared_error(centre_of(short), jax.random.key(0), repeat))
+        delta = np.asarray(drawn(repeat))
         extra = -np.cross(delta, wrench[:3].T)
         expected = np.asarray(ordinary(rows, jnp.asarray(extra)).value)
         np.testing.assert_allclose(only_cg.errors["T2"][repeat, 0], expected, atol=2e-4 * short.inertia.max())

@@ -89,17 +89,18 @@ def test_mean_and_covariance_are_exact_for_noise_as_large_as_the_signal(axes, n,
         sums = packed(noisy_features(omega + noise[chunk], taps) * valid, wrench)
         total = total + weights[chunk] @ sums
         products = products + (sums.T * weights[chunk]) @ sums
-    moments = moments_of_signals(*visited)
-    np.testing.assert_allclose(mean(moments, jnp.asarray(only**2)), total, rtol=1e-9, atol=1e-9 * np.abs(total).max())
+    moments = jax.jit(moments_of_signals)(*visited)
+    variance = jnp.asarray(only**2)
+    np.testing.assert_allclose(jax.jit(mean)(moments, variance), total, rtol=1e-9, atol=1e-9 * np.abs(total).max())
     expected = products - np.outer(total, total)
-    analytic = covariance(moments, jnp.asarray(only**2))
+    analytic = jax.jit(covariance)(moments, variance)
     np.testing.assert_allclose(analytic, expected, rtol=1e-8, atol=1e-10 * np.abs(products).max())
 
 
 @pytest.fixture(scope="module")
 def some():
     visited, *_, sums = run(500, TAPS)
-    return visited, moments_of_signals(*visited), sums
+    return visited, jax.jit(moments_of_signals)(*visited), sums
 
 
 def test_chunks_change_nothing(some):
@@ -111,27 +112,27 @@ def test_chunks_change_nothing(some):
 
 def test_small_noise_leaves_the_linear_terms(some):
     moments, variance = some[1], 1e-12 * jnp.array([1.0, 2.0, 3.0])
-    full, first = covariance(moments, variance), first_order_covariance(moments, variance)
+    full, first = (jax.jit(each)(moments, variance) for each in (covariance, first_order_covariance))
     np.testing.assert_allclose(full, first, rtol=1e-6, atol=1e-8 * np.abs(first).max())
     assert np.linalg.eigvalsh(full)[0] > -1e-12 * np.trace(full)
-    np.testing.assert_allclose(mean(moments, variance), moments.sums, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(jax.jit(mean)(moments, variance), moments.sums, rtol=1e-8, atol=1e-8)
 
 
 def test_without_noise_nothing_changes(some):
     _, moments, sums = some
-    np.testing.assert_allclose(mean(moments, jnp.zeros(3)), sums, rtol=1e-12, atol=1e-9)
-    assert not np.any(covariance(moments, jnp.zeros(3)))
+    np.testing.assert_allclose(jax.jit(mean)(moments, jnp.zeros(3)), sums, rtol=1e-12, atol=1e-9)
+    assert not np.any(jax.jit(covariance)(moments, jnp.zeros(3)))
 
 
 def test_packing_is_undone_and_one_estimators_products_are_found(generator):
     omega, alpha, wrench = (jnp.asarray(generator.normal(size=(k, 9))) for k in (3, 6, 6))
-    phi = [features(omega, alpha[:3]), features(omega, alpha[3:])]
-    both = sums_of(jnp.concatenate([phi[0], phi[1][10:]]), wrench[:3], wrench[3:])
+    phi = [jax.jit(features)(omega, of_one) for of_one in (alpha[:3], alpha[3:])]
+    both = jax.jit(sums_of)(jnp.concatenate([phi[0], phi[1][10:]]), wrench[:3], wrench[3:])
     again = unpack(pack(both), 16)
     jax.tree.map(np.testing.assert_array_equal, again, both)
     for k in range(2):
         np.testing.assert_allclose(
-            pack(both)[products_of_estimator(2, k)], pack(sums_of(phi[k], wrench[:3], wrench[3:]))
+            pack(both)[products_of_estimator(2, k)], pack(jax.jit(sums_of)(phi[k], wrench[:3], wrench[3:]))
         )
 
 
@@ -140,7 +141,7 @@ def test_a_prepared_run_has_the_moments_of_its_signals(brief):
     moments = gram_moments(setup)
     np.testing.assert_allclose(moments.sums, pack(setup.sums), rtol=1e-9, atol=1e-9)
     white = next(s for s in brief.sources if s.name == "omega_precision")
-    shift = mean(moments, jnp.asarray(white.sigma**2)) - moments.sums
+    shift = jax.jit(mean)(moments, jnp.asarray(white.sigma**2)) - moments.sums
     of_squares = unpack(shift, 16).gram[0, 4:7]
     np.testing.assert_allclose(of_squares, setup.sums.gram[0, 0] * white.sigma**2, rtol=1e-9)
     # alpha's noise: σ² Σ c² over both sides, 2 x 200² for the central difference at 400 Hz

@@ -39,7 +39,7 @@ def test_pieces_add_up_to_the_whole_run(many, monkeypatch):
     taps, valid = [e.taps for e in estimators], jnp.asarray(valid_samples(len(motion.t), estimators))
     wrench = columns.sampled(many.body, motion)
     signals = jnp.concatenate([motion.omega, alphas_of(motion.omega, taps), wrench[:6]])
-    whole = moments_of_signals(signals, valid, taps)
+    whole = jax.jit(moments_of_signals)(signals, valid, taps)
     for name in ("sums", "totals", "correlated"):
         expected = np.asarray(getattr(whole, name))
         np.testing.assert_allclose(getattr(sums.moments, name), expected, atol=1e-12 * np.abs(expected).max())

@@ -18,7 +18,7 @@ from uq.sources.quasi_random import (
 
 
 def points(coordinates, trials, seed=0):
-    return np.asarray(jax.vmap(sobol_points(coordinates, trials, seed).of_trial)(jnp.arange(trials)))
+    return np.asarray(jax.jit(jax.vmap(sobol_points(coordinates, trials, seed).of_trial))(jnp.arange(trials)))
 
 
 def test_points_are_scipys_under_a_digital_shift():

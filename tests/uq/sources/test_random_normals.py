@@ -30,7 +30,7 @@ def test_the_transform_is_box_and_mullers(dtype, tolerance, generator):
         np.concatenate([word, order.ravel()])
         for word, order in zip((radius, angle), np.meshgrid(edges, edges), strict=True)
     )
-    found = np.asarray(box_muller(jnp.asarray(radius), jnp.asarray(angle), dtype))
+    found = np.asarray(jax.jit(box_muller, static_argnums=2)(jnp.asarray(radius), jnp.asarray(angle), dtype))
     assert found.real.dtype == dtype
     part = (angle << np.uint32(2)).view(np.int32) * (np.pi / 2) / 2.0**32  # ±45° about one of four axes
     turn = np.where(angle >> 30 & 1, part, np.pi / 2 - part) + np.pi * (angle >> 31)
@@ -44,11 +44,9 @@ def test_the_transform_is_box_and_mullers(dtype, tolerance, generator):
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_the_numbers_are_normal_and_independent(dtype):
     """Of half a million: Kolmogorov, moments, tail; real and imaginary part, neighbours and blocks uncorrelated."""
+    draw = jax.jit(normal_pairs, static_argnums=3)
     pairs = np.stack(
-        [
-            np.asarray(normal_pairs(jax.random.key(3), block, jnp.arange(125_000, dtype=jnp.uint32), dtype))
-            for block in (0, 1)
-        ]
+        [np.asarray(draw(jax.random.key(3), block, jnp.arange(125_000, dtype=jnp.uint32), dtype)) for block in (0, 1)]
     )
     z = np.stack([pairs.real, pairs.imag]).astype(float)
     n = z.size
@@ -71,7 +69,7 @@ def test_numbers_depend_on_key_block_and_place_alone():
     np.testing.assert_array_equal(many[2], jax.jit(draw)(keys[2], jnp.asarray(5)))
     fewer = jax.jit(lambda key: normal_pairs(key, 5, place[1], "float64"))(keys[2])
     np.testing.assert_array_equal(many[2][1], fewer)
-    everything = np.concatenate([many.ravel(), draw(keys[2], 6).ravel()])
+    everything = np.concatenate([many.ravel(), jax.jit(draw)(keys[2], jnp.asarray(6)).ravel()])
     assert len(np.unique(everything)) == len(everything)
 
 

@@ -388,13 +388,14 @@ def test_signals_are_smooth_in_the_draws():
     )
     draws = draw_constants(e.sources, (), jax.random.key(0), 0, jnp.dtype(float))
     record = jax.jit(lambda draws: smooth_signals(setup, errors_of(setup.sources, draws)))
+    slopes = jax.jit(lambda point, direction: jax.jvp(record, (point,), (direction,))[1])
     direction = jax.tree.map(
         lambda x: 0.3 * jnp.cos(jnp.arange(float(x.size))).reshape(x.shape) * jnp.abs(x).max(), draws
     )
     for point in (draws, jax.tree.map(jnp.zeros_like, draws)):  # also where nothing errs
         step = 1e-4
         ahead, behind = (record(jax.tree.map(lambda x, d, s=s: x + s * d, point, direction)) for s in (step, -step))
-        slope = jax.jvp(record, (point,), (direction,))[1]
+        slope = slopes(point, direction)
         for one, two, by in zip(ahead, behind, slope, strict=True):
             np.testing.assert_allclose(by, (one - two) / (2 * step), atol=1e-6 * float(jnp.abs(by).max()))
     assert all(s.drawn for s in e.sources)
