@@ -62,13 +62,16 @@ settings.load_profile("same")
 
 @pytest.fixture(autouse=True, scope="module")
 def room():
-    """What a worker has compiled is dropped once it holds 4 GiB: the cache folder has it still.
+    """What a worker has compiled is dropped once it holds 6 GiB or a quarter of the machine: the cache folder has it still.
 
     The system gets that memory back only where glibc is asked; else it would be dropped after every file from then on.
     """
     yield
     status = Path("/proc/self/statm")
-    if status.exists() and int(status.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") > 2**32:
+    if not status.exists():
+        return
+    page, pages = os.sysconf("SC_PAGE_SIZE"), os.sysconf("SC_PHYS_PAGES")
+    if int(status.read_text().split()[1]) > min(6 * 2**30 // page, pages // 4):
         jax.clear_caches()
         if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):
             libc.malloc_trim(0)
