@@ -2,13 +2,13 @@
 
     i = (Σ Xᵀ W X)⁻¹ Σ Xᵀ W y,    W = (S + L Σ Lᵀ)⁻¹
 
-over the lines of the cosine transform (:mod:`identify.signals.spectrum`). Ordinary least squares (10) takes all errors
-for white and equal; those of ``M - r × F`` are neither: the force's noise reaches it through r and joins the axes;
-filters, drift and vibration colour it; and the error of r itself follows the force, ``L``, by as much as is stated of
-it, ``Σ``. ``S`` is estimated from the residuals, less what r's error explains of them, and the fit repeated (feasible
-generalised least squares; Aitken 1936, doi:10.1017/S0370164600014346). Only lines that the motion reaches take part:
-beyond them rows hold nothing but the gyro's noise, which weights could only bring out. Where these are too few to learn
-weights from, the run is fitted by ordinary least squares.
+over the lines of the cosine transform (:mod:`identify.signals.residual_spectrum`). Ordinary least squares (10) takes
+all errors for white and equal; those of ``M - r × F`` are neither: the force's noise reaches it through r and joins
+the axes; filters, drift and vibration colour it; and the error of r itself follows the force, ``L``, by as much as is
+stated of it, ``Σ``. ``S`` is estimated from the residuals, less what r's error explains of them, and the fit repeated
+(feasible generalised least squares; Aitken 1936, doi:10.1017/S0370164600014346). Only lines that the motion reaches
+take part: beyond them rows hold nothing but the gyro's noise, which weights could only bring out. Where these are too
+few to learn weights from, the run is fitted by ordinary least squares.
 """
 
 from dataclasses import replace
@@ -29,8 +29,8 @@ from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
+from identify.signals.residual_spectrum import Lines, Spectrum, spectrum
 from identify.signals.run import Run
-from identify.signals.spectrum import Lines, Spectrum, spectrum
 
 ROUNDS = 4
 """Fits, each with the spectrum of the one before."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from identify.signals.welch import without_line
+from identify.signals.power_spectrum import without_line
 
 CLEAR = 30.0
 """Power of a line's fitted moment over that of the gyro's noise in it, from which it counts as the motion's."""

@@ -10,8 +10,8 @@ from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, features
 from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
+from identify.signals.residual_spectrum import Lines
 from identify.signals.run import Run, RunError
-from identify.signals.spectrum import Lines
 
 SPLINE_REACH = 3
 """Samples beside a gap that the interpolation across it touches."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identify.signals.welch import welch
+from identify.signals.power_spectrum import welch
 
 BINS = 300
 """Most segments of time, and most frequencies."""

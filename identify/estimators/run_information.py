@@ -1,8 +1,8 @@
 """What one recorded run says of the tensor: its normal equations, and how far their noise reaches.
 
 The rows' noise is taken from the residuals. These are correlated in time, the more so behind a filter, and across the
-axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum (:mod:`identify.signals.spectrum`), not by
-the textbook ``σ²(ΩᵀΩ)⁻¹``.
+axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum
+(:mod:`identify.signals.residual_spectrum`), not by the textbook ``σ²(ΩᵀΩ)⁻¹``.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import noise_level, response
+from identify.signals.filters import response
+from identify.signals.power_spectrum import noise_level, welch
+from identify.signals.residual_spectrum import Lines, Spectrum, leverage, spectrum
 from identify.signals.run import Run
-from identify.signals.spectrum import Lines, Spectrum, leverage, spectrum
-from identify.signals.welch import welch
 
 
 @dataclass(frozen=True)

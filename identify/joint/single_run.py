@@ -19,7 +19,7 @@ from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matr
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
-from identify.signals.filters import noise_level
+from identify.signals.power_spectrum import noise_level
 from identify.signals.run import Run, RunError
 
 LEAST_NOISE = 1e-5

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.diagnostics.held_out import HeldOut
+from identify.diagnostics.held_out_result import HeldOut
 from identify.diagnostics.held_out_run import HeldOutRun
 from identify.exceptions import RunError
 from identify.joint.priors import error_blocks, root_of
@@ -32,8 +32,8 @@ from identify.model_check.predicted_wrench import Force, about_centre
 from identify.model_check.run_fit import OVER_BAND, Declared, Lines, RunFit, block_of, fit_run
 from identify.model_check.weight import falls
 from identify.results.identification_result import Identification
+from identify.signals.residual_spectrum import spectrum
 from identify.signals.run import Run
-from identify.signals.spectrum import spectrum
 
 WIDER = 3
 """Windows of the noise's spectrum over those of the estimators: a short run's lines are few."""

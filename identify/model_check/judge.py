@@ -22,7 +22,7 @@ from identify.model_check.weight import LEAST_WEIGHT, falls, lasting
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.rounding import significant
-from identify.signals.filters import noise_level
+from identify.signals.power_spectrum import noise_level
 from identify.signals.run import Run
 
 MATTERS = 0.5

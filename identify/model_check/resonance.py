@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from identify.diagnostics.residual_causes import Verdict
 from identify.rounding import significant
+from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
-from identify.signals.welch import welch
 
 SEGMENT = 2.0
 """Length of the segments whose spectra are averaged [s]."""

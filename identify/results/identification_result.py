@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.held_out import HeldOut, validation_drawings
+from identify.diagnostics.held_out_result import HeldOut, validation_drawings
 from identify.diagnostics.residual_causes import Verdict
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling

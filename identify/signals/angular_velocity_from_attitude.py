@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.signals.differentiate import matched, savitzky_golay
-from identify.signals.filters import motion_band
+from identify.signals.power_spectrum import motion_band
 from identify.signals.run import RunError
 
 TOLERANCE = 1e-3

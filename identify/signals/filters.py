@@ -1,4 +1,4 @@
-"""Low-pass filters without phase, for both sides of the regression; and the band of a recorded motion."""
+"""Low-pass filters without phase, for both sides of the regression."""
 
 from typing import Literal
 
@@ -7,7 +7,6 @@ import scipy
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array
-from identify.signals.welch import welch
 
 LONGEST = 10_000_000
 """Taps of a low-pass on either side of its middle, at most."""
@@ -108,31 +107,3 @@ def thinned(signal: Float[np.ndarray, "n k"], step: int) -> Float[np.ndarray, "m
     reach, line = 10 * step, np.linspace(signal[0], signal[-1], len(signal))
     padded = np.pad(signal - line, ((reach, reach), (0, 0)))
     return np.asarray(line[::step] + apply(padded.T, kaiser(2 * reach + 1, 1 / step, 5.0)).T[::step])
-
-
-def motion_band(omega: np.ndarray, rate: float) -> float:
-    """Return the highest frequency [Hz] at which a recorded motion stands out from the gyro's noise.
-
-    Welch's spectrum of the angular velocity, shape (n, 3), in eight segments or more, against its own median above an
-    eighth of the rate; a Blackman–Harris window, whose leakage is below the noise of any gyro.
-    """
-    frequency, power = welch(omega, rate, max(len(omega) // 4, 8), window="blackmanharris")
-    floor = np.median(power[frequency > rate / 8], axis=0)
-    stands_out = (power > np.maximum(100 * floor, 1e-9 * power.max())).any(axis=1)
-    return float(frequency[stands_out].max(initial=frequency[1]))
-
-
-def occupied_band(signal: np.ndarray, rate: float) -> float:
-    """Return the frequency [Hz] below which four fifths of a signal's power above its noise lie, shape (n, 3)."""
-    frequency, power = welch(signal, rate, max(round(8 * rate), 8))
-    above = np.maximum(power - np.median(power[frequency > rate / 8], axis=0), 0).sum(axis=1)
-    share = np.cumsum(above) / max(above.sum(), 1e-300)
-    return float(frequency[min(int(np.searchsorted(share, 0.8)), len(frequency) - 1)])
-
-
-def noise_level(*segments: np.ndarray) -> np.ndarray:
-    """Return the standard deviation of white noise on each axis of samples (n, 3), from their fourth differences."""
-    differences = [np.diff(omega, 4, axis=0) for omega in segments if len(omega) >= 6]
-    if not differences:
-        return np.zeros(3)
-    return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)

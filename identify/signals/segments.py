@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
 from identify.signals.filters import moving_average, thinned
-from identify.signals.welch import welch
+from identify.signals.power_spectrum import welch
 
 SMOOTHING = 0.1
 """Moving average that takes vibration and noise off [s]."""

@@ -1,7 +1,6 @@
 """The ``inertia`` command: finds the command's module, parses its arguments, turns a user's mistake into one line."""
 
 import argparse
-import codecs
 import contextlib
 import errno
 import gc
@@ -11,13 +10,13 @@ import importlib.util
 import keyword
 import os
 import sys
-import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
 from identify.rounding import concise
 from rig.exceptions import on_one_line, quoted
+from uq.terminal.ascii_signs import print_ascii_where_needed
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
 from uq.trials.watchdog import divide
@@ -55,12 +54,6 @@ CURES = {
 OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc", "can't start new thread", "failed to map segment",
                  "annot allocate memory")  # fmt: skip
 """What libraries say where Python would raise a MemoryError."""
-ASCII = {
-    "−": "-", "–": "-", "—": "-", "─": "-", "±": "+-", "²": "^2", "³": "^3", "·": "*", "×": "x", "σ": "sigma",
-    "ω": "omega", "Ω": "Omega", "α": "alpha", "χ": "chi", "ρ": "rho", "µ": "u", "μ": "u", "°": " deg", "…": "...",
-    "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "→": "->", "∞": "inf", "’": "'", "“": '"', "”": '"',
-}  # fmt: skip
-"""What is printed where the terminal or file cannot take a sign; a minus must not get lost."""
 LONGEST = 150
 """Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
 
@@ -80,9 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if interrupt:
         _open_closed_streams()
         interrupt.listen()
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors=_in_ascii.__name__)
+    print_ascii_where_needed()
     try:
         status = _run(list(sys.argv[1:] if argv is None else argv), interrupt)
         sys.stdout.flush()
@@ -219,21 +210,6 @@ def _is_unicode(text: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """Return what is printed in place of a sign that cannot be; spaces behind a longer one make up for it."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    text, end = error.object, error.start + 1
-    sign = text[error.start]
-    simpler = ASCII.get(sign) or "".join(ASCII.get(c, c) for c in unicodedata.normalize("NFKD", sign))
-    plain = simpler.encode("ascii", "ignore").decode() or "?"
-    spaces = len(text[end:]) - len(text[end:].lstrip(" "))
-    return plain, end + min(len(plain) - 1, max(spaces - (sign != "±"), 0))
-
-
-codecs.register_error(_in_ascii.__name__, _in_ascii)
 
 
 def _complain(message: str) -> None:

@@ -25,8 +25,8 @@ from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, library_of
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
 from identify.signals.resample import uniform_spline
+from identify.signals.residual_spectrum import Lines
 from identify.signals.run import Run, RunError
-from identify.signals.spectrum import Lines
 from uq.gram_sums.error_maps import Columns, map_of_true_elements
 from uq.sources.constant_errors import Errors
 

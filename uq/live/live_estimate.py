@@ -17,7 +17,7 @@ from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.type_a import Pooling
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
-from identify.signals.spectrum import LEAST_GAIN
+from identify.signals.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
 from uq.identification.combined_uncertainty import Systematic, combined_interval

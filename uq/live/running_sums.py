@@ -17,8 +17,8 @@ from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import moving_average, response
 from identify.signals.resample import uniform_spline
+from identify.signals.residual_spectrum import Lines
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
-from identify.signals.spectrum import Lines
 from uq.identification.run_sums import ELEMENTS, FEATURES, elements_of, smoothed
 from uq.live.growing_run import BLOCK, Block
 

@@ -7,7 +7,7 @@ import numpy as np
 from identify.joint import cramer_rao_bound
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
-from identify.signals.filters import motion_band
+from identify.signals.power_spectrum import motion_band
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import declared_sigma

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.signals.filters import occupied_band
 from identify.signals.held_samples import repeats, saturated
+from identify.signals.power_spectrum import occupied_band
 from identify.signals.resample import UNEQUAL, interval
 from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rounding import significant
+from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
-from identify.signals.welch import welch
 from uq.sources.source import SIGNAL_UNITS, SIGNALS, Source
 
 FAR = 2.0

@@ -10,8 +10,8 @@ from identify.estimators.generalised_least_squares import fitted
 from identify.estimators.least_squares import generalised
 from identify.identification import identify
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from identify.signals.residual_spectrum import Lines, spectrum
 from identify.signals.run import Run
-from identify.signals.spectrum import Lines, spectrum
 from tests import weak_lab as lab
 
 MIXING = np.array([[1.0, 0.6, 0.0], [0.0, 1.0, 0.4], [0.3, 0.0, 0.5]])

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.diagnostics.held_out import LEVEL
+from identify.diagnostics.held_out_result import LEVEL
 from identify.exceptions import RunError
 from identify.identification import identify
 from identify.joint.priors import ConstantError
 from identify.model_check import held_out
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import motion_band
+from identify.signals.power_spectrum import motion_band
 from tests.laboratory import NOISE, measure
 from tests.laboratory_mechanics import INERTIA
 from tests.laboratory_runs import identified, run_of

@@ -1,11 +1,11 @@
-"""The filter on both sides, the motion's band, the gyro's noise level."""
+"""The filters on both sides."""
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy
 
-from identify.signals.filters import apply, gaussian, motion_band, moving_average, noise_level, response
+from identify.signals.filters import apply, gaussian, moving_average, response
 
 
 def test_the_gaussian_has_unit_gain_at_rest_and_minus_3_db_at_its_cutoff():
@@ -38,17 +38,3 @@ def test_the_moving_average_is_scipys(generator, count, width, ends, mode):
 def test_a_large_signal_does_not_spoil_the_moving_average_of_a_small_one():
     signal = np.repeat([1e9, 1e-9], 1000)
     np.testing.assert_allclose(moving_average(signal, 10)[1010:], 1e-9, rtol=1e-15)
-
-
-@pytest.mark.parametrize("noise", [0.0, 1e-3])
-def test_the_band_of_a_sine_in_noise(generator, noise):
-    t = np.arange(60_000) / 400
-    omega = 0.4 * np.sin(2 * np.pi * 1.5 * t)[:, None] + noise * generator.normal(size=(60_000, 3))
-    assert 1.5 <= motion_band(omega, 400.0) < 2.0
-
-
-def test_noise_level_sees_through_the_motion(generator):
-    t, sigma = np.arange(72_000) / 400, np.array([4e-4, 2e-3, 1e-3])
-    omega = 0.4 * np.sin(2 * np.pi * 1.5 * t)[:, None] + sigma * generator.normal(size=(72_000, 3))
-    np.testing.assert_allclose(noise_level(omega), sigma, rtol=0.03)  # five times its relative standard error
-    assert noise_level(omega[:5]).tolist() == [0, 0, 0]

@@ -5,7 +5,7 @@ import pytest
 import scipy
 
 from identify.signals.filters import apply, kaiser, kaiser_shape, thinned
-from identify.signals.welch import WINDOWS, welch, without_line
+from identify.signals.power_spectrum import WINDOWS, motion_band, noise_level, welch, without_line
 
 RATE = 400.0
 
@@ -53,3 +53,17 @@ def test_thinned_samples_are_those_of_scipy(step) -> None:
     signal = drift(1001)
     expected = scipy.signal.resample_poly(signal, 1, step, axis=0, padtype="line")
     np.testing.assert_allclose(thinned(signal, step), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_the_band_of_a_sine_in_noise(generator, noise):
+    t = np.arange(60_000) / 400
+    omega = 0.4 * np.sin(2 * np.pi * 1.5 * t)[:, None] + noise * generator.normal(size=(60_000, 3))
+    assert 1.5 <= motion_band(omega, 400.0) < 2.0
+
+
+def test_noise_level_sees_through_the_motion(generator):
+    t, sigma = np.arange(72_000) / 400, np.array([4e-4, 2e-3, 1e-3])
+    omega = 0.4 * np.sin(2 * np.pi * 1.5 * t)[:, None] + sigma * generator.normal(size=(72_000, 3))
+    np.testing.assert_allclose(noise_level(omega), sigma, rtol=0.03)  # five times its relative standard error
+    assert noise_level(omega[:5]).tolist() == [0, 0, 0]

@@ -1,4 +1,4 @@
-"""Power spectra by Welch's method (doi:10.1109/TAU.1967.1161901), in NumPy.
+"""Power spectra by Welch's method (doi:10.1109/TAU.1967.1161901), in NumPy; a signal's band and noise by them.
 
 SciPy's own bring all of its statistics along, whose import takes longer than every spectrum of a run.
 """
@@ -46,3 +46,31 @@ def without_line(signal: Float[np.ndarray, "*k n"]) -> Float[np.ndarray, "*k n"]
     time = np.arange(signal.shape[-1]) - (signal.shape[-1] - 1) / 2
     level = signal - signal.mean(axis=-1, keepdims=True)
     return level - (level @ time / max(time @ time, 1e-300))[..., None] * time
+
+
+def motion_band(omega: np.ndarray, rate: float) -> float:
+    """Return the highest frequency [Hz] at which a recorded motion stands out from the gyro's noise.
+
+    Welch's spectrum of the angular velocity, shape (n, 3), in eight segments or more, against its own median above an
+    eighth of the rate; a Blackman–Harris window, whose leakage is below the noise of any gyro.
+    """
+    frequency, power = welch(omega, rate, max(len(omega) // 4, 8), window="blackmanharris")
+    floor = np.median(power[frequency > rate / 8], axis=0)
+    stands_out = (power > np.maximum(100 * floor, 1e-9 * power.max())).any(axis=1)
+    return float(frequency[stands_out].max(initial=frequency[1]))
+
+
+def occupied_band(signal: np.ndarray, rate: float) -> float:
+    """Return the frequency [Hz] below which four fifths of a signal's power above its noise lie, shape (n, 3)."""
+    frequency, power = welch(signal, rate, max(round(8 * rate), 8))
+    above = np.maximum(power - np.median(power[frequency > rate / 8], axis=0), 0).sum(axis=1)
+    share = np.cumsum(above) / max(above.sum(), 1e-300)
+    return float(frequency[min(int(np.searchsorted(share, 0.8)), len(frequency) - 1)])
+
+
+def noise_level(*segments: np.ndarray) -> np.ndarray:
+    """Return the standard deviation of white noise on each axis of samples (n, 3), from their fourth differences."""
+    differences = [np.diff(omega, 4, axis=0) for omega in segments if len(omega) >= 6]
+    if not differences:
+        return np.zeros(3)
+    return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)
