@@ -96,7 +96,8 @@ class CompiledProgram(Generic[Given, Result]):
     def _name(self, args: Any, kwargs: Any) -> str:
         """Name the program: of everything that its code depends on, but for the code itself and what a store knows."""
         config: Any = jax.config
-        settings = config.jax_enable_x64, str(config.jax_default_device), jax.device_count()
+        devices = str(config.jax_default_device), jax.device_count(), jax.devices()[0].device_kind
+        settings = config.jax_enable_x64, *devices
         text = repr((described(self.function), sorted(self.options.items()), settings, described((args, kwargs))))
         return hashlib.sha256(text.encode()).hexdigest()
 
