@@ -17,7 +17,7 @@ from hypothesis import settings
 from tests import sparing_checks  # before anything that it checks
 from uq.files.compilation_cache import keep_compiled
 
-gc.set_threshold(200_000, 20, 20)  # JAX makes the collector slow, and what is imported is no garbage
+gc.set_threshold(50_000, 20, 20)  # JAX makes the collector slow, and what is imported is no garbage
 if jax.__version_info__ >= (0, 11, 1):  # which ends where it is given an option that it no longer has
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "").replace("--xla_cpu_use_fusion_emitters=false", "")
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again

@@ -11,7 +11,7 @@ from typing import Any
 
 import jaxtyping
 
-CALLS = 5
+CALLS = 20
 """Of each function in each test."""
 every_call = jaxtyping.jaxtyped
 begun = 0
