@@ -31,6 +31,14 @@ async def heard(address, topics, enough, seconds=60):
                 _, number, time = MESSAGE.unpack_from(message)
                 messages.append((wanted[number], time, message[MESSAGE.size :]))
 
-    with contextlib.closing(socket):
+    async def closed():
+        socket.close()
+        while await socket.read_message() is not None:
+            pass
+
+    try:
         await asyncio.wait_for(listen(), seconds)
+    finally:  # else the loop ends before the connection does, and its socket is found open in a later test
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(closed(), 10)
     return messages
