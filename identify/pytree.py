@@ -19,7 +19,7 @@ def static_field(**options: Any) -> Any:
 class Pytree(ABC):  # noqa: B024 - subclasses have abstract methods
     """A frozen dataclass whose fields are a tree of JAX; subclasses need no decorator.
 
-    The same as ``equinox.Module`` for what is needed here, which takes as long to import as a third of JAX.
+    The same as ``equinox.Module`` for what is needed here; to import that would delay the start of every command.
     """
 
     def __init_subclass__(cls, **options: Any) -> None:

@@ -9,7 +9,6 @@ import os
 import platform
 import shutil
 import sys
-import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -17,6 +16,7 @@ from pathlib import Path
 import jax
 
 from identify.compiled_program import CompiledProgram
+from rig.atomic_files import replacing
 from uq.files.provenance import code_digest
 
 VARIABLE = "INERTIA_CACHE"
@@ -88,9 +88,8 @@ class ProgramFolder:
             if not self.folder.exists():
                 _remove_unused(self.folder.parent)
             self.folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile(dir=self.folder, delete=False) as file:
+            with replacing(self.folder / name, overwrite=True) as file:
                 file.write(hashlib.sha256(data).digest() + data)
-            os.replace(file.name, self.folder / name)
         except OSError:
             return
 

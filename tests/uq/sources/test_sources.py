@@ -395,7 +395,6 @@ def test_signals_are_smooth_in_the_draws():
     for point in (draws, jax.tree.map(jnp.zeros_like, draws)):  # also where nothing errs
         step = 1e-4
         ahead, behind = (record(jax.tree.map(lambda x, d, s=s: x + s * d, point, direction)) for s in (step, -step))
-        slope = slopes(point, direction)
-        for one, two, by in zip(ahead, behind, slope, strict=True):
+        for one, two, by in zip(ahead, behind, slopes(point, direction), strict=True):
             np.testing.assert_allclose(by, (one - two) / (2 * step), atol=1e-6 * float(jnp.abs(by).max()))
     assert all(s.drawn for s in e.sources)
