@@ -55,6 +55,16 @@ def test_the_rows_stand_beside_the_sources(brief):
     assert brief.to_dict()["trials"] == 200
 
 
+def test_no_table_is_the_sources_that_it_does_not_have(brief):
+    """The source has no smoothed estimator; the IMU's share, five times smaller with one, is explained there."""
+    assert "of the source" in brief.comparison_table("central").caption
+    for table in (brief.comparison_table("smoothed"), brief.effect_table("smoothed")):
+        assert "of the source" not in table.caption
+        assert "no such estimator" in table.note
+    assert "IMU" in brief.effect_table("smoothed").note
+    assert "fitted, not predicted" in " ".join(brief.section().assumptions)
+
+
 @pytest.mark.study
 def test_the_full_campaign_meets_every_figure():
     result = paper(trials=10_000)
