@@ -1,9 +1,9 @@
-"""What a caller of ``identify`` may choose between."""
+"""Choices of a caller of ``identify``."""
 
 from typing import Literal
 
 OffsetChoice = Literal["estimate", "still", "none"]
-"""Where constant offsets come from."""
+"""Treatment of the load cell's constant offsets: estimated with the tensor, taken from still segments, or none."""
 
 CgMotion = Literal["still"]
-"""How the centre of gravity moves, where that is declared."""
+"""Declared motion of the centre of gravity: ``still`` where the motion keeps it at rest."""

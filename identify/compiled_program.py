@@ -26,14 +26,14 @@ from identify.pytree import is_array
 Given = ParamSpec("Given")
 Result = TypeVar("Result", covariant=True)
 Static = tuple[Any, tuple[tuple[type, str, Any], ...]]
-"""The structure of arguments, and in place of each leaf None (an array) or the leaf."""
+"""The structure of a program's arguments, with None in place of each array and all other leaves as they are."""
 PACKAGES = frozenset({"identify", "uq"})
-"""Whose code a store knows."""
+"""Packages whose functions a store identifies by their code."""
 
 
 @runtime_checkable
 class Store(Protocol):
-    """Where compiled code is kept, for one state of the code, of the libraries and of the machine."""
+    """The place of compiled code, for one state of the code, of the libraries and of the machine."""
 
     def load(self, name: str) -> bytes | None:
         """Return what was saved under a name; None: nothing, or it is not whole."""
@@ -89,7 +89,7 @@ class CompiledProgram(Generic[Given, Result]):
         return self.loaded[name](arrays)
 
     def __get__(self, instance: object, owner: type) -> Any:
-        """Bind a method."""
+        """Bind a method to its object."""
         call: Any = self
         return call if instance is None else functools.partial(call, instance)
 

@@ -17,9 +17,9 @@ COLUMN, PAGE = 3.5, 7.2
 
 PALETTE = ("#404040", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#A0A0A0")
 AXIS_COLOURS = PALETTE[1:4]
-"""Of the three axes."""
+"""Colours of the three axes."""
 DARK_COLOURS = PALETTE[0], PALETTE[1], PALETTE[3], PALETTE[6]
-"""On which white is read; on the others black is."""
+"""Colours on which text is white; on all others it is black."""
 MOST = 6
 """Parts that have a colour of their own."""
 LINES = 12
@@ -27,13 +27,13 @@ LINES = 12
 OTHERS = PALETTE[7]
 """Colour of all other parts together."""
 GRID, RULE, FILL = "#e4e4e4", "#808080", "#d4d4d4"
-"""Of lines behind the data, of a zero or a rim, and of what fills the rest."""
+"""Greys of grid lines, of zero lines and rims, and of areas that fill the rest."""
 DARK = {
     "#ffffff": "#161616", "#000000": "#e4e4e4", "#404040": "#d0d0d0", "#0072b2": "#4aa3df", "#e69f00": "#f0b429",
     "#009e73": "#22b98c", "#cc79a7": "#e09ac2", "#56b4e9": "#8accf2", "#d55e00": "#f2854a", "#a0a0a0": "#8f8f8f",
     GRID: "#363636", RULE: "#8f8f8f", FILL: "#5a5a5a", "#ececec": "#2c2c2c",
 }  # fmt: skip
-"""What a page shows in place of each colour when its reader asks for a dark scheme."""
+"""Colour that replaces each colour of a page when its reader asks for a dark scheme."""
 STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.titlesize": 8,

@@ -1,4 +1,4 @@
-"""Whether JAX computes in float64, which only the application may switch on."""
+"""Check that JAX computes in float64, which only the application may switch on."""
 
 import warnings
 

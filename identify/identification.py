@@ -1,4 +1,4 @@
-"""From runs to the tensor with its standard uncertainty."""
+"""Identification of the tensor, with its standard uncertainty, from runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

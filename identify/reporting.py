@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 VERSION = 1
-"""Of the forms of result files (uq/schemas/result.json): raised when a key leaves or changes its meaning."""
+"""Version of result files (uq/schemas/result.json), raised when a key leaves or changes its meaning."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ class Section:
 
     title: str
     computed: Sequence[str] = ()
-    """What was computed, a paragraph each."""
+    """Paragraphs on what was computed."""
     findings: Sequence[str] = ()
-    """What a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
+    """Findings that a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
     tables: Sequence[Table] = ()
     drawings: Sequence[Drawing] = ()
     details: Sequence[Table] = ()
@@ -100,13 +100,13 @@ class Section:
     adjustable: Sequence[Mapping[str, Any]] = ()
     """Numbers of tables whose figures a reader can change (:func:`uq.propagation.adjustable_law.adjustable`)."""
     verdict: str = ""
-    """What the result says, in a sentence; empty: whether there are findings."""
+    """Conclusion of the result in a sentence; empty: it depends on whether there are findings."""
     headline: int = 1
-    """How many of the tables are read at the first look."""
+    """Number of tables that stand at the top of the section."""
 
 
 class Shown:
-    """What shows itself as tables, in a terminal and in a notebook alike."""
+    """Base of objects that show themselves as tables, in a terminal and in a notebook."""
 
     hidden: ClassVar[frozenset[str]] = frozenset({"by_trajectory", "checked", "hidden", "notes", "overview", "title"})
     """Names that tab completion leaves out: what tables and reports are made of."""
@@ -156,7 +156,7 @@ class Result(Shown):
     file_name: str = "result.json"
     """The file that holds its content."""
     kind: str = ""
-    """What the file says it is: ``kind`` in uq/schemas/result.json, whose ``version`` is that of :meth:`form`."""
+    """Kind of the file: ``kind`` in uq/schemas/result.json, whose ``version`` is that of :meth:`form`."""
 
     def form(self) -> dict[str, Any]:
         """Return the first two keys of the file: its kind, and the version of its keys and their meaning."""

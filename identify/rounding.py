@@ -1,4 +1,4 @@
-"""How numbers are printed: to the digits that their uncertainty has (GUM 7.2.6).
+"""Rounding of printed numbers to the digits that their uncertainty has (GUM 7.2.6).
 
 Terminal, notebook, page and figure print numbers by these functions; JSON and DataFrames hold all digits. A value comes
 as "374.9 ± 4.9", or in concise notation as "374.9(4.9)"; below one the parentheses hold the last digits: "5.020(11)".
@@ -14,7 +14,7 @@ _CONCISE = ContextVar("concise", default=False)
 ROUNDING = 1e-12
 """Part of a value below which its uncertainty is the arithmetic's, and it counts as exact."""
 DUST = 1e-12
-"""What is smaller, in the unit that is printed, is the arithmetic's and printed as 0."""
+"""Size, in the printed unit, below which a value is a rounding error and printed as 0."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -127,7 +127,7 @@ def in_power(power: int) -> str:
 
 
 def _uncertain(uncertainty: SupportsFloat, value: SupportsFloat = 0.0) -> bool:
-    """Whether it is known and more than the rounding of the arithmetic."""
+    """Whether an uncertainty is known and more than the rounding of the arithmetic."""
     return math.isfinite(uncertainty) and float(uncertainty) > (
         ROUNDING * abs(float(value)) if math.isfinite(value) else 0
     )

@@ -21,15 +21,15 @@ class Table:
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
-    """A line below it in a report."""
+    """Line of text below the table in a report."""
     wrap: bool = False
-    """Whether its cells hold text that may be broken into lines."""
+    """Whether the table's cells hold text that may be broken into lines."""
     long: bool = False
-    """Whether it is too long for a terminal, so that only notebooks and reports show it."""
+    """Whether the table is too long for a terminal, so that only notebooks and reports show it."""
 
     @property
     def numeric(self) -> list[bool]:
-        """Which columns hold figures, to be set to the right."""
+        """Mask of the columns that hold figures, to be set to the right."""
         return [all(is_figure(row[k]) for row in self.rows) for k in range(len(self.head))]
 
     def __repr__(self) -> str:

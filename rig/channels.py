@@ -1,4 +1,4 @@
-"""What a recorded run holds, as arrays."""
+"""The content of a recorded run as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from rig.exceptions import RigError
 
 LATE = 1_000_000_000
-"""What a message may be later than one of a later stamp [ns]; beyond it a clock was set back."""
+"""Largest delay of a message behind one of a later stamp [ns]; beyond it a clock was set back."""
 CROWDED = 0.6
 """Least step between stamps over their median, down to which they are a device's clock."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Channel:
-    """What every topic has, n messages in the order of ``log_time``.
+    """Data that every topic has, n messages in the order of ``log_time``.
 
     Attributes:
         topic: name of the topic.
@@ -84,7 +84,7 @@ class ImuChannel(Channel):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionChannel(Channel):
-    """What a sensor other than an IMU measures of the motion.
+    """Motion that a sensor other than an IMU measures.
 
     Attributes:
         type: the messages' type.

@@ -1,4 +1,4 @@
-"""What may be read from a stranger's file: regular files, with a limit on what they unpack to.
+"""Limits on the reading of a stranger's file: regular files, with a limit on what they unpack to.
 
 A few bytes can claim, or truly hold, gigabytes. A file may unpack to 64 MiB and to 100 times the bytes that were read
 of it so far, in pieces of at most 128 MiB. Every library that unpacks is told the limit before it starts.
@@ -28,7 +28,7 @@ class UnpackError(RigError):
 
 @dataclass
 class UnpackBudget:
-    """How much a file has unpacked to, of how many bytes read; what is packed inside it counts to the same budget.
+    """Count of the bytes that a file has unpacked to; what is packed inside it counts to the same budget.
 
     Attributes:
         name: of the file, for messages.
@@ -50,7 +50,7 @@ class UnpackBudget:
             self.read = position
 
     def step_inside(self) -> None:
-        """What is read from here on came out of the file: it earns nothing more."""
+        """Count the following bytes as unpacked from the file: they earn no allowance."""
         self._inside = True
 
     @property

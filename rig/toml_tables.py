@@ -21,7 +21,7 @@ LARGEST = 1_000_000
 LONGEST = 10_000
 """Most characters of a text."""
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
-"""What results, messages and files call something."""
+"""Name of something in results, messages and files."""
 NAMES = {str: "a string", int: "a whole number", bool: "true or false", float: "a finite number"}
 COUNTS = {2: "two", 3: "three"}
 
@@ -31,7 +31,7 @@ class TomlError(ValueError):
 
 
 class WrongKeyError(ValueError):
-    """What a table's check reports of one of its keys, or of the table as a whole.
+    """The complaint of a table's check about one of its keys, or about the table as a whole.
 
     Args:
         key: the key; "" for the table.

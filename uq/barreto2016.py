@@ -38,7 +38,7 @@ SOURCE_ESTIMATOR = "central"
 NAMES = {"load_cell": "load cell", "cg": "CG", "imu": "IMU"}
 
 PRINTED_SHARES: Mapping[str, float] = {"load_cell": 97.0, "cg": 20.0, "imu": 6.0}
-"""Effect of each group alone on T1, per cent of the total 3σ, average of the six components."""
+"""Effect of each group alone on T1, per cent of the total 3σ, averaged over the six components."""
 
 PRINTED_EFFECTS: Mapping[str, tuple[str, str, str, float]] = {
     "load cell, T1 against T3 %": ("load_cell", "T1", "T3", -45.0),
@@ -231,7 +231,7 @@ class PaperResult(Result):
         )
 
     def _agreement(self) -> str:
-        """How far our 3σ are from the printed ones, in a sentence."""
+        """Return a sentence on the difference of our 3σ from the printed ones."""
         away = [
             abs(ours[name][t] / PRINTED[name][t] - 1)
             for ours in map(self.table2, self.estimators)

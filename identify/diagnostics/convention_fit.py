@@ -31,7 +31,7 @@ ROWS, COLUMNS = np.triu_indices(3)
 UNPACKED = unpack(np.arange(6.0)).astype(int)  # where the entries of a tensor stand among its packed ones
 
 Terms = Float[np.ndarray, "p 3 25"]
-"""What each of p unknowns is multiplied by in the three components, in the columns of the sums."""
+"""Coefficients of the three components of an equation in p unknowns, over the columns of the sums."""
 
 
 def _terms(columns: slice, table: Float[np.ndarray, "k 3 p"]) -> Terms:
@@ -67,7 +67,7 @@ class Fit:
     misfit: Float[np.ndarray, "*m"]
 
     def significance(self, unknowns: slice) -> Float[np.ndarray, "*m"]:
-        """How many standard deviations some unknowns are from zero (as a length)."""
+        """Return the distance of some unknowns from zero (as a length), in standard deviations."""
         values, spread = self.values[..., unknowns], self.covariance[..., unknowns, unknowns]
         return np.asarray(np.sqrt((values * np.linalg.solve(spread, values[..., None])[..., 0]).sum(axis=-1)))
 
@@ -128,9 +128,9 @@ class CentreFit:
     """The centre of gravity from the point where the moment is taken, by r × F."""
 
     r: Float[np.ndarray, "3"]
-    """[m]."""
+    """Centre of gravity from the point where the moment is taken [m]."""
     covariance: Float[np.ndarray, "3 3"]
-    """[m²]."""
+    """Covariance matrix of ``r`` [m²]."""
     undetermined: Float[np.ndarray, "3 3"]
     """The projector onto the directions of r that the run does not determine."""
 

@@ -32,22 +32,22 @@ class WrenchSignal(NamedTuple):
     """The load cell's signals, n samples."""
 
     time: Float[np.ndarray, " n"]
-    """[s], on the same clock as the IMU's."""
+    """Instants of the samples [s], on the same clock as the IMU's."""
     force: Float[np.ndarray, "n 3"]
-    """On the body [N]."""
+    """Force on the body [N]."""
     moment: Float[np.ndarray, "n 3"]
-    """On the body [N·m]."""
+    """Moment on the body [N·m]."""
 
 
 class ImuSignal(NamedTuple):
     """The IMU's signals, n samples."""
 
     time: Float[np.ndarray, " n"]
-    """[s], on the same clock as the load cell's."""
+    """Instants of the samples [s], on the same clock as the load cell's."""
     angular_velocity: Float[np.ndarray, "n 3"]
-    """[rad/s]."""
+    """Angular velocity of the body [rad/s]."""
     specific_force: Float[np.ndarray, "n 3"]
-    """[m/s²]."""
+    """Specific force at the IMU [m/s²]."""
 
 
 @dataclass(frozen=True, eq=False)

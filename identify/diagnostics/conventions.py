@@ -1,4 +1,4 @@
-"""Under which signs and orders of axes wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
+"""Signs and orders of axes under which wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
 
 import functools
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ class Hypothesis:
     sensor: str
     matrix: Float[np.ndarray, "3 3"]
     cost: float
-    """In chi-square, so that of equals the simplest wins."""
+    """Penalty added to chi-square, so that the simplest of equally good hypotheses wins."""
 
     def applied(self, sums: ConventionSums) -> ConventionSums:
         """The sums as they would be."""
@@ -36,7 +36,7 @@ def signed_axes() -> list[Float[np.ndarray, "3 3"]]:
 
 @functools.cache
 def hypotheses() -> tuple[Hypothesis, ...]:
-    """As it is; the wrench's sign reversed; turned; the wrench mirrored (or reversed and turned); the IMU mirrored."""
+    """Return the hypotheses: none; the wrench's sign reversed, turned or mirrored; the IMU mirrored."""
     candidates = []
     for matrix in signed_axes():
         proper = np.linalg.det(matrix) > 0
@@ -61,7 +61,7 @@ class Scales:
 
     @property
     def priors(self) -> Float[np.ndarray, "7"]:
-        """Of the unknowns of the force equation."""
+        """Return the priors of the unknowns of the force equation."""
         return np.array([np.inf, *[self.lever] * 3, *[self.offset] * 3])
 
 
@@ -76,7 +76,7 @@ def scales(
     terms: Terms = MOMENT_TERMS_WITH_WEIGHT,
     candidates: Sequence[Hypothesis] | None = None,
 ) -> Scales:
-    """From the best that any hypothesis leaves; ``weight``: whether the mean force is the body's weight."""
+    """Return the scales by the best fit of any hypothesis; ``weight``: whether the mean force is the weight."""
     tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in candidates or hypotheses()])
     force = convention_fit.variance_left(tried, FORCE_TERMS, FORCE)
     size = sums.size(FORCE)
@@ -95,7 +95,7 @@ def _fitted_force(sums: ConventionSums, given: Scales) -> tuple[convention_fit.F
 
 
 def chi_square(sums: ConventionSums, given: Scales, *, admissible: bool = True) -> Float[np.ndarray, "*m"]:
-    """How badly both equations fit; ``admissible``: with what mass and moments of inertia below zero cost."""
+    """Return the misfit of both equations; ``admissible``: with a cost of negative mass and moments of inertia."""
     force, quiet = _fitted_force(sums, given)
     moment = convention_fit.solve(quiet, given.terms, MOMENT, variance=given.moment)
     total = force.misfit + moment.misfit

@@ -20,7 +20,7 @@ CONVERGED = 1e-5  # radians
 LONGEST_STEP = 0.3  # radians
 AS_IT_IS = Hypothesis("imu", np.eye(3), 0.0)
 REVERSED = (AS_IT_IS, Hypothesis("wrench", -np.eye(3), 4.0), Hypothesis("imu", -np.eye(3), 14.0))
-"""What may be reversed before the rotation: nothing, the wrench, the IMU's handedness."""
+"""Reversals that are tried before the rotation: nothing, the sign of the wrench, the handedness of the IMU."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,13 @@ class FreeRotation:
 
     matrix: Float[np.ndarray, "3 3"]
     reversed: Hypothesis
-    """What is reversed before."""
+    """The reversal of signs that precedes the rotation."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of a small rotation vector after it [rad²]."""
+    """Covariance of a small rotation vector that follows the rotation [rad²]."""
     given: Scales
     """The units of chi-square: what is left under this rotation."""
     gain: float
-    """Of chi-square against the sums as they are."""
+    """Decrease of chi-square against the sums without the rotation."""
 
     @property
     def vector(self) -> Float[np.ndarray, "3"]:
@@ -49,7 +49,7 @@ class FreeRotation:
 
     @property
     def standard_uncertainty(self) -> float:
-        """Of the angle [rad]."""
+        """Standard uncertainty of the angle [rad]."""
         vector = self.vector
         axis = vector / max(float(np.linalg.norm(vector)), 1e-12)
         return float(np.sqrt(axis @ self.covariance @ axis))

@@ -1,4 +1,4 @@
-"""How well force and moment of runs are predicted that the estimate has not seen: errors beside what explains them."""
+"""Prediction of force and moment of runs that the estimate has not seen: errors beside what explains them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ class HeldOut(Result):
     """
 
     runs: tuple[HeldOutRun, ...]
-    """Each predicted by the others."""
+    """The runs, each predicted from the other runs."""
     halves: bool
-    """Whether they are the two halves of one run."""
+    """Whether ``runs`` are the two halves of a single run."""
     level: float = LEVEL
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the rows: force and moment, or the moment about the centre of gravity alone."""
+        """Names of the rows: force and moment, or the moment about the centre of gravity alone."""
         return self.runs[0].names
 
     @property

@@ -17,37 +17,37 @@ class HeldOutRun:
 
     file: str
     rms: Float[np.ndarray, " rows"]
-    """Of measured less predicted, in the motion's band [N], [N·m]."""
+    """Root mean square of measured less predicted values in the motion's band [N], [N·m]."""
     noise: Float[np.ndarray, " rows"]
-    """What noise explains of it."""
+    """Part of ``rms`` that the measurement noise explains [N], [N·m]."""
     of_estimate: Float[np.ndarray, " rows"]
-    """What the estimate's own uncertainty explains of it."""
+    """Part of ``rms`` that the uncertainty of the estimate explains [N], [N·m]."""
     measured_rms: Float[np.ndarray, " rows"]
-    """Of what was measured, about its mean."""
+    """Root mean square of the measured values about their mean [N], [N·m]."""
     degrees_of_freedom: Float[np.ndarray, " rows"]
-    """Effective, of the square of ``rms``."""
+    """Effective degrees of freedom of the square of ``rms``."""
     noise_degrees_of_freedom: Float[np.ndarray, " rows"]
-    """Of the noise, which the other runs' residuals show."""
+    """Degrees of freedom of the noise level, which the other runs' residuals show."""
     probability: Float[np.ndarray, " rows"]
-    """Of an error as large or larger by chance."""
+    """Probability of an error at least as large by chance."""
     body_ratio: float
-    """Along what another body would do: root mean square over what is to be expected."""
+    """Ratio of the error to its expected size (rms) along directions that another body's parameters would cause."""
     body_probability: float
-    """Of as much or more by chance."""
+    """Probability of a ratio at least as large as ``body_ratio`` by chance."""
     t: Float[np.ndarray, " n"]
     """Instants of a short stretch [s]."""
     measured: Float[np.ndarray, "n rows"]
-    """In the motion's band."""
+    """Measured values in the motion's band over the short stretch [N], [N·m]."""
     predicted: Float[np.ndarray, "n rows"]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the rows."""
+        """Names of the rows: force and moment, or the moment about the centre of gravity alone."""
         return (*FORCE, *MOMENT) if len(self.rms) > len(MOMENT) else MOMENT
 
     @property
     def expected(self) -> np.ndarray:
-        """What noise and the estimate's uncertainty explain together [N], [N·m]."""
+        """Root mean square that noise and the estimate's uncertainty explain together [N], [N·m]."""
         return np.hypot(self.noise, self.of_estimate)
 
     @property

@@ -83,7 +83,7 @@ def _turned_gravity(time: np.ndarray, omega: np.ndarray, gravity: np.ndarray) ->
 
 
 def _turns(imu: ImuSignal) -> tuple[float, float]:
-    """By how much gravity turns in the body frame within five seconds [rad, rms]: by the gyro; by the accelerometer."""
+    """Return gravity's turn in the body within five seconds [rad, rms]: by the gyro; by the accelerometer."""
     time, omega, g = imu
     if len(time) < 100 or time[-1] <= time[0]:
         return 0.0, 0.0

@@ -31,7 +31,7 @@ ALIKE = 0.9  # correlation of force and specific force: without the weight it is
 LARGEST_ARM = 0.5  # metres from Q to the centre of gravity, as a standard deviation
 
 Removed = Literal["force", "force and moment", "undetermined"]
-"""What the weight was removed from."""
+"""The signals from which the driver removed the weight."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ApparentMass:
     mass: float
     uncertainty: float
     missing: bool = False
-    """Whether the force cannot have the body's weight."""
+    """Whether the force lacks the body's weight for certain."""
 
     def density(self, sums: ConventionSums) -> float:
         """Mass over the cube of twice the gyration radius [kg/m³], with the least tensor that the moments allow."""
@@ -67,12 +67,12 @@ class DeclaredBody:
 
 @dataclass(frozen=True)
 class MissingWeight:
-    """How the weight was removed, as far as the run shows: both may be possible."""
+    """The way in which the weight was removed, as far as the run shows: both may be possible."""
 
     zeroed: bool
-    """With the body on the load cell."""
+    """Whether the load cell may have been zeroed with the body on it."""
     removed: Removed | None
-    """By the driver, as it turned with gravity; None: it was not."""
+    """Signals from which the driver may have removed the weight as it turned with gravity; None: it did not."""
 
 
 def apparent_mass(sums: ConventionSums, declared: float | None) -> ApparentMass:

@@ -29,7 +29,8 @@ GENERAL = {"attitude": ("centre of gravity",)}
 """Sets that hold others: named only where they explain more than these by the factor ``BETTER``."""
 BETTER = 1.1
 ECHO = 0.1
-"""A further cause must explain this part of what the first explains: less may be what a linear picture of it leaves."""
+"""Least share, of what the first cause explains, that a further cause must explain: less may be an error of
+linearisation."""
 MOST = 3
 """Causes that are named of one run."""
 SHORTEST = 32
@@ -39,11 +40,11 @@ FEWEST = 10.0
 
 
 class Verdict(NamedTuple):
-    """What a run's residuals follow."""
+    """A cause that a run's residuals follow."""
 
     cause: str
-    """Likely cause: delay, rotation, tensor, centre of gravity, attitude, gyro bias, air, drift or resonance; or
-    repeatability, where several runs scatter more or less than their residuals predict."""
+    """Likely cause: delay, rotation, tensor, centre of gravity, attitude, gyro bias, air, drift or resonance;
+    repeatability where the scatter of several runs contradicts their residuals."""
     axis: str
     """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
     share: float
@@ -51,7 +52,7 @@ class Verdict(NamedTuple):
     text: str
     """One line that says so."""
     run: str = ""
-    """The run's name."""
+    """Name of the run."""
 
 
 class Cause(NamedTuple):
@@ -62,7 +63,7 @@ class Cause(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """How much of the residuals a cause explains."""
+    """Fit of a cause's signals to the residuals."""
 
     cause: Cause
     coefficients: Float[np.ndarray, " p"]
@@ -81,7 +82,7 @@ class Fit(NamedTuple):
 
     @property
     def chance(self) -> float:
-        """Of as much without a cause."""
+        """Probability of as large a part without a cause."""
         count = len(self.coefficients)
         return float(scipy.special.fdtrc(count, max(self.freedom, 1.0), self.wald / count))
 
@@ -248,7 +249,7 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
 
 
 def _unfiltered(fits: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
-    """What the named causes explain of the residuals without the estimator's low-pass."""
+    """Return the part of the residuals that the named causes explain without the estimator's low-pass."""
     again = {cause.name: cause.columns for cause in causes(whole, inertia)} if fits else {}
     total = np.zeros_like(whole.moment)
     for fit in fits:
@@ -267,7 +268,7 @@ TEXTS = {
     "attitude": "attitude in a way that no error of r_CG explains (a cable, or the mass)",
 }
 SCALED = {"delay": 1e3, "rotation": 180 / np.pi, "gyro bias": -1e3, "drift": 2.0, "centre of gravity": 1e3}
-"""From a fit's coefficients to the figures in the text."""
+"""Factors from a fit's coefficients in SI to the figures in the text."""
 
 
 def _verdict(fit: Fit, total: float, name: str) -> Verdict:

@@ -24,20 +24,21 @@ class Residuals(NamedTuple):
     """Residual moment about the centre of gravity and the signals beside it; samples first, in B, SI."""
 
     t: Float[np.ndarray, " n"]
-    """From the run's first sample [s]."""
+    """Instants from the run's first sample [s]."""
     moment: Float[np.ndarray, "n 3"]
     """``M - r × F - Ω i``, less the offset where one was removed [N·m]."""
     rows: Float[np.ndarray, "n 3 6"]
     """``Ω``, less its mean where offsets are estimated."""
     spin: Float[np.ndarray, "n 3"]
-    """``Ω i``: the moment that the motion needs, smoothed [N·m]."""
+    """Moment ``Ω i`` that the motion needs, smoothed [N·m]."""
     force: Float[np.ndarray, "n 3"]
-    """As the motion makes it: weight along the upward direction, and mass times acceleration, fitted to it [N]."""
+    """Force that the motion makes, fitted to the measured one: weight along the upward direction and mass times
+    acceleration [N]."""
     omega: Float[np.ndarray, "n 3"]
     alpha: Float[np.ndarray, "n 3"]
-    """Smoothed [rad/s²]."""
+    """Angular acceleration, smoothed [rad/s²]."""
     rate: float
-    """Sample rate [Hz]."""
+    """Sample rate of the residuals [Hz]."""
     band: float
     """Highest frequency of the motion [Hz]."""
 

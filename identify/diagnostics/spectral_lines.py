@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 CHANCE = 1e-5
-"""Of a line in noise, over all frequencies and axes."""
+"""Chance of a false line in pure noise, over all frequencies and axes."""
 AROUND = 40
 """The level is a median over the spectrum's length divided by this."""
 
@@ -15,10 +15,10 @@ class Line(NamedTuple):
     """The strongest line of a signal."""
 
     frequency: float
-    """[Hz]"""
+    """Frequency of the line [Hz]."""
     axis: int
     rms: float
-    """Of the line, in the signal's unit."""
+    """Root mean square of the line, in the signal's unit."""
     share: float
     """Part of the signal's variance, all axes together."""
 

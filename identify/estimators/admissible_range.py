@@ -1,4 +1,4 @@
-"""How far each component of a tensor reaches: among the bodies that could be, those that the data do not contradict.
+"""The range of each component of a tensor: among possible bodies, those that the data do not contradict.
 
 A body's second moments ``Σ = ½ tr(I) 1 - I`` are positive semidefinite and linear in the tensor, which is positive
 definite and obeys the triangle inequality just then (Wensing, Kim and Slotine 2018, doi:10.1109/LRA.2017.2729659). So
@@ -21,20 +21,20 @@ LARGEST = 1e4
 BARRIERS = 5.0
 """Parameter of the barriers together: over the weight of the aim, it bounds what is missing to the end."""
 ROUNDING = 1e-13
-"""Of a Hessian whose diagonal is 1."""
+"""Multiple of the unit matrix that is added to a Hessian of unit diagonal against rounding errors."""
 SHARPEST = 1e11
 """Last weight of the aim against the barriers."""
 
 
 class Data(NamedTuple):
-    """What data say of a tensor: ``Q(i) = (i - estimate)ᵀ information (i - estimate)``."""
+    """The data's information on a tensor: ``Q(i) = (i - estimate)ᵀ information (i - estimate)``."""
 
     estimate: Float[np.ndarray, "6"]
     information: Float[np.ndarray, "6 6"]
     """Inverse covariance, zero where the data say nothing."""
 
     def distance(self, inertia: Float[np.ndarray, "6"]) -> float:
-        """Return Q."""
+        """Return the distance Q of a tensor from the data."""
         left = inertia - self.estimate
         return float(left @ self.information @ left)
 
@@ -100,7 +100,7 @@ def _quadratic(data: Data, weight: float) -> Function:
 
 
 def _within(data: Data, most: float) -> Function:
-    """``-log(most - Q)``."""
+    """Return the barrier ``-log(most - Q)`` as a function with its derivatives."""
 
     def barrier(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         slack = most - data.distance(x)

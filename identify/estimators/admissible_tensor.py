@@ -31,31 +31,32 @@ ROUNDNESS = 0.02
 
 
 class Admissible(NamedTuple):
-    """What being a body's tensor adds to what data say."""
+    """The estimate within physical bodies, beside the plain estimate from the data."""
 
     inertia: Float[np.ndarray, "6"]
-    """Of a body [kg·m²]; where the data leave it open, of the roundest one."""
+    """Packed tensor of a physical body [kg·m²]; where the data leave it open, that of the roundest body."""
     interval95: Float[np.ndarray, "6 2"]
-    """Range of each component [kg·m²]; infinite where nothing bounds it."""
+    """Interval of 95 % of each component [kg·m²]; infinite where nothing bounds it."""
     determined: np.ndarray
-    """Which components the motion determines."""
+    """Mask of the components that the motion determines, (6,)."""
     plain: Float[np.ndarray, "6"]
-    """The plain estimate; zero along what the motion does not excite."""
+    """Packed tensor of the plain estimate [kg·m²]; zero along what the motion does not excite."""
     plain_interval95: Float[np.ndarray, "6 2"]
-    """Its interval, of the components that are determined; NaN for the others."""
+    """Interval of 95 % of each component of the plain estimate [kg·m²]; NaN where the motion does not determine it."""
     reason: str
-    """Why it was done."""
+    """Reason for the estimate within physical bodies, in words."""
     distance: float
-    """From the plain estimate to the nearest body, in standard uncertainties (Mahalanobis); 0: it is a body's."""
+    """Distance from the plain estimate to the nearest body, in standard uncertainties (Mahalanobis); 0: it is a
+    body's."""
 
     @property
     def moved(self) -> bool:
-        """Whether the estimate is not the plain one."""
+        """Whether the estimate differs from the plain one."""
         return bool((self.inertia != self.plain).any())
 
     @property
     def note(self) -> str | None:
-        """What is said where the value stays and only intervals end at what a body can have; None: it does not."""
+        """Note for a value that stays while intervals end at the limits of a body; None: none ends there."""
         stays = self.determined.all() and not self.moved
         return f"{self.reason}; so the intervals leave out what no body has, the value stays" if stays else None
 

@@ -18,7 +18,7 @@ import scipy
 from jaxtyping import Float
 
 LEVEL = 0.01
-"""Chance that repeats which do belong are called discordant, over all of them and all components (Bonferroni)."""
+"""Chance of a false alarm, over all repeats and all components (Bonferroni)."""
 SCATTER_LEVEL, SCATTER_LEVEL_OF_THREE = 0.01, 0.05
 """Levels of the third test; of three repeats it has a single degree of freedom."""
 STATED_FREEDOM = 8.0
@@ -28,15 +28,15 @@ LEAST = 3
 
 
 class Departure(NamedTuple):
-    """How far a repeat is from the mean of those that belong, in the component that departs most."""
+    """Distance of a repeat from the mean of those that belong, in the component that departs most."""
 
     repeat: int
-    """Its number among the values."""
+    """Number of the repeat among the values."""
     component: int
     difference: float
-    """[kg·m²]"""
+    """Repeat less the mean of those that belong [kg·m²]."""
     standard_uncertainty: float
-    """Of the difference, by the stated uncertainties [kg·m²]."""
+    """Standard uncertainty of ``difference`` by the stated uncertainties [kg·m²]."""
 
 
 def discordant(

@@ -37,7 +37,8 @@ ROUNDS = 4
 REACH = 3.0
 """Highest frequency that takes part over the motion's band: products of omega reach twice the band."""
 WIDER = 3
-"""Windows of the weights over those of the uncertainty: weights that follow their own residuals promise too much."""
+"""Width of the weights' spectral windows over that of the uncertainty's: narrow ones follow the residuals too
+closely."""
 FEWEST = 24
 """Lines from which weights can be learnt, at least."""
 COLLINEAR = 1e-4
@@ -50,9 +51,9 @@ class Equations(NamedTuple):
     """Normal equations of the tensor."""
 
     normal: np.ndarray
-    """(6, 6)."""
+    """Matrix of the normal equations, (6, 6)."""
     right: np.ndarray
-    """(6,)."""
+    """Right-hand side of the normal equations, (6,)."""
     right_by_centre: np.ndarray
     """Derivative of ``right`` with respect to r_CG, (6, 3)."""
 
@@ -62,22 +63,24 @@ class Weighed(NamedTuple):
 
     weighted: Information
     plain: Information
-    """Of ordinary least squares."""
+    """The run's equations by ordinary least squares."""
     extended: Equations
-    """With weights, and with unknowns for what follows the motion (:mod:`identify.estimators.motion_columns`)."""
+    """Weighted equations with unknowns for signals that follow the motion
+    (:mod:`identify.estimators.motion_columns`)."""
     scores: np.ndarray
     """Covariance of the three right sides from noise, (18, 18): by what the unknowns for such moments leave."""
     enough: bool
-    """Whether there were lines enough for weights; else all three are those of ordinary least squares."""
+    """Whether there were lines enough for weights; otherwise all three equations are those of ordinary least
+    squares."""
 
 
 class Fit(NamedTuple):
     """A fit on lines, its weights from its own residuals."""
 
     value: np.ndarray
-    """(p,)."""
+    """Values of the estimated unknowns, (p,)."""
     inverse: np.ndarray
-    """Of the normal equations: the covariance of ``value``, (p, p)."""
+    """Inverse of the normal equations' matrix, the covariance of ``value``, (p, p)."""
     normal: np.ndarray
     """Normal equations, with what is known beforehand, (p, p)."""
     weights: np.ndarray
@@ -167,7 +170,7 @@ def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.n
 
 
 def _times(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """``Σ rowsᵀ columns``."""
+    """Return the sum of products ``Σ rowsᵀ columns`` over the lines."""
     return np.tensordot(rows, columns, axes=((0, 1), (0, 1)))
 
 
@@ -180,9 +183,9 @@ def _reduced(columns: np.ndarray, fit: Fit) -> np.ndarray:
 def _with_room(
     weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: Fit
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same rows, more columns eliminated; and what these leave of the residuals, and of degrees of freedom.
+    """Return the rows with more columns eliminated, the rest of the residuals, and the degrees of freedom.
 
-    What of them the others nearly make up stays out.
+    Directions of these columns that the other columns nearly span stay out.
     """
     share = fit.inverse @ _times(np.einsum("mab,mbp->map", fit.weights, columns), more)
     beside = more - columns @ share
@@ -239,7 +242,7 @@ def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> t
 
 
 def _inside(run: Run, lines: Lines, passed: np.ndarray) -> int:
-    """How many lines the motion reaches, and the filter lets through."""
+    """Return the number of lines that the motion reaches and the filter passes."""
     reached = lines.frequency <= REACH * run.band
     return int((reached & (passed >= HALF)).sum())
 
@@ -254,6 +257,6 @@ def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndar
 
 
 def _noise(sigma: np.ndarray, weights: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """What noise of alpha [rad/s²] adds to the normal equations, expected."""
+    """Return the expected contribution of alpha's noise [rad/s²] to the normal equations."""
     of_alpha = OMEGA_R_OF_FEATURES[ALPHA]
     return np.einsum("k,m,kai,mab,kbj->ij", sigma**2, shape, of_alpha, weights, of_alpha, optimize=True)

@@ -31,11 +31,11 @@ class Sums(NamedTuple):
     """Sums over samples of products of the features. Add two of them to join their samples."""
 
     gram: Float[Array, "k k"]
-    """Of the features with themselves; entry [0, 0] is the number of samples."""
+    """Sum of products of the features with one another; entry [0, 0] is the number of samples."""
     force: Float[Array, "k 3"]
-    """Of the features with the force [N]."""
+    """Sum of products of the features with the force [N]."""
     moment: Float[Array, "k 3"]
-    """Of the features with the moment about Q [N·m]."""
+    """Sum of products of the features with the moment about Q [N·m]."""
 
 
 class Estimate(NamedTuple):
@@ -46,7 +46,7 @@ class Estimate(NamedTuple):
     condition: Float[Array, ""]
     """Condition number of ``ΩᵀΩ`` in the Frobenius norm: at most six times the square of the regressor's own."""
     ok: Bool[Array, ""]
-    """Whether the estimate is finite and the condition number below ``CONDITION_LIMIT``."""
+    """Whether the estimate is finite and its condition number below ``CONDITION_LIMIT``."""
 
 
 @explains_names
@@ -155,7 +155,7 @@ def solve_normal(matrix: Float[Array, "6 6"], right: Float[Array, "6"]) -> Estim
 def _inverse_and_solution(
     matrix: Float[Array, "6 6"], right: Float[Array, "6"]
 ) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
-    """By elimination: a positive definite matrix needs no pivots, and plain arithmetic is fast in a batch; else NaN."""
+    """Return inverse and solution by elimination: a positive definite matrix needs no pivots; NaN for any other."""
     table = jnp.concatenate([matrix, jnp.eye(6, dtype=matrix.dtype), right[:, None]], axis=1)
     here, pivots = np.eye(6, dtype=bool)[:, :, None], []
     for k in range(6):

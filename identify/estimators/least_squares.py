@@ -18,9 +18,10 @@ class Solution(NamedTuple):
     """A least-squares estimate."""
 
     value: Float[Array, " p"]
-    """The estimate."""
+    """The estimated unknowns."""
     covariance: Float[Array, "p p"]
-    """Its covariance: from the residuals' variance (ordinary), or from the stated errors (weighted, generalised)."""
+    """Covariance of ``value``: from the residuals' variance (ordinary), or from the stated errors (weighted,
+    generalised)."""
     residuals: Float[Array, "n 3"]
     """Values minus fit, in the values' unit."""
     condition: Float[Array, ""]
@@ -71,16 +72,16 @@ Matrix = Float[Array, "6 6"] | Float[np.ndarray, "6 6"]
 
 
 class Excitation(NamedTuple):
-    """What a motion tells of the six components: the verdict on identifiability."""
+    """The motion's information on the six components: the verdict on identifiability."""
 
     strength: np.ndarray
     """Eigenvalues of ``ΩᵀΩ``, ascending [s⁻⁴ times the number of samples]."""
     directions: np.ndarray
-    """Their unit directions in the space of packed tensors, one a row."""
+    """Unit eigenvectors of ``ΩᵀΩ`` in the space of packed tensors, one a row."""
     noise: np.ndarray
-    """What the gyro's noise alone would contribute along each direction."""
+    """Expected part of each eigenvalue that the gyro's noise alone contributes."""
     identifiable: np.ndarray
-    """Which directions stand out from noise and rounding."""
+    """Mask of the directions that stand out from noise and rounding."""
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:

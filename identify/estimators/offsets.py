@@ -25,7 +25,7 @@ class Offsets(NamedTuple):
     moment: np.ndarray
     """Constant part of ``M - r × F`` [N·m]: the moment's offset less ``r ×`` the force's."""
     covariance: np.ndarray
-    """Its covariance from noise, (3, 3) [(N·m)²]; the uncertainty of r comes on top."""
+    """Covariance of ``moment`` from noise, (3, 3) [(N·m)²], to which the uncertainty of r adds."""
     force: np.ndarray
     """Mean force that went with it [N], through which r acts on it."""
 
@@ -39,13 +39,13 @@ def estimated(
     covariance: np.ndarray,
     of_mean: np.ndarray,
 ) -> Offsets:
-    """What the rows' means leave when the tensor is known: it takes the tensor's covariance along."""
+    """Return the offset that the rows' means leave when the tensor is known: it takes the tensor's covariance along."""
     rows = np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi)
     return Offsets(moment - np.cross(r_cg, force) - rows @ inertia, of_mean + rows @ covariance @ rows.T, force)
 
 
 def rested(rest: Rest, r_cg: np.ndarray) -> Offsets:
-    """At rest ``M - r × F`` is zero, whatever the attitude."""
+    """Return the offset from rest, where ``M - r × F`` is zero whatever the attitude."""
     about_cg = np.hstack([-cross_matrix(np.asarray(r_cg)), np.eye(3)])
     return Offsets(rest.moment - np.cross(r_cg, rest.force), about_cg @ rest.covariance @ about_cg.T, rest.force)
 

@@ -17,28 +17,28 @@ CLEAR = 0.01
 
 
 class Pooled(NamedTuple):
-    """What runs say together. What the motion does not excite is zero in all of it."""
+    """The estimate from several runs together. What the motion does not excite is zero in all of it."""
 
     inertia: np.ndarray
-    """Packed tensor [kg·m²]."""
+    """Packed tensor from all runs [kg·m²]."""
     bias: np.ndarray
     """Expected mean error from white gyro noise and the differentiator's gain [kg·m²]."""
     covariance: np.ndarray
     """Residuals, scatter between runs, centre of gravity, (6, 6) [(kg·m²)²]."""
     residual: np.ndarray
-    """The part of it that the residuals say."""
+    """Part of ``covariance`` that the residuals predict, (6, 6) [(kg·m²)²]."""
     by_centre: np.ndarray
     """Derivative of the tensor with respect to r_CG, (6, 3)."""
     by_right: np.ndarray
     """Derivative of the tensor with respect to each run's right side, (k, 6, 6)."""
     together: Pooling
-    """Type A: what residuals and the scatter between runs and mountings say."""
+    """Type A evaluation: what residuals and the scatter between runs and mountings show."""
     half_width: np.ndarray
     """Half the interval of 95 % by component [kg·m²]: type A's, and the normal one of r_CG, added in squares."""
     degrees_of_freedom: np.ndarray
-    """Effective, by component (GUM G.4; r_CG's uncertainty counts as known)."""
+    """Effective degrees of freedom by component (GUM G.4; r_CG's uncertainty counts as known)."""
     excitation: Excitation
-    """What the motions together excite."""
+    """Components that the motions of all runs together determine."""
 
     @property
     def seen(self) -> np.ndarray:
@@ -49,7 +49,7 @@ class Pooled(NamedTuple):
 
     @property
     def coverage_factor(self) -> np.ndarray:
-        """By component, of 95 %."""
+        """Coverage factor of 95 %, by component."""
         return self.half_width / np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)
 
 
@@ -103,7 +103,7 @@ def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
 
 
 def _repeats(of_runs: Sequence[Information], weights: np.ndarray, inertia: np.ndarray) -> list[Repeat]:
-    """What the evaluation of scatter needs of each run."""
+    """Return the data of each run for the evaluation of scatter."""
     return [
         Repeat(
             weight * (of_run.right - of_run.normal @ inertia), of_run.inertia, np.sqrt(np.diag(of_run.covariance)),
@@ -114,7 +114,7 @@ def _repeats(of_runs: Sequence[Information], weights: np.ndarray, inertia: np.nd
 
 
 def _degrees_of_freedom(of_runs: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-    """Effective, of the pooled tensor's variance from the runs' residuals, by component (GUM G.4)."""
+    """Return effective degrees of freedom of the pooled tensor's variance from residuals, by component (GUM G.4)."""
     squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, of_runs, strict=True)])
     terms = (squares**2 / [of_run.degrees_of_freedom for of_run in of_runs]).sum(axis=0)
     return np.clip(squares.sum(axis=0) ** 2 / np.maximum(terms, 1e-300), 1, 1e9)

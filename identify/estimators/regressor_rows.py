@@ -24,13 +24,13 @@ class Rows(NamedTuple):
 
     phi: Float[np.ndarray, "13 n"]
     force: Float[np.ndarray, "3 n"]
-    """[N]."""
+    """Force on the body [N]."""
     moment: Float[np.ndarray, "3 n"]
-    """About Q [N·m]."""
+    """Moment on the body about Q [N·m]."""
     segments: tuple[slice, ...]
     """Instants that follow one another without a gap."""
     instants: Int[np.ndarray, " n"]
-    """Where they stand among the run's."""
+    """Indices of the rows' instants among those of the run."""
 
     def inertial_moment(self, inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
         """Return ``Omega_R`` of each instant times a packed tensor [N·m]."""

@@ -1,4 +1,4 @@
-"""What a figure needs of a run's fit: residuals in time and frequency, and the motion, all thinned."""
+"""Data for figures of a run's fit: residuals in time and frequency, and the motion, all thinned."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ POINTS = 1500
 SEGMENTS = 8
 """Segments over which a spectrum is averaged, at least."""
 LONGEST = 4096
-"""Most samples of one of them."""
+"""Most samples in a segment of a spectrum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,13 +22,13 @@ class Trace:
     """A run's residual moment ``M - r × F - Ω I``, less the offsets that were removed, and the motion behind it."""
 
     t: Float[np.ndarray, " m"]
-    """Middle of each segment of time [s]."""
+    """Middle of each interval of time in which residuals are summarised [s]."""
     low: Float[np.ndarray, "m 3"]
     """Least residual in it, on each axis [N·m]."""
     high: Float[np.ndarray, "m 3"]
     """Largest residual in it [N·m]."""
     frequency: Float[np.ndarray, " k"]
-    """Frequencies [Hz]."""
+    """Frequencies of the spectra [Hz]."""
     residual_density: Float[np.ndarray, "k 3"]
     """Amplitude density of the residuals on each axis [N·m/Hz^½]."""
     moment_density: Float[np.ndarray, " k"]
@@ -70,7 +70,7 @@ def trace(
 
 
 def _edges(count: int, most: int) -> np.ndarray:
-    """Where each of at most so many segments of equal length begins."""
+    """Return the start of each of at most so many segments of equal length."""
     return np.unique(np.linspace(0, count, min(count, most) + 1).astype(int)[:-1])
 
 

@@ -1,4 +1,4 @@
-"""What one recorded run says of the tensor: its normal equations, and how far their noise reaches.
+"""Information of one recorded run on the tensor: its normal equations, and the reach of their noise.
 
 The rows' noise is taken from the residuals. These are correlated in time, the more so behind a filter, and across the
 axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum
@@ -31,13 +31,13 @@ class Information:
 
     run: Run
     normal: np.ndarray
-    """``ΩᵀΩ``, (6, 6); with weights inside where these are known."""
+    """Matrix ``ΩᵀΩ`` of the normal equations, (6, 6), weighted where weights are known."""
     right: np.ndarray
-    """``Ωᵀ(M - r × F)``, (6,); centred when offsets are removed."""
+    """Right-hand side ``Ωᵀ(M - r × F)`` of the normal equations, (6,); centred when offsets are removed."""
     right_by_centre: np.ndarray
-    """Its derivative with respect to r, (6, 3)."""
+    """Derivative of ``right`` with respect to r, (6, 3)."""
     noise: np.ndarray
-    """What the gyro's noise alone adds to it, expected, (6, 6)."""
+    """Expected contribution of the gyro's noise to ``normal``, (6, 6)."""
     inertia: np.ndarray
     """The run's own estimate [kg·m²]; of least norm where directions are not excited."""
     scores: np.ndarray
@@ -54,7 +54,7 @@ class Information:
     gain_error: float
     """Relative error of the tensor from the differentiator's gain over the motion's spectrum."""
     degrees_of_freedom: np.ndarray
-    """Effective, of the variance of each component of the run's own estimate; 1 or more."""
+    """Effective degrees of freedom of the variance of each component of the run's own estimate; 1 or more."""
     trace: Trace
     """Residuals and motion, for figures."""
     weighed: np.ndarray | None = None
@@ -165,7 +165,7 @@ def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
 
 
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
-    """What the differentiator's gain makes of the tensor: 1/gain - 1, weighed by the spectrum of the rows' alpha."""
+    """Return the tensor's relative error by the differentiator's gain: 1/gain - 1, weighed by the spectrum of alpha."""
     omega = run.omega[run.longest_segment]
     frequency, power = welch(omega, run.rate, max(len(omega) // 4, 8), window="blackmanharris")
     inside = frequency <= run.band

@@ -1,4 +1,4 @@
-"""Whether an estimate with weights is to be trusted: against others that the same errors would move otherwise.
+"""Test of an estimate with weights against others that the same errors would move otherwise.
 
 Where the errors are what the weights take them for, two estimates from one run differ by no more than the covariance
 of their difference allows; a moment that the model lacks moves them apart (Hausman 1978, doi:10.2307/1913827). Weights
@@ -23,20 +23,20 @@ SMALL = 0.2
 
 
 class Difference(NamedTuple):
-    """What another estimate says beside that with weights."""
+    """Difference of another estimate from the weighted one."""
 
     value: np.ndarray
-    """The other less this, (6,) [kg·m²]."""
+    """Difference of the other estimate from the weighted one, (6,) [kg·m²]."""
     covariance: np.ndarray
-    """That is expected of it, (6, 6) [(kg·m²)²]."""
+    """Expected covariance of ``value``, (6, 6) [(kg·m²)²]."""
     half_width: np.ndarray
-    """Half the interval of 95 % of the other, from noise and r_CG, (6,) [kg·m²]."""
+    """Half-width of the other estimate's interval of 95 %, from noise and r_CG, (6,) [kg·m²]."""
     chance: float
-    """Probability of one as large."""
+    """Probability of a difference at least as large by chance."""
 
     @property
     def clear(self) -> bool:
-        """Whether it is more than chance."""
+        """Whether the difference is larger than chance explains."""
         return self.chance < CHANCE
 
     @property

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from identify.rigid_body.inertia import COMPONENTS
 
 PROBABILITY = 0.975
-"""Of one side of an interval of 95 %."""
+"""Probability below the upper end of a two-sided interval of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class Pooling:
 
     runs: int
     mountings: int
-    """How many different mountings the runs name; 0: they name none."""
+    """Number of different mountings that the runs name; 0: they name none."""
     from_residuals: Float[np.ndarray, "6 6"]
     """Covariance of the pooled tensor that the residuals alone predict [(kg·m²)²]."""
     residual_degrees_of_freedom: Float[np.ndarray, "6"]
-    """Of ``from_residuals``, by component."""
+    """Degrees of freedom of ``from_residuals``, by component."""
     from_scatter: Float[np.ndarray, "6"] | None
     """Standard uncertainty that the scatter between mountings, else runs, shows; None: there is one only [kg·m²]."""
     predicted: Float[np.ndarray, "6"]
@@ -41,9 +41,9 @@ class Pooling:
     between_mountings: Float[np.ndarray, "6"] | None
     """Standard deviation of the mountings' mean tensors; None: fewer than two [kg·m²]."""
     repeat_degrees_of_freedom: int
-    """Of ``between_runs``."""
+    """Degrees of freedom of ``between_runs``."""
     scatter_degrees_of_freedom: int
-    """Of ``from_scatter``: one less than the mountings, or runs, that were repeated."""
+    """Degrees of freedom of ``from_scatter``: one less than the mountings, or runs, that were repeated."""
     from_redrawn_sources: Float[np.ndarray, "6"]
     """Standard uncertainty of the pooled tensor from declared sources that change from mounting to mounting [kg·m²]."""
 
@@ -54,7 +54,7 @@ class Pooling:
 
     @property
     def scatters(self) -> np.ndarray:
-        """By component: whether the interval is that of the scatter, the wider of two that are both valid."""
+        """Mask of components whose interval is that of the scatter, the wider of two that are both valid."""
         if self.from_scatter is None:
             return np.zeros(6, bool)
         predicted = (
@@ -112,16 +112,16 @@ class Pooling:
 
 @dataclass(frozen=True)
 class Repeat:
-    """What pooling needs of one run."""
+    """Data of one run for the pooling."""
 
     score: Float[np.ndarray, "6"]
     """``w Ωᵀ(y - Ω i)`` at the pooled tensor i, w the run's weight."""
     inertia: Float[np.ndarray, "6"]
-    """Its own tensor [kg·m²]."""
+    """Packed tensor of this run alone [kg·m²]."""
     standard_uncertainty: Float[np.ndarray, "6"]
-    """From its residuals [kg·m²]."""
+    """Standard uncertainty of ``inertia`` from the run's residuals [kg·m²]."""
     alone: bool
-    """Whether it identifies the whole tensor by itself."""
+    """Whether the run identifies the whole tensor by itself."""
     mounting: str | None
 
 

@@ -12,7 +12,7 @@ class Alignment:
     """Prior of the IMU's delay and rotation against the load cell, and of both sensors' slow errors; SI units."""
 
     delay: float = 0.0
-    """The IMU's sample is that of so long before its stamp [s]."""
+    """Delay of the IMU: time from the measurement of a sample to its stamp [s]."""
     sigma_delay: float = 0.02
     """Standard uncertainty of ``delay`` [s]; 0: known."""
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -28,7 +28,7 @@ class Alignment:
     sigma_force_drift: float | tuple[float, float, float] = 0.0
     """Standard uncertainty of a linear change of the force's offset over a run [N]."""
     sigma_moment_drift: float | tuple[float, float, float] = 0.0
-    """The same of the moment's [N·m]."""
+    """Standard uncertainty of a linear change of the moment's offset from the run's start to its end [N·m]."""
 
     def __post_init__(self) -> None:
         """Refuse figures that are not finite, negative uncertainties, and wrong shapes."""

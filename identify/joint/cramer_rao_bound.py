@@ -38,9 +38,9 @@ class Bound(Result):
     free: tuple[str, ...]
     """The unknowns that are estimated; all others count as exact."""
     covariance: np.ndarray
-    """Of all unknowns, in the order of :data:`identify.joint.joint_model.SLICES`; zero for what is exact."""
+    """Covariance of all unknowns, in the order of :data:`identify.joint.joint_model.SLICES`; zero for exact ones."""
     prior_share: Mapping[str, np.ndarray]
-    """By unknown: how much of each variance comes from the prior, 1 where the samples add nothing."""
+    """Share of the prior in each unknown's variance, by unknown: 1 where the samples add nothing."""
 
     def standard_uncertainty(self, name: str) -> np.ndarray:
         """Return the least standard uncertainty of an unknown, such as ``inertia``, ``r_cg``, ``delay``, in SI."""

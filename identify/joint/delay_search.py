@@ -25,9 +25,9 @@ class DelayedTensor(NamedTuple):
     """A tensor by ordinary least squares, the IMU's delay given."""
 
     delay: float
-    """[s]"""
+    """Delay of the IMU against the load cell that is tried [s]."""
     inertia: Float[np.ndarray, "6"]
-    """Packed tensor [kg·m²]."""
+    """Packed tensor at this delay [kg·m²]."""
     misfit: float
     """Sum of squares of the moment that it leaves [(N·m)²]."""
 

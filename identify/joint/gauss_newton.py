@@ -16,7 +16,7 @@ from identify.joint.joint_model import Model, kinematics, residuals, unknowns
 from identify.joint.priors import Prior
 
 TOLERANCE = 1e-3
-"""Of the solution, in standard uncertainties of the prior."""
+"""Tolerance of the solution, in standard uncertainties of the prior."""
 ROUGH = 1e-1
 """Tolerance of a solution that only shows the noise."""
 MOST_STEPS = 30
@@ -26,7 +26,7 @@ class Fit(NamedTuple):
     """The solution of one run."""
 
     z: Float[Array, " free"]
-    """The solution; ``prior.theta(z)`` are the unknowns."""
+    """Most probable coordinates z; ``prior.theta(z)`` are the unknowns."""
     information: Float[Array, "free free"]
     """Information of the samples on z."""
     residuals: Float[Array, "rows n"]

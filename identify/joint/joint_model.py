@@ -25,7 +25,7 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import InBand, cell_of, evaluate
 
 SpecificForce = Literal["still", "accelerometer", "none"]
-"""Where the specific force at the centre of gravity comes from."""
+"""Source of the specific force at the centre of gravity."""
 WANDER = 3
 """Terms of the slow wander of the attitude that the gyro's white noise causes."""
 SIZES = {
@@ -36,7 +36,7 @@ SIZES = {
 """The unknowns in their order, and how many numbers each is."""
 _ENDS = np.cumsum(list(SIZES.values()))
 SLICES = {name: slice(int(end) - size, int(end)) for (name, size), end in zip(SIZES.items(), _ENDS, strict=True)}
-"""Where each stands among all of them."""
+"""Slice of each unknown in the vector of all unknowns."""
 COUNT = int(_ENDS[-1])
 
 
@@ -46,37 +46,38 @@ class Unknowns(NamedTuple):
     inertia: Float[Array, "6"]
     """Packed tensor about the centre of gravity, in B [kg·m²]."""
     mass: Float[Array, "1"]
-    """Mass [kg]."""
+    """Mass of the body [kg]."""
     r_cg: Float[Array, "3"]
     """Centre of gravity from Q, in B [m]."""
     force_offset: Float[Array, "3"]
     """Constant that the load cell adds to the force [N]."""
     moment_offset: Float[Array, "3"]
-    """The same of the moment about Q [N·m]."""
+    """Constant that the load cell adds to the moment about Q [N·m]."""
     gyro_bias: Float[Array, "3"]
-    """Constant that the gyro adds, in its own axes [rad/s]."""
+    """Constant that the gyro adds to the angular velocity, in the gyro's axes [rad/s]."""
     tilt: Float[Array, "2"]
     """Rotation of the vertical at the first node, about two axes at right angles to it [rad]."""
     delay: Float[Array, "1"]
-    """The IMU's sample is that of so long before its stamp [s]."""
+    """Delay of the IMU: time from the measurement of a sample to its stamp [s]."""
     rotation: Float[Array, "3"]
     """Rotation vector of the rotation from the IMU's axes to B [rad]."""
     accelerometer_bias: Float[Array, "3"]
-    """Constant that the accelerometer adds, in its own axes [m/s²]."""
+    """Constant that the accelerometer adds to the specific force, in the accelerometer's axes [m/s²]."""
     force_drift: Float[Array, "3"]
     """Change of the force's offset from the run's start to its end [N]."""
     moment_drift: Float[Array, "3"]
-    """The same of the moment's [N·m]."""
+    """Change of the moment's offset about Q from the run's start to its end [N·m]."""
     wander: Float[Array, "9"]
-    """Amplitudes of the gyro's slow noise, three axes of each term [rad/s^0.5]; as its white noise's density."""
+    """Amplitudes of the gyro's slow noise, three axes of each term [rad/s^0.5], in the unit of its white noise's
+    density."""
     cg_from_still: Float[Array, "3"]
     """The centre of gravity from the point that is at rest, in B [m], where it is declared still."""
     gravity: Float[Array, "1"]
     """Local gravity less what is stated [m/s²]."""
     gyro_scale: Float[Array, "3"]
-    """Relative error of each axis' scale factor."""
+    """Relative error of the gyro's scale factor on each axis."""
     gyro_drift: Float[Array, "3"]
-    """Slope of the gyro's bias, from the run's middle, in its own axes [rad/s²]."""
+    """Slope of the gyro's bias, counted from the run's middle, in the gyro's axes [rad/s²]."""
     cell_matrix: Float[Array, "36"]
     """``D`` row by row, the load cell reading ``(1 + D)`` times the wrench (force, moment): scale factors, cross-talk
     and a small misalignment [1, N per N·m, N·m per N]."""
@@ -89,7 +90,7 @@ class Model(Pytree):
     up: Float[Array, "3"]
     """Direction opposite to gravity at the first node, in the IMU's axes, about which ``tilt`` is."""
     gravity: Float[Array, ""]
-    """Local gravity [m/s²]."""
+    """Local gravity that is stated [m/s²]."""
     imu_position: Float[Array, "3"]
     """The accelerometer, from Q, in B [m]."""
     specific_force: SpecificForce = static_field()
@@ -104,11 +105,11 @@ class Kinematics(NamedTuple):
     """The body's motion at the rows' instants, in B."""
 
     omega: Float[Array, "3 n"]
-    """Angular velocity [rad/s]."""
+    """Angular velocity of the body [rad/s]."""
     alpha: Float[Array, "3 n"]
-    """Angular acceleration [rad/s²]."""
+    """Angular acceleration of the body [rad/s²]."""
     specific_force: Float[Array, "3 n"] | None
-    """At the centre of gravity [m/s²]; None: not measured."""
+    """Specific force at the centre of gravity [m/s²]; None: not measured."""
 
 
 def kinematics(model: Model, x: Unknowns) -> Kinematics:

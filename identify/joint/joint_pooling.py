@@ -13,26 +13,26 @@ from identify.joint.priors import indices
 from identify.joint.single_run import JointRun
 
 ALIGNED = ("inertia", "mass", "r_cg", "delay", "rotation")
-"""What runs of one body and one rig share."""
+"""Unknowns that all runs of one body and one rig share."""
 CALIBRATED = ("force_offset", "moment_offset")
-"""What they share, too, where one static calibration precedes all of them."""
+"""Unknowns that runs share, too, where one static calibration precedes all of them."""
 
 
 class Pooled(NamedTuple):
     """The estimate from all runs."""
 
     theta: list[np.ndarray]
-    """Each run's unknowns, those that are shared being equal."""
+    """Unknowns of each run; shared ones are equal in all runs."""
     covariance: np.ndarray
-    """Of the unknowns of the first run, (count, count)."""
+    """Covariance of the unknowns of the first run, (count, count)."""
     prior_covariance: np.ndarray
-    """The part of it that the errors of the prior cause."""
+    """Part of ``covariance`` that the errors of the prior cause, (count, count)."""
     scatter: float
-    """How much more the runs scatter than their noise predicts; 1 for one run."""
+    """Ratio of the scatter between runs to the scatter that their noise predicts; 1 for a single run."""
     degrees_of_freedom: float
-    """Of the scatter; infinite for one run."""
+    """Degrees of freedom of ``scatter``; infinite for a single run."""
     by_prior: np.ndarray
-    """Derivative of the unknowns of the first run by the prior mean of each shared one, (count, count)."""
+    """Derivative of the first run's unknowns by the prior mean of each shared unknown, (count, count)."""
     beforehand: np.ndarray
     """Covariance of the prior, (count, count); zero for what has none."""
 
@@ -80,9 +80,9 @@ class _Eliminated(NamedTuple):
     matrix: np.ndarray
     right: np.ndarray
     local_map: np.ndarray
-    """The other z as ``local_map @ (1, shared z)``."""
+    """Matrix that gives the run's unshared coordinates as ``local_map @ (1, shared z)``."""
     local_covariance: np.ndarray
-    """Of the other z, given the shared."""
+    """Covariance of the run's unshared coordinates, given the shared ones."""
 
 
 def _eliminated(run: JointRun, common: np.ndarray) -> _Eliminated:

@@ -90,7 +90,7 @@ GROUPS = {
     "mass": ("mass",), "centre of gravity": ("r_cg",), "offsets": ("force_offset", "moment_offset"),
     "alignment": ("delay", "rotation", "accelerometer_bias"), "still centre of gravity": ("cg_from_still",),
 }  # fmt: skip
-"""Priors that a budget names, beside those of declared errors."""
+"""Unknowns of each prior that a budget names, beside the priors of declared errors."""
 
 
 def _budget(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
@@ -139,7 +139,7 @@ def _effects_of_axes(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
 
 
 def _lasting(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
-    """What errors of the prior do to the ten parameters that are the same in another body's result, (10,) each."""
+    """Return the prior's errors of the ten parameters, (10,) each, that are the same in another body's result."""
     by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
     effects = _effects_of_axes(pooled, setting)
     return {name: effects.get(name, by_static @ effect) for name, effect in setting.lasting.items()}
@@ -187,7 +187,7 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
 def _by_alpha(
     theta: Float[Array, " count"], imu_position: Float[Array, "3"], specific_force: SpecificForce
 ) -> tuple[Array, Array]:
-    """How the predicted rows change with alpha in the IMU's axes, (rows, 3), and the derivative of that by theta."""
+    """Return the predicted rows' derivative by alpha in the IMU's axes, (rows, 3), and its derivative by theta."""
 
     def matrix(theta: Array) -> Array:
         x = unknowns(theta)

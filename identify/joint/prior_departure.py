@@ -12,7 +12,7 @@ FAR = 3.0
 
 
 class Quantity(NamedTuple):
-    """How an unknown is written."""
+    """Name, unit and cure of an unknown in texts."""
 
     words: str
     scale: float
@@ -39,9 +39,10 @@ QUANTITIES = {
     "gyro_scale": Quantity("scale error of the gyro", 100.0, "%", "declare it wider, or calibrate"),
     "cell_matrix": Quantity("error of the load cell's matrix", 100.0, "%", "declare it wider, or calibrate"),
 }  # fmt: skip
-"""By unknown of :class:`identify.joint.joint_model.Unknowns`, the rotation first, as all others are in its axes.
+"""Name, unit and cure of each unknown of :class:`identify.joint.joint_model.Unknowns`, the rotation first, as all
+others are in its axes.
 
-Those that are missing only absorb slow errors."""
+Unknowns that are missing here only absorb slow errors."""
 
 
 def departures(theta: np.ndarray, mean: np.ndarray, beforehand: np.ndarray) -> list[str]:

@@ -16,7 +16,7 @@ from identify.pytree import Pytree
 from identify.rigid_body.regressor import Array
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
-"""What static poses determine, in the order of their covariance."""
+"""Unknowns that static poses determine, in the order of their covariance."""
 
 
 class PriorBlock(NamedTuple):
@@ -30,13 +30,13 @@ class ConstantError(NamedTuple):
     """A declared constant error of the rig: the same in all runs, unless it is drawn for each of them."""
 
     unknown: str
-    """Which unknown of :class:`identify.joint.joint_model.Unknowns` it changes."""
+    """Name of the unknown of :class:`identify.joint.joint_model.Unknowns` that the error changes."""
     mean: np.ndarray
     covariance: np.ndarray
     shared: bool = True
-    """Whether all runs have the same."""
+    """Whether the error is the same in all runs."""
     root: np.ndarray | None = None
-    """Of the covariance, a column for each independent axis of the source; None: any."""
+    """Root of the error's covariance, a column for each independent axis of the source; None: any root will do."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -113,7 +113,7 @@ class Prior(Pytree):
     mean: Float[Array, " count"]
     root: Float[Array, "count free"]
     counted: Float[Array, " free"]
-    """Prior precision of each z: 1 where it is standard normal, 0 where there is no prior."""
+    """Prior precision of each coordinate z: 1 where it is standard normal, 0 where it has no prior."""
 
     def theta(self, z: Float[Array, " free"]) -> Float[Array, " count"]:
         """Return the unknowns of z."""
@@ -121,7 +121,7 @@ class Prior(Pytree):
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the unknowns beforehand, (count, count); zero for what is flat."""
+        """Prior covariance of the unknowns, (count, count); zero for those without a prior."""
         root = np.asarray(self.root) * np.asarray(self.counted)
         return root @ root.T
 

@@ -39,7 +39,7 @@ class Setting:
     """Highest frequency of the motion [Hz]."""
     specific_force: SpecificForce
     gravity: float
-    """Local gravity [m/s²]."""
+    """Local gravity that is stated [m/s²]."""
     scale: float = 1.0
     """Order of magnitude of the tensor [kg·m²]."""
     noise: np.ndarray | None = None
@@ -47,7 +47,8 @@ class Setting:
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source; ``blocks`` hold them too."""
     lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """By name, errors of the static calibration that are the same in another body's, in the order of ``STATIC``."""
+    """Errors of the static calibration that are the same in another body's result, by name, in the order of
+    ``STATIC``."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Whether a recorded accelerometer contradicts a centre of gravity that is declared still."""
+"""Check of a recorded accelerometer against a centre of gravity that is declared still."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import evaluate
 
 PLACED_WITHIN = 0.01
-"""How far an accelerometer may be from where it is declared to be [m]: as much is no contradiction."""
+"""Distance of an accelerometer from its declared position [m] that does not count as a contradiction."""
 
 
 def check_still(fitted: JointRun) -> None:

@@ -30,20 +30,20 @@ class Problem:
     r_cg: np.ndarray
     """Centre of gravity from Q, in B [m]."""
     sigma_r_cg: np.ndarray
-    """Its standard uncertainty on each axis [m]."""
+    """Standard uncertainty of ``r_cg`` on each axis [m]."""
     estimator: EstimatorSpec | None = None
-    """Differentiator and filter; None: for the estimator to choose, see :meth:`band`."""
+    """Differentiator and filter of angular velocity; None: the estimator chooses them, see :meth:`band`."""
     offsets: OffsetChoice = "estimate"
     mass: float | None = None
-    """[kg]"""
+    """Mass of the body [kg]; None: not stated."""
     mass_uncertainty: float | None = None
-    """[kg]; None: the mass counts as exact."""
+    """Standard uncertainty of ``mass`` [kg]; None: the mass counts as exact."""
     centre: Centre | None = None
     """Mass and centre of gravity from static poses, with their covariance; then ``r_cg`` and ``mass`` are its."""
     alignment: Alignment | None = None
     cg_motion: CgMotion | None = None
     gravity: float = 9.80665
-    """[m/s²]"""
+    """Local gravity that is stated [m/s²]."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source, for an estimator that takes them along."""
 
@@ -71,11 +71,10 @@ class Estimator(ABC):
     """A way from runs to the tensor."""
 
     type_a: ClassVar[str] = ""
-    """How it evaluates type A from the runs, in a sentence for a certificate."""
+    """Sentence for a certificate on the type A evaluation of the runs."""
     estimates: ClassVar[frozenset[str]] = frozenset()
-    """What it estimates along with the tensor, so that its covariance holds their uncertainty: ``mass``, and constant
-    errors by their names (``cell_bias``, ``gyro_scale``, ``gyro_delay`` …).
-    """
+    """Names of the quantities that are estimated along with the tensor, so that its covariance holds their uncertainty:
+    ``mass``, and constant errors (``cell_bias``, ``gyro_scale``, ``gyro_delay`` …)."""
 
     @abstractmethod
     def fit(self, problem: Problem) -> Identification:

@@ -55,7 +55,7 @@ def _too_brief(of_runs: Sequence[Weighed]) -> list[str]:
 
 
 def _disagreement(every: Sequence[Difference]) -> str:
-    """What is said of the difference that is least by chance."""
+    """Return a sentence on the difference that is least probable by chance."""
     k = int(np.argmin([difference.chance for difference in every]))
     at, other = every[k].largest, every[k]
     value, sigma = (significant(1e3 * x, 2) for x in (other.value[at], np.sqrt(other.covariance[at, at])))

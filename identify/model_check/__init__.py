@@ -1,1 +1,1 @@
-"""What a run contradicts: causes in the rig or its declaration, by force and moment."""
+"""Contradictions in a run: causes in the rig or its declaration, by force and moment."""

@@ -16,9 +16,9 @@ class Cause(NamedTuple):
 
     name: str
     columns: Float[np.ndarray, "n 6 p"]
-    """What a unit of each coefficient adds to the measured wrench."""
+    """Change of the measured wrench by a unit of each of p coefficients, at n instants."""
     size: Float[np.ndarray, " p"]
-    """Standard deviation of each coefficient where nobody took care."""
+    """Typical standard deviation of each coefficient where no care was taken."""
 
 
 def causes(run: Prediction, *, free: frozenset[str]) -> list[Cause]:
@@ -39,7 +39,7 @@ def _acting(cause: Cause) -> Cause:
 
 
 Made = tuple[np.ndarray, np.ndarray]
-"""Columns and sizes."""
+"""Columns of a cause, (n, 6, p), and the typical sizes of its coefficients, (p,)."""
 
 
 def _unknown(*parts: tuple[str, float]) -> Callable[[Prediction], Made]:
@@ -166,7 +166,7 @@ def _clock(run: Prediction) -> Made:
 
 
 STEPS = (-0.25, 0.0, 0.25)
-"""When something is taken to have changed at once, in parts of the run from its middle."""
+"""Instants at which a sudden change is assumed, in parts of the run from its middle."""
 
 
 def _jump(run: Prediction) -> np.ndarray:
@@ -216,4 +216,4 @@ MAKERS: dict[str, Callable[[Prediction], Made]] = {
     "filter": _wrench(_late, 0.02),
     "nonlinearity": _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
 }
-"""By name, how a cause's signals are made."""
+"""Functions that make the signals of a cause, by the cause's name."""

@@ -1,4 +1,4 @@
-"""How probable a cause is, given the residuals: its coefficients under a prior, against none of it.
+"""Probability of a cause, given the residuals: its coefficients under a prior, against none of it.
 
 The unknowns that a run's fit holds are eliminated under their own priors, so that what a declared uncertainty explains
 is no evidence. The evidence is the logarithm of the Bayes factor of two normal distributions (Kass and Raftery,
@@ -24,18 +24,18 @@ FEWEST = 4.0
 
 @dataclass(frozen=True)
 class Base:
-    """What a run's estimate has fitted, line by line."""
+    """The unknowns that a run's estimate has fitted, line by line."""
 
     residuals: Float[np.ndarray, "m 6"]
-    """With the unknowns at their best on these lines."""
+    """Residuals of m lines and 6 components, with the unknowns at their best on these lines."""
     columns: Float[np.ndarray, "m 6 q"]
-    """What a unit of each unknown adds to the residuals, were it not fitted."""
+    """Change of the residuals by a unit of each of q unknowns."""
     precision: Float[np.ndarray, " q"]
-    """Of its prior."""
+    """Precision of each unknown's prior."""
 
     @cached_property
     def normal(self) -> Float[np.ndarray, "q q"]:
-        """Of the unknowns, with their prior."""
+        """Matrix of the unknowns' normal equations, with their prior, (q, q)."""
         return products(self.columns, self.columns) + np.diag(self.precision)
 
     def beside(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -53,31 +53,31 @@ class Base:
 
 
 class Evidence(NamedTuple):
-    """What the residuals say of a cause."""
+    """Evidence of the residuals for a cause."""
 
     cause: Cause
     coefficients: Float[np.ndarray, " p"]
-    """In units of the cause's size."""
+    """Coefficients of the cause, in units of its typical size."""
     covariance: Float[np.ndarray, "p p"]
     logarithm: float
-    """Of the Bayes factor for it."""
+    """Logarithm of the Bayes factor in favour of the cause."""
     chance: float
-    """Of residuals that follow it as much by accident."""
+    """Probability of residuals that follow the cause as closely by accident."""
     share: float
     """Part of the residuals' squares that it explains."""
     shift: Float[np.ndarray, " q"]
-    """By how much the estimate is wrong because of it, each unknown of the base."""
+    """Error that the cause makes in each unknown of the base."""
     columns: Float[np.ndarray, "m 6 p"]
-    """Its lines, for coefficients in units of its size."""
+    """Lines of the cause's signals, for coefficients in units of its typical size."""
 
     @property
     def added(self) -> Float[np.ndarray, "n 6"]:
-        """What it adds to the measured wrench [N], [N·m]."""
+        """Change of the measured wrench by the cause [N], [N·m]."""
         return np.asarray(self.cause.columns @ (self.cause.size * self.coefficients))
 
     @property
     def explained(self) -> Float[np.ndarray, "m 6"]:
-        """Its lines."""
+        """Lines of the cause at its coefficients."""
         return np.asarray(self.columns @ self.coefficients)
 
 

@@ -1,4 +1,4 @@
-"""What errors of the rig that an estimate takes as zero would do to it: its derivative by each of them.
+"""Effects of errors of the rig that an estimate takes as zero: its derivative by each of them.
 
 Of the joint estimate: the normal equations of its unknowns under their priors, with the errors' signals on the other
 side. Of least squares only what no declared source can be, the mounting's flexibility; the rest has the derivatives of
@@ -22,7 +22,7 @@ from identify.results.identification_result import Identification
 HELD = ("gyro_scale", "cell_matrix", "r_cg", "gravity")
 """Unknowns of :class:`identify.joint.joint_model.Unknowns` that a joint estimate may take as exact."""
 FLEXIBILITY = "flexibility"
-"""Of the mounting about each axis: the body's angular frequency on it, to the power −2 [s²]."""
+"""Unknown of the mounting's flexibility about each axis: the body's angular frequency on it, to the power −2 [s²]."""
 ACCELEROMETER_SCALE = "accelerometer_scale"
 """Relative errors of its scale factors."""
 

@@ -36,7 +36,7 @@ from identify.signals.residual_spectrum import spectrum
 from identify.signals.run import Run
 
 WIDER = 3
-"""Windows of the noise's spectrum over those of the estimators: a short run's lines are few."""
+"""Width of the noise spectrum's windows over that of the estimators' windows: a short run has few lines."""
 FEWEST = 16
 """Lines from which a run is judged."""
 STRETCH = 8.0
@@ -97,7 +97,7 @@ def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -
 
 
 def _force_from(problem: Problem, result: Identification) -> Force:
-    """Where the specific force comes from; "none", so that only moments are predicted, where no force follows of it."""
+    """Return the source of the specific force; "none" where no force follows, so that only moments are predicted."""
     source = specific_force_source(problem)
     if result.mass is None or any(falls(run, result, problem) for run in problem.runs):
         return "none"
@@ -155,7 +155,7 @@ def noise_of(fits: Sequence[RunFit]) -> Noise:
 
 
 def _frequencies(fit: RunFit) -> np.ndarray:
-    """Of the lines of a run [Hz]."""
+    """Return the frequencies of a run's lines [Hz]."""
     signals = fit.prediction.signals
     return np.arange(len(fit.residuals)) / (2 * signals.interval * len(signals.t))
 
@@ -191,7 +191,7 @@ def _predicted(
 
 
 def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem) -> dict[str, np.ndarray]:
-    """By unknown of a declared error, what it does to a tensor by least squares, (6, p): it counts as zero there."""
+    """Return each declared error's effect on a tensor by least squares, (6, p), where it counts as zero."""
     if estimate.method == "joint":
         return {}
     normal = np.zeros((6, 6))
@@ -207,7 +207,7 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
 
 
 def _held(declared: Declared, estimate: Identification, followed: dict[str, np.ndarray]) -> Declared:
-    """What a run has of its own, with the body and the alignment that the others gave."""
+    """Return the unknowns of a run alone, with the body and the alignment that the others gave."""
     inertia = estimate.inertia - sum((by @ declared.mean[name] for name, by in followed.items()), np.zeros(6))
     mean = declared.mean | {"inertia": inertia, "r_cg": estimate.r_cg}
     if estimate.mass is not None:
@@ -220,7 +220,7 @@ def _held(declared: Declared, estimate: Identification, followed: dict[str, np.n
 
 
 def _covariance(estimate: Identification, problem: Problem) -> Float[np.ndarray, "10 10"]:
-    """Of mass, r_CG and tensor."""
+    """Return the covariance of mass, r_CG and tensor."""
     covariance = np.array(estimate.parameters.covariance)
     if not covariance[0, 0] > 0:
         covariance[0, 0] = (problem.mass_uncertainty or 0.0) ** 2
@@ -238,7 +238,7 @@ def _compared(
     noise: Noise,
     freedom_of_estimate: float,
 ) -> HeldOutRun:
-    """What the errors are beside what they should be.
+    """Return the errors beside their expected values.
 
     Args:
         run: that is held out.
@@ -281,7 +281,7 @@ def _compared(
 def _of_body(
     moved: np.ndarray, errors: np.ndarray, at: np.ndarray, noise: Noise, freedom_of_estimate: float
 ) -> tuple[float, float]:
-    """Along the estimate's errors: root mean square over what is to be expected, and its chance.
+    """Return the ratio of the error to its expected size (rms) along the estimate's errors, and its chance.
 
     With the information ``A`` of the run, the scores ``g = movedᵀ S⁻¹ errors`` have the covariance ``A + A²``. That
     weights come from an estimate of the noise makes the first larger, as it does Hotelling's T² (Anderson 2003, 5.2).

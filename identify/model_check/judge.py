@@ -30,9 +30,9 @@ MATTERS = 0.5
 WIDENS = 0.2
 """Part of the residuals that a cause explains from which it is worth one, too: the interval is wider for it."""
 UNEXPLAINED = 3.0
-"""Residuals in the motion's band over those above it from which something is wrong that has no name."""
+"""Ratio of residuals in the motion's band to those above it from which an unnamed cause is reported."""
 EQUALLY = 1.2
-"""Residuals about a point at rest over those with the accelerometer, down to which the base does turn about one."""
+"""Ratio of residuals with a point at rest to those with the accelerometer below which the base may have one."""
 LOOSE = 1.0
 """Standard uncertainty of a point at rest that is not declared [m]."""
 FLAT = 10
@@ -135,7 +135,7 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
 
 
 def _unexplained(run: Run, left_over: float, row: int) -> Verdict:
-    """What no cause explains: root mean square of a row over its noise."""
+    """Return the part that no cause explains: root mean square of a row over its noise."""
     on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
     text = (
         f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
@@ -145,7 +145,7 @@ def _unexplained(run: Run, left_over: float, row: int) -> Verdict:
 
 
 def _adds(of_mounting: np.ndarray) -> str:
-    """What a mounting that rings adds to the tensor, in words; '' where it adds nothing."""
+    """Return a text on the contribution of a resonant mounting to the tensor; '' where it adds nothing."""
     if not of_mounting.any():
         return ""
     worst = int(np.argmax(np.abs(of_mounting)))
@@ -153,7 +153,7 @@ def _adds(of_mounting: np.ndarray) -> str:
 
 
 def _of_mounting(fit: RunFit, peak: Peak, inertia: np.ndarray) -> np.ndarray:
-    """By how much a mounting that rings there makes moments too large: ``(f/f0)²``; nothing for a force's peak."""
+    """Return the relative excess of moments on a mounting that resonates: ``(f/f0)²``; zero for a force's peak."""
     motion = fit.prediction.signals
     squared = float((motion.alpha**2).sum() / (motion.omega**2).sum()) / (2 * np.pi) ** 2
     return inertia * squared / peak.frequency**2 * (peak.quantity == "moment")
@@ -179,7 +179,7 @@ def _saturated(run: Run) -> list[Verdict]:
 
 
 def _by_moment(run: Run, result: Identification) -> list[Verdict]:
-    """What the residual moment alone follows: where neither accelerometer nor a point at rest tells the force."""
+    """Return causes by the moment alone: where neither accelerometer nor a point at rest gives the force."""
     if result.method == "joint":
         return []
     verdicts = consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
@@ -275,7 +275,7 @@ def declared_of(run: Run, result: Identification, problem: Problem, force_from: 
 
 
 def _shift_of_least_squares(fit: RunFit, cause: Followed) -> np.ndarray:
-    """By how much a cause makes the tensor of (10) wrong: the force counts as measured, the moment about r_CG."""
+    """Return a cause's error of the tensor of (10): the force counts as measured, the moment about r_CG."""
     at = fit.prediction
     added = cause.evidence.added
     moment = added[:, 3:] - np.cross(at.x["r_cg"], added[:, :3])

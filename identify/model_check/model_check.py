@@ -10,17 +10,18 @@ from identify.model_check.evidence import Base, Evidence, evidence
 from identify.model_check.run_fit import RunFit
 
 CHANCE = 1e-4
-"""Of residuals that follow one cause by accident, above which nothing is said."""
+"""Chance that residuals follow one cause by accident, above which nothing is reported."""
 LIKELY = 0.0
 """Logarithm of the Bayes factor from which a cause is more probable than none; in clean runs it is some −4."""
 CLEAR = 3.0
-"""The same from which it is more probable than another: twenty to one."""
+"""Logarithm of the Bayes factor from which a cause is more probable than another: twenty to one."""
 MOST = 3
 """Causes that are named of one run."""
 NEARLY = 0.85
 """Part of what a cause explains that a cause of fewer coefficients must explain to be named in its place."""
 ECHO = 0.3
-"""A further cause must explain this part of what the first explains: less may be what a linear picture of it leaves."""
+"""Least share, of what the first cause explains, that a further cause must explain: less may be an error of
+linearisation."""
 
 
 class Followed(NamedTuple):
@@ -30,18 +31,18 @@ class Followed(NamedTuple):
     rivals: tuple[str, ...]
     """Other causes that are about as probable."""
     shift: np.ndarray
-    """By how much the tensor of the joint model is wrong because of it [kg·m²]."""
+    """Error that the cause makes in the joint model's packed tensor [kg·m²]."""
 
 
 class Judgement(NamedTuple):
-    """What a run's residuals follow, and what is left."""
+    """Causes that a run's residuals follow, and the rest that none explains."""
 
     causes: list[Followed]
-    """The most probable first."""
+    """Causes that the residuals follow, the most probable first."""
     unexplained: float
     """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
     row: int
-    """That row: force, then moment."""
+    """Index of the row in which ``unexplained`` is largest: force, then moment."""
 
 
 def _simplest(likely: Sequence[Evidence]) -> Evidence:

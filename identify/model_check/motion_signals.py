@@ -33,11 +33,11 @@ class MotionSignals:
     """Rows of a run that count, samples first, in B, SI."""
 
     t: Float[np.ndarray, " n"]
-    """From the first node [s]."""
+    """Instants from the first node [s]."""
     force: Float[np.ndarray, "n 3"]
     moment: Float[np.ndarray, "n 3"]
     omega: Float[np.ndarray, "n 3"]
-    """As the gyro has it, its slow errors removed."""
+    """Angular velocity from the gyro, its slow errors removed [rad/s]."""
     alpha: Float[np.ndarray, "n 3"]
     jerk: Float[np.ndarray, "n 3"]
     """Derivative of alpha [rad/s³]."""
@@ -47,13 +47,13 @@ class MotionSignals:
     turns: Float[np.ndarray, "n 3 3"]
     """Rotation from B at each row to B at the first node."""
     interval: float
-    """From row to row [s]."""
+    """Time from row to row [s]."""
     band: float
     """Highest frequency of the motion [Hz]."""
 
     @property
     def progress(self) -> np.ndarray:
-        """From -1/2 to 1/2."""
+        """Progress of the run, from -1/2 to 1/2."""
         return (self.t - self.t.mean()) / max(np.ptp(self.t), 1e-300)
 
     @property
@@ -132,6 +132,6 @@ class Recorded:
 
 
 def _fast_count(rows: int) -> int:
-    """How many rows count: of a long run a few less, for a length whose cosine transform takes a third of the time."""
+    """Return the number of rows that count: a few less of a long run, for a three times faster transform."""
     fast = int(scipy.fft.prev_fast_len(rows)) if rows else 0
     return fast if rows - fast <= LEFT_OUT * rows else rows

@@ -19,7 +19,7 @@ from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrices, cross_matrix, features
 
 Force = Literal["still", "accelerometer", "none"]
-"""Where the specific force comes from: a point at rest, the accelerometer, or the measured force."""
+"""Source of the specific force: a point at rest, the accelerometer, or the measured force."""
 Columns = Float[np.ndarray, "n 6 p"]
 Changes = Float[np.ndarray, "n 3 p"]
 
@@ -39,7 +39,7 @@ class Prediction:
     """Force and moment about Q, without the load cell's errors."""
 
     def __post_init__(self) -> None:
-        """Predict."""
+        """Compute the prediction from the run's signals."""
         s, x = self.signals, self.x
         if self.force_from == "still":
             specific = (self.gravity + x["gravity"]) * self.up + s.levers @ x["cg_from_still"]
@@ -55,12 +55,12 @@ class Prediction:
 
     @cached_property
     def up(self) -> Float[np.ndarray, "n 3"]:
-        """Upward in B."""
+        """Upward direction in B at each row."""
         return np.asarray(self.x["up"] @ self.signals.turns)
 
     @cached_property
     def regressor(self) -> Float[np.ndarray, "n 3 6"]:
-        """Omega_R."""
+        """Regressor Omega_R of each row."""
         phi = features(self.signals.omega.T, self.signals.alpha.T)
         return np.asarray(np.einsum("kji,kn->nji", OMEGA_R_OF_FEATURES, phi, optimize=True))
 

@@ -33,11 +33,11 @@ class Peak(NamedTuple):
     quantity: str
     axis: int
     frequency: float
-    """[Hz]"""
+    """Frequency of the peak [Hz]."""
     share: float
     """Part of what lies above the motion's band."""
     rms: float
-    """[N], [N·m]"""
+    """Root mean square of the peak [N], [N·m]."""
 
     def verdict(self, run: Run, adds: str = "") -> Verdict:
         """Return the peak as a cause, with what it adds to the tensor."""

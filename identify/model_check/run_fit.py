@@ -33,7 +33,8 @@ class Lines:
     band: float
     whitener: Float[np.ndarray, "rows rows"]
     r_cg: Float[np.ndarray, "3"] | None = None
-    """Where only moments about it count: nothing tells the specific force [m]."""
+    """Centre of gravity [m] when only moments about it count, as nothing measures the specific force; otherwise
+    None."""
 
     def __call__(self, columns: Float[np.ndarray, "n 6 p"]) -> Float[np.ndarray, "m rows p"]:
         """Return the lines of some columns."""
@@ -54,12 +55,13 @@ class Lines:
 
 @dataclass(frozen=True)
 class Declared:
-    """What is declared of a run's unknowns."""
+    """Declared means and uncertainties of a run's unknowns."""
 
     mean: dict[str, np.ndarray]
-    """By unknown of :class:`identify.joint.joint_model.Unknowns`; the others are zero."""
+    """Prior mean of each unknown of :class:`identify.joint.joint_model.Unknowns`; unknowns that are missing here have
+    zero."""
     root: dict[str, np.ndarray]
-    """By unknown that is not exact: a matrix whose product with its transpose is the covariance of its prior."""
+    """Root of each inexact unknown's prior covariance: its product with its transpose is the covariance."""
     flat: tuple[str, ...]
     """Unknowns without a prior."""
     gravity: float
@@ -69,7 +71,7 @@ class Declared:
     gyro_density: np.ndarray
     """Density of the gyro's white noise on each axis, whose integral makes the attitude wander [rad/s^0.5]."""
     reference: dict[str, np.ndarray]
-    """Where the search starts, where that is not the mean."""
+    """Start of the search of each unknown for which it is not the prior mean."""
 
 
 @dataclass(frozen=True)
@@ -80,19 +82,19 @@ class RunFit:
     lines: Lines
     residuals: Float[np.ndarray, "m rows"]
     columns: Float[np.ndarray, "m rows q"]
-    """What a unit of each number that is estimated adds to the residuals, were it not."""
+    """Change of the residuals by a unit of each of the q numbers that are estimated."""
     precision: Float[np.ndarray, " q"]
-    """Of their priors: one, or zero for the flat ones."""
+    """Prior precision of each number: one, or zero without a prior."""
     places: dict[str, slice]
-    """Where each unknown stands among them."""
+    """Slice of each unknown among the numbers that are estimated."""
     root: dict[str, np.ndarray]
-    """How much of an unknown a unit of its numbers is; none: one each."""
+    """Matrix from an unknown's numbers to the unknown; a missing one is the unit matrix."""
     numbers: Float[np.ndarray, " q"]
-    """Where ``prediction`` stands, from the priors' means."""
+    """Values of the numbers at which ``prediction`` was made, counted from the priors' means."""
 
     @property
     def tensor(self) -> slice:
-        """Where the tensor stands among the numbers that are estimated."""
+        """Slice of the tensor among the numbers that are estimated."""
         return self.places["inertia"]
 
     @property

@@ -16,7 +16,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
 
 CHANCE = 1e-6
-"""Of a difference as large by chance, below which it counts."""
+"""Chance of as large a difference below which the difference counts."""
 SMALL = 0.5
 """Difference over the standard uncertainty of the estimate that is no news."""
 
@@ -25,18 +25,18 @@ class Difference(NamedTuple):
     """Ordinary least squares less the fit."""
 
     value: np.ndarray
-    """(6,) [kg·m²]."""
+    """Ordinary least squares less the weighted fit, (6,) [kg·m²]."""
     expected: np.ndarray
-    """Its covariance by noise and the fit's priors, and what is no news, (6, 6)."""
+    """Covariance of ``value`` that noise, the fit's priors and negligible differences explain, (6, 6) [(kg·m²)²]."""
 
     @property
     def clear(self) -> bool:
-        """Whether it is more than chance."""
+        """Whether the difference is larger than chance explains."""
         return bool(scipy.special.chdtrc(6, self.value @ np.linalg.solve(self.expected, self.value)) < CHANCE)
 
     @property
     def text(self) -> str:
-        """What is said of it."""
+        """Text on the difference for a reader."""
         spread = np.sqrt(np.diag(self.expected))
         worst = int(np.argmax(np.abs(self.value) / spread))
         value, usual = GRAM_METRE * self.value[worst], GRAM_METRE * spread[worst]

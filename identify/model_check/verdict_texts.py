@@ -1,4 +1,4 @@
-"""What is said of a cause: its size in the units of a laboratory, and its cure."""
+"""Texts on a cause: its size in the units of a laboratory, and its cure."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -11,10 +11,10 @@ from identify.rounding import significant, with_uncertainty
 
 
 class Words(NamedTuple):
-    """How a cause is said."""
+    """Texts of a cause: size and cure."""
 
     phrase: Callable[[Float[np.ndarray, " p"], Float[np.ndarray, " p"]], str]
-    """From its coefficients in SI and their standard uncertainties."""
+    """Function that makes a phrase of the coefficients in SI and their standard uncertainties."""
     cure: str
 
 
@@ -131,7 +131,7 @@ WORDS: Mapping[str, Words] = {
         _only("as if the load cell were not linear (nonlinearity)"), "use its calibration, or load it less"
     ),
 }
-"""By name of the cause."""
+"""Texts of each cause, by the cause's name."""
 
 
 def sentence(judged: Evidence, rivals: tuple[str, ...]) -> str:

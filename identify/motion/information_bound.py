@@ -50,7 +50,7 @@ class Certified:
     weights: Float[np.ndarray, " m"]
     """λ, times b and normalised: how much each constraint forbids."""
     moment: Float[np.ndarray, "3 3"]
-    """Where the tangent touches, up to a factor."""
+    """Second moment at which the tangent touches, up to a factor."""
 
 
 def least(

@@ -1,4 +1,4 @@
-"""What a platform does on a trajectory: poses, legs and forces at many instants, and how they stand to its limits."""
+"""Demands of a trajectory on a platform: poses, legs and forces at many instants, compared with its limits."""
 
 from typing import Any, NamedTuple
 
@@ -15,14 +15,14 @@ from identify.rigid_body.dynamics import acceleration_at, wrench
 from identify.rigid_body.inertia import Body
 
 LEG_QUANTITIES = {"length": "m", "speed": "m/s", "acceleration": "m/s^2", "force": "N", "joint_angle": "rad"}
-"""What is limited of each leg, in SI."""
+"""Unit in SI of each limited quantity of a leg."""
 
 
 class PlatformMotion(NamedTuple):
     """A platform's motion, instants first."""
 
     t: Float[Array, " n"]
-    """Time [s]."""
+    """Instants of the motion [s]."""
     pose: Pose
     """Position of OMB, (n, 3), and attitude, (n, 3, 3)."""
     twist: Twist
@@ -58,22 +58,22 @@ def platform_motion(
 
 
 class Effort(NamedTuple):
-    """What a motion asks of platform, load cell, gyro and body, instants first."""
+    """Demands of a motion on platform, load cell, gyro and body, instants first."""
 
     legs: Legs
-    """(n, 6) each."""
+    """Lengths, speeds and accelerations of the legs, (n, 6) each."""
     force: Float[Array, "n 6"]
-    """Along each leg [N]."""
+    """Force along each leg [N]."""
     joint_angle: Float[Array, "n 6"]
     """The larger of the angles at a leg's two joints, from home [rad]."""
     cell_force: Float[Array, "n 3"]
-    """On the load cell [N]."""
+    """Force on the load cell [N]."""
     cell_moment: Float[Array, "n 3"]
-    """The same about Q [N·m]."""
+    """Moment on the load cell about Q [N·m]."""
     omega: Float[Array, "n 3"]
-    """Angular velocity [rad/s]."""
+    """Angular velocity of the body [rad/s]."""
     body_acceleration: Float[Array, " n"]
-    """Of the body's centre of gravity, without gravity [m/s²]."""
+    """Acceleration of the body's centre of gravity, without gravity [m/s²]."""
 
 
 @CompiledProgram
@@ -110,26 +110,26 @@ def effort(
 
 
 class Limits(NamedTuple):
-    """What a rig can do; infinite where nothing limits."""
+    """Limits of a rig; infinite where nothing limits."""
 
     length: Float[np.ndarray, "6 2"]
-    """Shortest and longest each leg may be [m]."""
+    """Shortest and longest length of each leg [m]."""
     speed: Float[np.ndarray, "6"]
-    """Of each leg, either way [m/s]."""
+    """Largest speed of each leg, either way [m/s]."""
     acceleration: Float[np.ndarray, "6"]
-    """Of each leg, either way [m/s²]."""
+    """Largest acceleration of each leg, either way [m/s²]."""
     force: Float[np.ndarray, "6"]
-    """Along each leg, either way [N]."""
+    """Largest force along each leg, either way [N]."""
     joint_angle: Float[np.ndarray, ""]
-    """Of the joints from home [rad]."""
+    """Largest angle of the joints from home [rad]."""
     cell_force: Float[np.ndarray, "3"]
     """Rated force of the load cell on each axis [N]."""
     cell_moment: Float[np.ndarray, "3"]
     """Rated moment of the load cell on each axis [N·m]."""
     gyro_range: Float[np.ndarray, ""]
-    """Of the gyro, on each axis [rad/s]."""
+    """Range of the gyro on each axis [rad/s]."""
     body_acceleration: Float[np.ndarray, ""]
-    """That the body bears, without gravity [m/s²]."""
+    """Largest acceleration that the body bears, without gravity [m/s²]."""
     bandwidth: float
     """Highest frequency of the platform's command [Hz]."""
 
@@ -178,16 +178,16 @@ def signed_shares(asked: Effort, limits: Limits) -> dict[str, Any]:
 
 
 class Peak(NamedTuple):
-    """Where a motion uses most of a limit."""
+    """The largest use of a limit by a motion, and where it occurs."""
 
     quantity: str
     """Name in :func:`shares`."""
     share: float
-    """Of the limit; above 1 it is exceeded."""
+    """Used share of the limit; above 1 the limit is exceeded."""
     channel: int
     """Leg or axis, from 0."""
     t: float
-    """When [s]."""
+    """Instant of the largest use [s]."""
 
     def __str__(self) -> str:
         where = f"leg {self.channel + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.channel + 1}"

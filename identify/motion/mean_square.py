@@ -1,4 +1,4 @@
-"""How large the mean square of a signal of limited band can be, when its value and its integral are bounded.
+"""The largest mean square of a signal of limited band whose value and integral are bounded.
 
 Let x have band B and ``|x| ≤ a``, and let its integral keep within ±v. By Bernstein's inequality in Szegő's form
 ``x'² + (2πB)² x² ≤ (2πB a)²``, so ``x = a sin θ`` with ``|θ'| ≤ Ω = 2πB``. Between two zeros x keeps its sign, so

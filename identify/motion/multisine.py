@@ -19,17 +19,17 @@ class Multisine(Trajectory):
     """
 
     frequency: Float[Array | np.ndarray, " k"]
-    """Frequencies f_k [Hz]."""
+    """Frequencies f_k of the sines [Hz]."""
     cosine: Float[Array | np.ndarray, "6 k"]
-    """Amplitudes c_k: displacement [m] along the axes of A, then rotation vector [rad]."""
+    """Amplitudes c_k of the cosines: displacement [m] along the axes of A, then rotation vector [rad]."""
     sine: Float[Array | np.ndarray, "6 k"]
     """Amplitudes s_k, in the same order."""
     duration: Scalar
-    """Duration [s]."""
+    """Duration of the motion [s]."""
     ramp: Scalar
     """Time to start and to stop each stage [s]."""
     start: Float[Array | np.ndarray, " k"] | None = None
-    """When the stage of each sine starts [s]; None: all at 0, one stage."""
+    """Instants at which the stage of each sine starts [s]; None: a single stage from 0."""
 
     def coordinates(self, t: Float[Array, ""]) -> Float[Array, "6"]:
         """Return displacement [m] and rotation vector [rad] at ``t``."""
@@ -47,14 +47,14 @@ class Multisine(Trajectory):
 
     @property
     def end(self) -> Float[Array, " k"]:
-        """When the stage of each sine ends [s]: with the next one's start, or with the motion."""
+        """Instants at which the stage of each sine ends [s]: with the next one's start, or with the motion."""
         start = jnp.zeros(len(self.frequency)) if self.start is None else jnp.asarray(self.start)
         next_start = jnp.where(start[None] > start[:, None], start[None], jnp.inf).min(axis=1)
         return jnp.minimum(next_start, self.duration)
 
     @property
     def stages(self) -> int:
-        """How many stages there are."""
+        """Number of stages."""
         return 1 if self.start is None else len(np.unique(np.asarray(self.start)))
 
     @property
@@ -77,7 +77,7 @@ class Multisine(Trajectory):
 
     @property
     def shortest(self) -> float:
-        """How short the motion may be made before one of its stages is nothing but two ramps [s]."""
+        """Shortest duration before one of the stages is nothing but two ramps [s]."""
         starts = np.unique(np.zeros(1) if self.start is None else np.asarray(self.start))
         return 2 * float(self.ramp * self.duration / np.diff([*starts, float(self.duration)]).min())
 

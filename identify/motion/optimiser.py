@@ -15,20 +15,20 @@ import scipy
 from jaxtyping import Array, Float
 
 Goal = Callable[[Float[Array, " u"]], tuple[Float[Array, ""], Float[Array, " m"]]]
-"""Returns what is to be small, and the limits, met where they are at most zero."""
+"""Function that returns the value to be made small, and the limits, which are met where they are at most zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Where a minimisation ended."""
+    """End of a minimisation."""
 
     unknowns: Float[np.ndarray, " u"]
     goal: float
-    """What is to be small, there."""
+    """Value of the goal at the end of the minimisation."""
     excess: float
     """Largest violation of a limit; at most zero: all are met."""
     evaluations: int
-    """Of function and gradient."""
+    """Number of evaluations of function and gradient."""
 
 
 class Lagrangian:

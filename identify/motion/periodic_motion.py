@@ -26,11 +26,11 @@ class Periodic(Pytree):
     """Harmonics of one period, sampled on a uniform grid."""
 
     frequency: Float[np.ndarray, " k"]
-    """Of the harmonics [Hz]."""
+    """Frequencies of the harmonics [Hz]."""
     t: Float[np.ndarray, " n"]
     """Instants of one period [s]."""
     to_pose: Float[np.ndarray, "6 6"]
-    """Takes the unknowns of six legs to accelerations of displacement [m/s²] and rotation vector [rad/s²]."""
+    """Matrix from the unknowns of six legs to accelerations of displacement [m/s²] and rotation vector [rad/s²]."""
 
     @classmethod
     def of(cls, platform: Platform, limits: Limits, *, period: float, band: float, rate: float) -> "Periodic":
@@ -42,12 +42,12 @@ class Periodic(Pytree):
 
     @property
     def period(self) -> float:
-        """The period [s]."""
+        """Duration of one period [s]."""
         return float(1 / self.frequency[0])
 
     @property
     def unknowns(self) -> int:
-        """How many numbers describe a motion."""
+        """Number of unknowns that describe a motion."""
         return 12 * len(self.frequency)
 
     def amplitudes(self, unknowns: Float[Array, " u"]) -> Float[Array, "2 6 k"]:
@@ -83,7 +83,7 @@ def accelerations(limits: Limits) -> Float[np.ndarray, "6"]:
 
 
 class Moved(NamedTuple):
-    """A motion: of the platform, and of the body with the derivative of alpha."""
+    """Motion of the platform, and of the body with the derivative of alpha."""
 
     platform: PlatformMotion
     body: Motion

@@ -1,4 +1,4 @@
-"""How a platform's legs are best driven against each other: the optimal mixture of phase patterns.
+"""The best phases of a platform's legs against each other: the optimal mixture of phase patterns.
 
 While the legs follow one wave, each at its own phase, their accelerations' second moment L is the real part of
 ``A p pᴴ A`` but for the wave's mean square: A is the diagonal of what each may do, p one complex number of modulus one
@@ -21,26 +21,26 @@ from jaxtyping import Array, Complex, Float
 from identify.motion.information_bound import Uncertainty
 
 PHASES = 6
-"""In a turn."""
+"""Phases in a turn that a leg may have."""
 STEPS = 2_000
-"""Of the multiplicative algorithm, each time that patterns are left out."""
+"""Steps of the multiplicative algorithm, each time that patterns are left out."""
 NEGLIGIBLE = 0.01
 """Share of the time, of the largest one, below which a pattern is left out at first."""
 SMALL = 0.1
-"""Share below which it is left out in the end: it would take a stage of its own, and ramps."""
+"""Share below which a pattern is left out in the end: it would take a stage of its own, and ramps."""
 MOST = 4
 """Patterns that are kept at most."""
 LITTLE = 1e-3
-"""Of the moment of all patterns in equal shares, added: some goals want a single pattern, whose moment is singular."""
+"""Weight with which the moment of all patterns in equal shares is added: a single pattern's moment is singular."""
 
 
 class Mixture(NamedTuple):
     """Patterns and the shares of the time that they are to have, the largest first."""
 
     phasors: Complex[np.ndarray, "k 6"]
-    """What each leg does of what it may, as ``Re p exp(iωt)``."""
+    """Patterns of the legs' motion ``Re p exp(iωt)``, in parts of what each leg may do."""
     share: Float[np.ndarray, " k"]
-    """Above zero, together one."""
+    """Share of the time of each pattern, positive; the shares add up to one."""
 
     def both_ways(self) -> "Mixture":
         """Return the same with its conjugate beside each pattern that is another, each for half of the time."""

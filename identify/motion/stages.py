@@ -25,7 +25,7 @@ class Stages(Pytree):
 
     periodic: Periodic
     border: Float[np.ndarray, " b"]
-    """When each stage starts, and when the last one ends [s]."""
+    """Instants at which the stages start, and the end of the last one [s]."""
     ramp: float
     """Time to start and to stop each stage [s]."""
 
@@ -43,12 +43,12 @@ class Stages(Pytree):
 
     @property
     def count(self) -> int:
-        """How many stages there are."""
+        """Number of stages."""
         return len(self.border) - 1
 
     @property
     def unknowns(self) -> int:
-        """How many numbers describe a motion."""
+        """Number of unknowns that describe a motion."""
         return self.count * self.periodic.unknowns
 
     @property

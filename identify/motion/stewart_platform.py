@@ -20,23 +20,23 @@ from identify.rigid_body.rotation import exponential
 
 
 class Pose(NamedTuple):
-    """Where the platform is."""
+    """Position and attitude of the platform."""
 
     position: Float[Array, "3"]
-    """Of OMB, in A [m]."""
+    """Position of OMB, in A [m]."""
     rotation: Float[Array, "3 3"]
     """R_AB, taking components in the platform's frame B to components in A."""
 
 
 class Twist(NamedTuple):
-    """How a platform moves at one instant."""
+    """Velocity and acceleration of a platform at one instant."""
 
     velocity: Float[Array, "3"]
-    """Of OMB, in A [m/s]."""
+    """Velocity of OMB, in A [m/s]."""
     omega: Float[Array, "3"]
     """Angular velocity, in B [rad/s]."""
     acceleration: Float[Array, "3"]
-    """Of OMB, in A [m/s²]."""
+    """Acceleration of OMB, in A [m/s²]."""
     alpha: Float[Array, "3"]
     """Angular acceleration, in B [rad/s²]."""
 
@@ -45,22 +45,22 @@ class Legs(NamedTuple):
     """Six legs at one instant."""
 
     length: Float[Array, "6"]
-    """Between the centres of the joints [m]."""
+    """Distance between the centres of each leg's joints [m]."""
     speed: Float[Array, "6"]
-    """Its rate [m/s]."""
+    """Rate of change of each leg's length [m/s]."""
     acceleration: Float[Array, "6"]
-    """Its second derivative [m/s²]."""
+    """Second derivative of each leg's length [m/s²]."""
 
 
 class Rod(NamedTuple):
     """One half of a leg, slender: the cylinder at the base or the rod at the platform."""
 
     mass: Float[Array, ""]
-    """Mass [kg]."""
+    """Mass of the rod [kg]."""
     distance: Float[Array, ""]
-    """Its centre of mass from its own joint, along the leg [m]."""
+    """Distance of the rod's centre of mass from its joint, along the leg [m]."""
     inertia: Float[Array, ""]
-    """Moment about its centre of mass, across the leg [kg·m²]."""
+    """Moment of inertia about the rod's centre of mass, across the leg [kg·m²]."""
 
 
 class Platform(Pytree):
@@ -75,9 +75,9 @@ class Platform(Pytree):
     plate: Body
     """Mass, centre of gravity from OMB and tensor of what moves beside the body: plate and load cell."""
     cylinder: Rod
-    """Of every leg, at the base."""
+    """Mass properties of each leg's part at the base."""
     rod: Rod
-    """Of every leg, at the platform."""
+    """Mass properties of each leg's part at the platform."""
 
     @property
     def home_pose(self) -> Pose:

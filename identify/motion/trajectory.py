@@ -26,7 +26,7 @@ class Trajectory(Pytree):
 
         @property
         def duration(self) -> Scalar:
-            """Duration [s]."""
+            """Duration of the motion [s]."""
 
     @abstractmethod
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
@@ -53,7 +53,7 @@ class Sphere(Trajectory):
     angular_acceleration: Scalar
     """Radius A of the sphere of angular acceleration [rad/s²]."""
     duration: Scalar
-    """Duration T [s]."""
+    """Duration T of the motion [s]."""
     ramp: Scalar
     """Time to start and to stop [s]."""
     precessions: Scalar
@@ -84,9 +84,9 @@ class Harmonic(Trajectory):
     """The source's T3 and T4: simple harmonic motion about b1, then b2, then b3, a third of the duration each."""
 
     angular_velocity: Scalar
-    """Amplitude W [rad/s]."""
+    """Amplitude W of the angular velocity [rad/s]."""
     angular_acceleration: Scalar
-    """Amplitude A [rad/s²]; the motion's angular frequency is A / W."""
+    """Amplitude A of the angular acceleration [rad/s²]; the motion's angular frequency is A / W."""
     duration: Scalar
     """Duration T of the three segments together [s]."""
     ramp: Scalar
@@ -106,7 +106,7 @@ class Motion(NamedTuple):
     """A sampled motion of the body, component first: what a perfect rig would do."""
 
     t: Float[Array, " n"]
-    """Time [s], uniform."""
+    """Instants of the samples [s], uniform."""
     omega: Float[Array, "3 n"]
     """Angular velocity in B [rad/s]."""
     alpha: Float[Array, "3 n"]
@@ -114,7 +114,7 @@ class Motion(NamedTuple):
     rotation: Float[Array, "n 3 3"]
     """Attitude R_AB, taking components in B to components in A."""
     specific_force_cg: Float[Array, "3 n"]
-    """``a_CG - R g`` in B [m/s²]."""
+    """Specific force ``a_CG - R g`` of the centre of gravity, in B [m/s²]."""
 
 
 @CompiledProgram

@@ -1,1 +1,1 @@
-"""What an identification returns: tensor and uncertainty, alignment, weak components."""
+"""Results of an identification: tensor and uncertainty, alignment, weak components."""

@@ -25,11 +25,11 @@ class Aligned:
     value: np.ndarray
     """The delay (1,), or the rotation vector (3,) of the rotation from the IMU's axes, as declared, to B."""
     covariance: np.ndarray
-    """Of ``value``."""
+    """Covariance of ``value``, in the square of its unit."""
     interval95: np.ndarray
     """Coverage interval of 95 %, (1 or 3, 2)."""
     prior_share: np.ndarray
-    """How much of each variance comes from what was declared beforehand: 1 where the data add nothing."""
+    """Share of the declared prior in each variance: 1 where the data add nothing."""
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -38,7 +38,7 @@ class Aligned:
 
     @property
     def estimated(self) -> bool:
-        """Whether it was left free."""
+        """Whether the quantity was estimated rather than taken as exact."""
         return bool((np.diag(self.covariance) > 0).any())
 
     def to_dict(self) -> dict[str, Any]:

@@ -55,26 +55,26 @@ QUANTITIES = (
 )
 """The ten parameters as they are said: name, unit, that unit's number in one of SI."""
 PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
-"""From which part of half an interval on an effect is compared with it, and in which words."""
+"""Parts of an interval's half-width above which an effect is compared with it, and the words for it."""
 
 
 class Effect(NamedTuple):
-    """What an error that is neither declared nor estimated would do to a result."""
+    """Effect on a result of an error that is neither declared nor estimated."""
 
     name: str
-    """Its key in ``[not_included]``."""
+    """Key of the error in ``[not_included]``."""
     text: str
-    """What it is."""
+    """Description of the error in words."""
     figure: str
-    """How large it typically is."""
+    """Typical size of the error, with its unit."""
     parameters: Float[np.ndarray, "10"]
-    """What it adds to mass, r_CG and tensor [kg, m, kg·m²]; zero to those that the estimate takes as given."""
+    """Change of mass, r_CG and tensor by the error [kg, m, kg·m²]; zero for those that the estimate takes as given."""
     signed: bool
-    """Whether that is a bias of known sign; else a standard uncertainty."""
+    """Whether ``parameters`` is a bias of known sign; otherwise it is a standard uncertainty."""
 
     @property
     def inertia(self) -> Float[np.ndarray, "6"]:
-        """What it adds to the tensor [kg·m²]."""
+        """Change of the packed tensor by the error [kg·m²]."""
         return self.parameters[4:]
 
 

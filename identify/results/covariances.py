@@ -65,7 +65,7 @@ def checked(result: Identification) -> Identification:
 
 
 def _covariances(result: Identification) -> Iterator[tuple[str, tuple[str, ...], np.ndarray]]:
-    """What, the names of its numbers, its covariance; components that the motion does not determine are left out."""
+    """Return title, names and covariance of each quantity, without components that are not determined."""
     ten = np.ones(10, bool)
     ten[0] = result.mass is not None
     if result.admissible is not None:

@@ -17,15 +17,15 @@ class Discordant(NamedTuple):
     """A run, or a mounting with its runs, that leaves the others, in the component that departs most."""
 
     indices: tuple[int, ...]
-    """Of its runs in the result's."""
+    """Indices of the discordant runs among those of the result."""
     files: tuple[str, ...]
     mounting: str | None
-    """None: the run leaves the other runs of its mounting."""
+    """Name of the discordant mounting; None: a run leaves the other runs of its mounting."""
     component: str
     difference: float
-    """From the weighted mean of those that belong [kg·m²]."""
+    """Difference from the weighted mean of those that belong [kg·m²]."""
     standard_uncertainty: float
-    """Of the difference, from residuals and sources that each mounting draws anew [kg·m²]."""
+    """Standard uncertainty of ``difference``, from residuals and sources that each mounting draws anew [kg·m²]."""
 
     @property
     def name(self) -> str:
@@ -35,7 +35,7 @@ class Discordant(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What departs, and by how much."""
+        """Sentence on the departure and its size."""
         size, u = abs(self.difference), self.standard_uncertainty
         figures = f"{with_uncertainty(GRAM_METRE * size, GRAM_METRE * u)} g·m²"
         return f"{self.component} is {figures} ({size / u:.0f} u) {'above' if self.difference > 0 else 'below'} theirs"
@@ -65,9 +65,9 @@ class Discordance:
 
     departures: tuple[Discordant, ...]
     whole: PoolEstimate
-    """Of all runs: the result."""
+    """Estimate from all runs, which is the result."""
     without: PoolEstimate | None
-    """Of the runs that belong; None: these alone do not determine the tensor."""
+    """Estimate from the runs that belong; None: these alone do not determine the tensor."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m²."""

@@ -1,4 +1,4 @@
-"""Which figures an identification has, with their captions: budget, residuals, coverage, runs, parts of runs."""
+"""Figures of an identification, with their captions: budget, residuals, coverage, runs, parts of runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 

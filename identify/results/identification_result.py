@@ -37,17 +37,18 @@ class Identification(Result):
 
     kind = "inertia identify"
     inertia: np.ndarray
-    """Packed tensor [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual variance."""
+    """Packed tensor of the body [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual
+    variance."""
     bias: np.ndarray
     """Expected mean error from white gyro noise and the differentiator's gain; not subtracted [kg·m²]."""
     covariance: np.ndarray
-    """Of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
+    """Covariance of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
     interval95: np.ndarray
     """Coverage interval of 95 % about ``inertia``, (6, 2) [kg·m²]."""
     r_cg: np.ndarray
     """Centre of gravity from Q that was used, in B [m]."""
     sigma_r_cg: np.ndarray
-    """Its standard uncertainty [m]."""
+    """Standard uncertainty of ``r_cg`` [m]."""
     mass: float | None
     """Mass [kg], when stated."""
     estimator: EstimatorSpec
@@ -57,39 +58,38 @@ class Identification(Result):
     diagnostics: Mapping[str, Any]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     offsets: OffsetChoice = "estimate"
-    """Where the load cell's constant offsets come from."""
+    """Treatment of the load cell's constant offsets: ``estimate``, ``still`` or ``none``."""
     pooling: Pooling | None = None
-    """Type A: residuals, and the scatter between runs and mountings."""
+    """Type A evaluation: residuals, and the scatter between runs and mountings."""
     budget: Mapping[str, np.ndarray] | None = None
     """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
     consistency: tuple[Verdict, ...] = ()
-    """What the residuals follow, run by run."""
+    """Causes that each run's residuals follow."""
     misfit: np.ndarray | None = None
     """Shift by what the runs contradict, which counts as a standard uncertainty [kg·m²]; None: none."""
     mass_uncertainty: float | None = None
     """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
     cg_inertia_covariance: np.ndarray | None = None
-    """Between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
+    """Covariance between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
     cg_covariance: np.ndarray | None = None
-    """Of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
+    """Covariance of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
     mass_covariance: np.ndarray | None = None
-    """Between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
+    """Covariance between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
     centre_factor: np.ndarray | float = mass_and_centre.NORMAL
     """Coverage factor of 95 % of mass and centre of gravity: one, or (4,)."""
     centre_from: str = mass_and_centre.DECLARED
-    """Where mass and centre of gravity come from."""
+    """Origin of mass and centre of gravity: declared, static poses, or estimated with the tensor."""
     lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """By name, what errors do to the ten parameters, in ``covariance`` too, that are the same in another body's result:
-    of one standard uncertainty each, (10,).
-    """
+    """Changes of the ten parameters, (10,), by one standard uncertainty of each error, by its name, that is part of
+    ``covariance`` and the same in another body's result."""
     datum: Datum | None = None
     """A frame in which the result is also wanted."""
     tare: Tare | None = None
-    """What was taken off; None: nothing."""
+    """Fixture that was subtracted from the identified body; None: nothing was."""
     method: str = "source"
     """Name of the estimator, in :mod:`identify.methods`."""
     delay: Aligned | None = None
-    """How much the IMU is late, where that was estimated [s]."""
+    """Delay of the IMU against the load cell [s], where it was estimated."""
     rotation: Aligned | None = None
     """Rotation from the IMU's axes, as declared, to B, where that was estimated [rad]."""
 
@@ -105,7 +105,7 @@ class Identification(Result):
     not_included: NotIncluded | None = None
     """Errors that the intervals do not hold, at typical figures; None: it was not looked at."""
     validation: HeldOut | None = None
-    """How well each run, or half of one, is predicted by the others; None: it was not asked for."""
+    """Prediction of each run, or half of one, from the others; None: it was not asked for."""
 
     @property
     def parameters(self) -> InertialParameters:
@@ -128,7 +128,7 @@ class Identification(Result):
 
     @property
     def taken_off(self) -> np.ndarray:
-        """What a fixture adds to each run's own tensor, which is that of all that stood on the load cell [kg·m²]."""
+        """Measured tensor less the identified one: the part of the fixture in each run's own tensor [kg·m²]."""
         return self._measured.inertia - self.inertia
 
     @property

@@ -11,11 +11,11 @@ from identify.text_tables import Table
 
 NAMES = ("mass, kg", *(f"centre of gravity from Q, b{axis}, mm" for axis in (1, 2, 3)))
 UNITS = (1.0, 1e3, 1e3, 1e3)
-"""From SI to those of ``NAMES``."""
+"""Factors from SI to the units of ``NAMES``."""
 NORMAL = 1.959963984540054
 """Coverage factor of 95 % of a normal distribution."""
 DECLARED, POSES, ESTIMATED, LEFT = "declared", "static poses", "estimated with the tensor", "without the fixture"
-"""Where mass and centre of gravity come from."""
+"""Possible origins of mass and centre of gravity."""
 
 
 def interval95(ten: InertialParameters, factor: np.ndarray | float) -> Float[np.ndarray, "4 2"]:

@@ -1,4 +1,4 @@
-"""Which directions a motion visited, and the uncertainty of the moment of inertia about each axis."""
+"""Directions that a motion visited, and the uncertainty of the moment of inertia about each axis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

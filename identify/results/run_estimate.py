@@ -22,26 +22,26 @@ class RunEstimate:
     file: str
     sha256: str | None
     inertia: np.ndarray
-    """Packed tensor [kg·m²]."""
+    """Packed tensor from this run alone [kg·m²]."""
     standard_uncertainty: np.ndarray
-    """From the run's residuals [kg·m²]."""
+    """Standard uncertainty of ``inertia`` from the run's residuals [kg·m²]."""
     samples: int
     rate: float
-    """Sample rate [Hz]."""
+    """Sample rate of the run [Hz]."""
     residual: np.ndarray
     """Standard deviation of the residual moment on each axis [N·m]."""
     correlation_time: float
-    """Of the residuals [s]."""
+    """Integrated correlation time of the residuals [s]."""
     offsets: Offsets | None
     """Constants of the load cell that were removed; None: not asked for."""
     alone: bool
     """Whether this run identifies the whole tensor by itself."""
     segments: tuple[tuple[float, float], ...] = ()
-    """From when to when it was used [s]; none: it is whole."""
+    """Start and end of each part of the run that was used [s]; empty: the whole run was."""
     detected: bool = False
-    """Whether these were detected by the motion, not named."""
+    """Whether ``segments`` were detected by the motion rather than named."""
     left_out: Mapping[str, int] = field(default_factory=dict)
-    """How many samples were left out, by reason."""
+    """Number of samples that were left out, by reason."""
     overview: np.ndarray | None = None
     """Time and largest angular velocity of the whole run that the segments were cut from [s, rad/s]."""
     force_offset: np.ndarray | None = None
@@ -60,7 +60,7 @@ class RunEstimate:
 
     @property
     def used(self) -> str | None:
-        """What was used and what was left out, in words; None: all of it."""
+        """Text on the parts that were used and left out; None: all of the run was used."""
         segments = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in self.segments)
         out = ", ".join(f"{count:,} samples {reason}" for reason, count in self.left_out.items() if count)
         how = ", found where it moves" if self.detected else ""

@@ -16,7 +16,7 @@ RIM = np.sqrt(2)
 """Radius of a half sphere's disc, in Lambert's azimuthal equal-area projection of the unit sphere."""
 
 GROUND = "#f6f6f6"
-"""Of a disc, in dark pages too: the darkest colours are the largest values."""
+"""Background colour of a disc, in dark pages too: the darkest colours are the largest values."""
 
 
 def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> FigureBase:

@@ -126,7 +126,7 @@ def _range(name: str, low: float, high: float) -> str:
 
 
 def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
-    """How the body turns, and the moment about a single axis."""
+    """Return a text on the rotation of the body and the moment about a single axis."""
     omega = np.concatenate([run.omega[segment] for run in runs for segment in run.used()])
     power, axes = np.linalg.eigh(omega.T @ omega)
     if power[1] < ONE_AXIS * power[2]:

@@ -1,4 +1,4 @@
-"""From motion to the wrench that the load cell exerts on the body at Q: (4), (5), (11). One sample in, one out."""
+"""The wrench that the load cell exerts on the body at Q, from the motion: (4), (5), (11). One sample in, one out."""
 
 from typing import Any, NamedTuple
 
@@ -9,7 +9,7 @@ from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import Array
 
 Vectors = Float[Array, "... 3"] | Float[np.ndarray, "... 3"]
-"""Of JAX or NumPy."""
+"""Vectors of three components as an array of JAX or NumPy."""
 
 
 class Wrench(NamedTuple):

@@ -24,7 +24,7 @@ from identify.rounding import with_uncertainty
 
 @dataclass(frozen=True)
 class Tare:
-    """What was taken off an identified body."""
+    """The fixture that was subtracted from an identified body."""
 
     fixture: InertialParameters
     """The fixture with the load cell's own moving plate."""
@@ -33,7 +33,7 @@ class Tare:
     runs: tuple[tuple[str, str | None], ...] = ()
     """Name and SHA-256 of the fixture's runs; none: it was stated."""
     provenance: Mapping[str, Any] | None = None
-    """Of the fixture's result."""
+    """Provenance of the result that identified the fixture; None: the fixture was stated."""
 
     def without(self, body: InertialParameters) -> str:
         """Return mass and centre of gravity of the body that is left, in words."""

@@ -8,10 +8,10 @@ SOMIGLIANA = 0.00193185265241
 """Constant k of Somigliana's formula."""
 ECCENTRICITY_SQUARED = 0.00669437999014
 SEMI_MAJOR = 6_378_137.0
-"""Semi-major axis [m]."""
+"""Semi-major axis of the ellipsoid [m]."""
 FLATTENING = 1 / 298.257223563
 CENTRIFUGAL = 0.00344978650684
-"""ω²a²b/GM."""
+"""Ratio ω²a²b/GM of centrifugal to gravitational acceleration at the equator."""
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:

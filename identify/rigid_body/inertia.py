@@ -25,7 +25,7 @@ class Body(NamedTuple):
     """A rigid body: what (4) and (5) need to know of it."""
 
     mass: Float[Array, ""]
-    """Mass [kg]."""
+    """Mass of the body [kg]."""
     r_cg_from_q: Float[Array, "3"]
     """Centre of gravity from the load cell's centre Q, in the body frame B [m]."""
     inertia: Float[Array, "6"]

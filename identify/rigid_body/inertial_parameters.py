@@ -27,9 +27,9 @@ class Tensor(NamedTuple):
     """A packed tensor with its uncertainty."""
 
     inertia: np.ndarray
-    """Packed tensor [kg·m²]."""
+    """Packed tensor of the body [kg·m²]."""
     covariance: np.ndarray
-    """Its covariance, (6, 6) [(kg·m²)²]."""
+    """Covariance of ``inertia``, (6, 6) [(kg·m²)²]."""
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -52,9 +52,9 @@ class Datum:
     rotation: np.ndarray
     """R with components in D = R · components in B."""
     position: np.ndarray
-    """Its origin from Q, in B [m]."""
+    """Origin of D from Q, in B [m]."""
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((6, 6)))
-    """Of a small turn about the axes of D [rad] and of ``position`` [m], (6, 6)."""
+    """Covariance of a small turn about the axes of D [rad] and of ``position`` [m], (6, 6)."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,13 +62,14 @@ class InertialParameters(Shown):
     """The ten parameters of a rigid body with their covariance. SI units."""
 
     mass: float
-    """Mass [kg]; NaN: not stated."""
+    """Mass of the body [kg]; NaN: not stated."""
     r_cg: np.ndarray
     """Centre of gravity from the frame's origin, in the frame [m]; of a result: from Q, in B."""
     inertia: np.ndarray
     """Packed tensor about the centre of gravity [kg·m²]."""
     covariance: np.ndarray
-    """Of the ten in the order of ``PARAMETERS``, (10, 10); rows of an unknown mass hold NaN on the diagonal."""
+    """Covariance of the ten parameters in the order of ``PARAMETERS``, (10, 10); NaN on the diagonal of an unknown
+    mass."""
 
     @property
     def values(self) -> np.ndarray:

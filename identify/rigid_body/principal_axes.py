@@ -20,21 +20,21 @@ class Principal(NamedTuple):
     moments: np.ndarray
     """Principal moments, ascending [kg·m²]."""
     axes: np.ndarray
-    """Their axes in B, the rows of a right-handed rotation."""
+    """Principal axes in B, the rows of a right-handed rotation."""
     standard_uncertainty: np.ndarray
-    """Of the moments [kg·m²]."""
+    """Standard uncertainty of ``moments`` [kg·m²]."""
     angles: np.ndarray
-    """Standard uncertainty of the turn of the axes about each of them [rad]; infinite where moments are equal."""
+    """Standard uncertainty of the rotation about each principal axis [rad]; infinite where moments are equal."""
 
     @property
     def determined(self) -> np.ndarray:
-        """Whether each axis is: neither turn that would move it is uncertain by more than ``LARGEST_ANGLE``."""
+        """Mask of the determined axes: no turn that moves such an axis is uncertain by more than ``LARGEST_ANGLE``."""
         determined = self.angles <= LARGEST_ANGLE
         return np.array([determined[1] & determined[2], determined[2] & determined[0], determined[0] & determined[1]])
 
     @property
     def note(self) -> str | None:
-        """Which axes are not determined, in words; None: all are."""
+        """Text that names the axes that are not determined; None: all are."""
         lost = [f"{k + 1}" for k in range(3) if not self.determined[k]]
         if not lost:
             return None

@@ -13,9 +13,9 @@ from identify.rigid_body.inertia import COMPONENTS, pack
 
 PAIRS = tuple((int(name[1]) - 1, int(name[2]) - 1) for name in COMPONENTS)
 UNITS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in PAIRS])
-"""Tensor of each packed unit, (6, 3, 3)."""
+"""Symmetric matrix of each packed unit tensor, (6, 3, 3)."""
 SECOND_MOMENT = np.array([0.5 * np.trace(unit) * np.eye(3) - unit for unit in UNITS])
-"""Second moments of each packed unit, (6, 3, 3)."""
+"""Second-moment matrix of each packed unit tensor, (6, 3, 3)."""
 
 
 def second_moment(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "3 3"]:

@@ -23,7 +23,7 @@ def library_of(*arrays: Any) -> Any:
 
 FEATURES = ("1", "w1", "w2", "w3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3", "a1", "a2", "a3")
 OMEGA, PRODUCTS, ALPHA = slice(1, 4), slice(4, 10), slice(10, 13)
-"""Where omega, its products and alpha stand among the features."""
+"""Slices of omega, of its products and of alpha among the features."""
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """The axes of the products ``omega_i omega_j``."""
 
@@ -51,7 +51,7 @@ def omega_r(omega: Float[Array, "3"], alpha: Float[Array, "3"]) -> Float[Array, 
 
 
 OMEGA_R_OF_FEATURES = np.array([_omega_r(unit) for unit in np.eye(len(FEATURES))])
-"""Shape (13, 3, 6): ``Omega_R = sum_k feature_k * OMEGA_R_OF_FEATURES[k]``."""
+"""Coefficients (13, 3, 6) of ``Omega_R = sum_k feature_k * OMEGA_R_OF_FEATURES[k]``."""
 
 
 def _first_moment(feature):
@@ -65,7 +65,7 @@ def _first_moment(feature):
 
 
 FIRST_MOMENT_OF_FEATURES = np.array([_first_moment(unit) for unit in np.eye(len(FEATURES))])
-"""Shape (13, 3, 3): what the first moment ``m r`` is multiplied by in the force, of the features as ``Omega_R`` is."""
+"""Coefficients (13, 3, 3) of the features in the matrix that multiplies the first moment ``m r`` in the force."""
 
 
 def pi(force: Float[Array, "3"]) -> Float[Array, "3 3"]:
@@ -87,7 +87,7 @@ def cross_matrices(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 
 
 
 PI_OF_FORCE = np.array([pi(unit) for unit in np.eye(3)])
-"""Shape (3, 3, 3): ``Pi(F) = sum_k F_k * PI_OF_FORCE[k]``."""
+"""Coefficients (3, 3, 3) of ``Pi(F) = sum_k F_k * PI_OF_FORCE[k]``."""
 
 
 def wrench_regressor(

@@ -21,22 +21,22 @@ class Solid(NamedTuple):
     """A homogeneous solid about its centre, in its own axes."""
 
     volume: Float[Array, ""]
-    """[m³]"""
+    """Volume of the solid [m³]."""
     mean_squares: Float[Array, "3"]
-    """``∫x² dV / V`` and so on [m²]."""
+    """Mean squares ``∫x² dV / V`` of the three coordinates [m²]."""
 
 
 class Part(NamedTuple):
     """A solid with its mass, in the frame of the whole."""
 
     mass: Float[Array, ""]
-    """Mass [kg]; negative for a hole."""
+    """Mass of the part [kg]; negative for a hole."""
     mean_squares: Float[Array, "3"]
-    """In its own axes [m²]."""
+    """Mean squares of the coordinates, in the part's axes [m²]."""
     rotation: Float[Array | np.ndarray, "3 3"]
-    """Takes components in its own axes to components in the frame."""
+    """Rotation that takes components in the part's axes to components in the frame."""
     position: Float[Array, "3"]
-    """Its centre in the frame [m]."""
+    """Position of the part's centre in the frame [m]."""
 
 
 def cylinder(diameter: Length, length: Length, inner_diameter: Length = 0.0) -> Solid:

@@ -31,23 +31,23 @@ class JointSeries(Pytree):
     """
 
     home: Float[Array | np.ndarray, " n"]
-    """Where the motion starts and ends [rad or m]."""
+    """Joint positions at which the motion starts and ends [rad or m]."""
     frequency: Float[Array | np.ndarray, " k"]
-    """Frequencies f_k [Hz]."""
+    """Frequencies f_k of the sines [Hz]."""
     cosine: Float[Array | np.ndarray, "n k"]
-    """Amplitudes c_k [rad or m]."""
+    """Amplitudes c_k of the cosines of each joint [rad or m]."""
     sine: Float[Array | np.ndarray, "n k"]
-    """Amplitudes s_k [rad or m]."""
+    """Amplitudes s_k of the sines of each joint [rad or m]."""
     start: Float[Array | np.ndarray, " k"]
-    """When the stage of each sine starts [s]."""
+    """Instants at which the stage of each sine starts [s]."""
     end: Float[Array | np.ndarray, " k"]
-    """When it ends [s]."""
+    """Instants at which the stage of each sine ends [s]."""
     ramp: Scalar
     """Time to start and to stop each stage [s]."""
 
     @property
     def duration(self) -> float:
-        """When the last stage ends [s]."""
+        """Instant at which the last stage ends [s]."""
         return float(np.max(self.end))
 
     def basis(self, t: Float[Array, ""]) -> Float[Array, "2 k"]:

@@ -1,4 +1,4 @@
-"""What a wrist sensor learns of a payload: ten inertial parameters from force and moment under white noise.
+"""Information of a wrist sensor on a payload: ten inertial parameters from force and moment under white noise.
 
 The wrench about Q is linear in mass, first moment and the tensor about Q (:func:`wrench_regressor`). By Gauss and
 Markov no unbiased linear estimate has a smaller covariance than the inverse of the information, here after the

@@ -21,57 +21,57 @@ class SerialChain(Pytree):
     """Joints from the base to the tool, n of them, and the links that they move, as URDF describes them."""
 
     rotation: Float[Array | np.ndarray, "n 3 3"]
-    """Of each joint's frame at zero: takes components in it to those in the frame of the link before."""
+    """Rotation of each joint's frame at zero: takes components in it to those in the frame of the preceding link."""
     position: Float[Array | np.ndarray, "n 3"]
-    """Of each joint from the one before, in the frame of the link before [m]."""
+    """Position of each joint from the preceding one, in the frame of the preceding link [m]."""
     axis: Float[Array | np.ndarray, "n 3"]
-    """Unit vector of each joint, in its frame."""
+    """Unit vector along each joint's axis, in the joint's frame."""
     tool_rotation: Float[Array | np.ndarray, "3 3"]
-    """Takes components in the tool's frame B to those in the last link's."""
+    """Rotation that takes components in the tool's frame B to those in the last link's frame."""
     tool_position: Float[Array | np.ndarray, "3"]
-    """Of the tool's origin Q from the last joint, in the last link's frame [m]."""
+    """Position of the tool's origin Q from the last joint, in the last link's frame [m]."""
     mass: Float[Array | np.ndarray, " n"]
-    """Of each link [kg], without what the tool carries."""
+    """Mass of each link [kg], without what the tool carries."""
     r_cg: Float[Array | np.ndarray, "n 3"]
-    """Its centre of gravity from its joint, in its frame [m]."""
+    """Centre of gravity of each link from its joint, in the link's frame [m]."""
     inertia: Float[Array | np.ndarray, "n 6"]
-    """Its packed tensor about its centre of gravity, in its frame [kg·m²]."""
+    """Packed tensor of each link about its centre of gravity, in the link's frame [kg·m²]."""
     prismatic: tuple[bool, ...] = static_field()
-    """Which joints slide; the others turn."""
+    """Mask of the joints that slide; the others turn."""
 
     @property
     def count(self) -> int:
-        """How many joints there are."""
+        """Number of joints."""
         return len(self.prismatic)
 
 
 class LinkMotion(NamedTuple):
-    """How a frame of the arm moves, in its own axes."""
+    """Motion of a frame of the arm, in its own axes."""
 
     omega: Float[Array, "3"]
-    """Angular velocity [rad/s]."""
+    """Angular velocity of the frame [rad/s]."""
     alpha: Float[Array, "3"]
-    """Angular acceleration [rad/s²]."""
+    """Angular acceleration of the frame [rad/s²]."""
     specific_force: Float[Array, "3"]
-    """Acceleration of its origin less gravity [m/s²]."""
+    """Acceleration of the frame's origin less gravity [m/s²]."""
 
 
 class LinkPoses(NamedTuple):
-    """Where the frames of an arm are, in the base's frame."""
+    """Poses of the frames of an arm, in the base's frame."""
 
     rotation: Float[Array, "m 3 3"]
-    """Takes components in each frame to those in the base's."""
+    """Rotation that takes components in each frame to those in the base's frame."""
     position: Float[Array, "m 3"]
-    """Of each origin [m]."""
+    """Position of each frame's origin [m]."""
 
 
 class Driven(NamedTuple):
-    """What an arm does at one instant."""
+    """Motion of an arm's tool and efforts of its joints at one instant."""
 
     tool: LinkMotion
-    """Of the frame B of the tool, with Q as its origin."""
+    """Motion of the tool's frame B, whose origin is Q."""
     effort: Float[Array, " n"]
-    """Of each joint's drive: torque [N·m], or force of a prismatic one [N]."""
+    """Effort of each joint's drive: torque [N·m], or force of a prismatic joint [N]."""
 
 
 def poses(chain: SerialChain, q: Float[Array, " n"]) -> LinkPoses:

@@ -1,4 +1,4 @@
-"""From recorded attitudes to the angular velocity: a smoothing fit on the unit quaternions, and the noise it leaves.
+"""Angular velocity from recorded attitudes: a smoothing fit on the unit quaternions, and the noise it leaves.
 
 Over a short window the four components of the quaternion are fitted by polynomials (Savitzky–Golay); with the fit's
 value q and slope q̇ at its middle, ``omega = 2 vec(q* q̇) / |q|²`` in the body frame.

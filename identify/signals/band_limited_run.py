@@ -18,14 +18,14 @@ from identify.signals.run import Run, RunError
 ROWS_PER_PERIOD = 10.0
 """Samples of the load cell that are kept, a period of the motion's highest frequency."""
 NODES_PER_PERIOD = 30.0
-"""The same of the motion, between which it is interpolated."""
+"""Nodes in a period of the motion's highest frequency, between which the motion is interpolated."""
 PASSED = 2.5
-"""How far the low-pass is flat, in units of the motion's band."""
+"""Frequency up to which the low-pass is flat, in units of the motion's band."""
 ATTENUATION = 140.0
-"""Of the low-pass [dB]; its gain is 1 within 1e-7."""
+"""Attenuation of the low-pass [dB]; in its pass band the gain is 1 within 1e-7."""
 FEWEST_ROWS = 24
 DEGREE = 5
-"""Of the spline."""
+"""Degree of the interpolating spline."""
 
 
 class InBand(Pytree):

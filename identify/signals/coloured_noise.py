@@ -17,7 +17,7 @@ class ShapedNoise(NamedTuple):
     taps: Float[np.ndarray, " h"]
     """The differentiator's taps [1/s]."""
     rate: float
-    """Its sample rate [Hz]."""
+    """Sample rate of the differentiator [Hz]."""
 
     def alpha(self, estimator: EstimatorSpec, rate: float) -> Float[np.ndarray, "3"]:
         """Return the standard deviation of the rows' alpha on each axis [rad/s²], behind the estimator's filters.

@@ -1,4 +1,4 @@
-"""From angular velocity to angular acceleration: antisymmetric finite impulse responses and their gain.
+"""Angular acceleration from angular velocity: antisymmetric finite impulse responses and their gain.
 
 A differentiator is its taps ``c``, ``alpha[k] = sum_j c[j] (omega[k+j] - omega[k-j])`` for j = 1 … h, in 1/s. Being
 antisymmetric it has no phase error and ignores a constant bias; what it does to the motion is one real gain.

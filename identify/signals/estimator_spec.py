@@ -1,4 +1,4 @@
-"""How a run's signals become rows of the regression: the choice of differentiator and filter."""
+"""The choice of differentiator and filter by which a run's signals become rows of the regression."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -11,7 +11,7 @@ from identify.rigid_body.regressor import Array
 LONGEST = 10_000_000
 """Taps of a low-pass on either side of its middle, at most."""
 ATTENUATION = 100.0
-"""Of the low-pass that brings unequal rates together [dB]."""
+"""Attenuation of the low-pass that brings unequal rates together [dB]."""
 
 
 def gaussian(rate: float, cutoff: float) -> np.ndarray:

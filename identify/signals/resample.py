@@ -36,7 +36,7 @@ class UniformSpline(NamedTuple):
     pieces: Float[np.ndarray, "powers cells channels"]
     """Coefficients of the powers of the time since the cell's node [s], the highest first."""
     step: float
-    """From node to node [s]."""
+    """Time from node to node [s]."""
 
     def __call__(self, t: Float[np.ndarray, " n"], order: int = 0) -> Float[np.ndarray, "n channels"]:
         """Return its values, or its derivative of an order, at instants [s] after the first node."""
@@ -64,7 +64,7 @@ def uniform_spline(samples: Float[np.ndarray, "n channels"], step: float, *, deg
 
 
 def _powers(degree: int) -> np.ndarray:
-    """Of each power, the highest first, the coefficient in the B-splines that reach into a cell of unit length."""
+    """Return the B-splines' coefficients in a cell of unit length, by power, the highest first."""
     table = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):  # sums of truncated powers (u + reach)^degree
         for j in range(degree - k + 1):
@@ -74,7 +74,7 @@ def _powers(degree: int) -> np.ndarray:
 
 
 def _coefficients(samples: np.ndarray, degree: int) -> np.ndarray:
-    """Of the B-splines at the samples and half a degree beyond either end."""
+    """Return the coefficients of the B-splines at the samples and half a degree beyond either end."""
     n, half, taps = len(samples), degree // 2, AT_SAMPLES[degree]
     inverse = np.fft.fftshift(np.fft.irfft(1 / np.abs(np.fft.rfft(taps, 2 * REACH + 2)), 2 * REACH + 2))[1:]
     beyond = REACH + half
@@ -99,7 +99,7 @@ def interval(t: np.ndarray) -> float:
 
 
 def in_gap(t: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
-    """Which instants ``at`` lie inside a gap between the samples ``t``, or within ``reach`` of one [s]."""
+    """Return the mask of instants ``at`` inside a gap between the samples ``t``, or within ``reach`` of one [s]."""
     steps = np.diff(t)
     inside = np.zeros(len(at), bool)
     for k in np.flatnonzero(steps > GAP * np.median(steps)):
@@ -108,7 +108,7 @@ def in_gap(t: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
 
 
 def beside(bad: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
-    """Which instants ``at`` lie within ``reach`` [s] of a bad one."""
+    """Return the mask of instants ``at`` within ``reach`` [s] of a bad one."""
     bad = np.sort(bad)
     first, last = np.searchsorted(bad, at - reach), np.searchsorted(bad, at + reach, side="right")
     return last > first
@@ -117,7 +117,7 @@ def beside(bad: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
 def below(
     nyquist: float, times: list[np.ndarray], columns: list[np.ndarray], intervals: list[float], name: str
 ) -> tuple[list[np.ndarray], list[np.ndarray], float]:
-    """Both sensors' samples at uniform instants of their own, both without what lies above ``nyquist`` [Hz]."""
+    """Return both sensors' samples at uniform instants of their own, without frequencies above ``nyquist`` [Hz]."""
     uniform, filtered, reach = [], [], 0.0
     for t, values, interval in zip(times, columns, intervals, strict=True):
         taps = lowpass(1 / interval, nyquist)

@@ -1,4 +1,4 @@
-"""How errors are correlated across axes and in time: their spectrum, from the cosine transform of residuals.
+"""Correlation of errors across axes and in time: their spectrum, from the cosine transform of residuals.
 
 The cosine transform (DCT-II, orthonormal) of each segment without a gap turns n samples into n lines at the frequencies
 ``j rate / 2n``. It is orthogonal, so the regression stays the same regression; and the lines of a stationary error are
@@ -21,18 +21,18 @@ LEAST_LINES = 8
 SLOPE_LINES = 64
 """Lines, the first ones, that tell how the spectrum falls."""
 LEAST_GAIN = 1e-4
-"""Of a filter's power gain: what lies below cannot be distinguished from leakage."""
+"""Least power gain of a filter that counts: below it, a signal cannot be distinguished from leakage."""
 
 
 class Lines(NamedTuple):
-    """Where the lines of a run's segments lie, in the order of frequency."""
+    """Positions of the lines of a run's segments, in the order of frequency."""
 
     frequency: Float[np.ndarray, " m"]
-    """[Hz]."""
+    """Frequency of each line [Hz]."""
     constant: Float[np.ndarray, " m"]
-    """The transform of a constant 1."""
+    """Cosine transform of a constant 1."""
     order: np.ndarray
-    """From the segments' lines, one segment after the other, to these."""
+    """Permutation from the lines of one segment after another to the order of frequency."""
     segments: tuple[slice, ...]
 
     @classmethod
@@ -46,7 +46,7 @@ class Lines(NamedTuple):
 
     @property
     def constants(self) -> int:
-        """How many lines, the first ones, are those of constants."""
+        """Number of lines, the first ones, that are those of constants."""
         return len(self.segments)
 
     def transform(self, signal: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
@@ -66,11 +66,11 @@ class Spectrum(NamedTuple):
     """Covariance of the errors across the axes at each line, and the windows that it was averaged over."""
 
     values: Float[np.ndarray, "m 3 3"]
-    """``S`` [(N·m)²]: at white noise of covariance C, it is C."""
+    """Covariance ``S`` across the axes at each line [(N·m)²]; white noise of covariance C has S = C."""
     first: np.ndarray
-    """First line of each line's window."""
+    """Index of the first line in each line's window."""
     last: np.ndarray
-    """One past its last."""
+    """Index behind the last line in each line's window."""
     free: Float[np.ndarray, "m 3"]
     """Degrees of freedom that the fit left at each line and axis."""
 

@@ -26,16 +26,16 @@ LARGEST = 1e12
 
 @dataclass(frozen=True)
 class Rest:
-    """What a load cell reads while the body rests on it, over some segments."""
+    """Readings of a load cell while the body rests on it, over some segments."""
 
     force: Float[np.ndarray, "3"]
-    """Mean force [N]."""
+    """Mean force of the load cell at rest [N]."""
     moment: Float[np.ndarray, "3"]
-    """Mean moment about Q [N·m]."""
+    """Mean moment of the load cell about Q at rest [N·m]."""
     covariance: Float[np.ndarray, "6 6"]
-    """Of the two means, from their scatter."""
+    """Covariance of the mean force and moment, from their scatter."""
     seconds: float
-    """How long it rested, all together [s]."""
+    """Total time at rest [s]."""
 
 
 @dataclass(frozen=True)
@@ -43,47 +43,47 @@ class Run:
     """Force, moment and angular velocity at common, uniform instants, samples first, all in the body frame B."""
 
     t: Float[np.ndarray, " n"]
-    """Instants [s]."""
+    """Instants of the samples [s]."""
     force: Float[np.ndarray, "n 3"]
     """Force on the body at Q [N]."""
     moment: Float[np.ndarray, "n 3"]
     """Moment on the body about Q [N·m]."""
     omega: Float[np.ndarray, "n 3"]
-    """Angular velocity [rad/s]."""
+    """Angular velocity of the body [rad/s]."""
     name: str = "run"
-    """What messages and results call it: a file name, if it has one."""
+    """Name of the run in messages and results, such as a file name."""
     sha256: str | None = None
     """Hash of the file it was read from."""
     missing: Bool[np.ndarray, " n"] | None = None
     """Instants that must not be used: in a gap of a sensor, beside a bad sample, outside the segments; None: none."""
     warnings: tuple[str, ...] = field(default=())
-    """What a reader of the result should know of the data."""
+    """Warnings about the data for the reader of the result."""
     left_out: Mapping[str, int] = field(default_factory=dict)
-    """How many samples were left out, by reason."""
+    """Number of samples that were left out, by reason."""
     segments: tuple[tuple[float, float], ...] = ()
-    """From when to when the run was cut [s]; none: it is whole."""
+    """Start and end of the segments to which the run was cut [s]; empty: it is whole."""
     detected: bool = False
-    """Whether the segments were detected by their motion, not named."""
+    """Whether ``segments`` were detected by their motion rather than named."""
     overview: Float[np.ndarray, "m 2"] | None = None
     """Time and largest angular velocity of the whole run that the segments were cut from [s, rad/s], for a figure."""
     specific_force: Float[np.ndarray, "n 3"] | None = None
-    """What the accelerometer reads, in B [m/s²]; None: there is none."""
+    """Specific force that the accelerometer measures, in B [m/s²]; None: there is no accelerometer."""
     imu_position: Float[np.ndarray, "3"] | None = None
-    """The accelerometer, from Q, in B [m]; None: not known, taken as Q."""
+    """Position of the accelerometer from Q, in B [m]; None: not known, taken as Q."""
     rest: Rest | None = None
-    """What the load cell reads while the body rests; None: not asked for."""
+    """Readings of the load cell while the body rests; None: not asked for."""
     noise: ShapedNoise | None = None
     """The angular velocity's noise, where it was differentiated; None: it is white."""
     mounting: str | None = None
     """Name of the mounting of the body that the run was made with; None: not declared."""
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    """What the recording says of its day and its instruments."""
+    """Particulars in the recording on its day and its instruments."""
     sensor_rates: tuple[float, float] | None = None
     """Rates of wrench and angular velocity before they were brought together [Hz]; None: the run's own."""
 
     @property
     def rate(self) -> float:
-        """Sample rate [Hz]."""
+        """Sample rate of the run [Hz]."""
         return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     @property

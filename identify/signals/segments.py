@@ -19,13 +19,13 @@ from identify.signals.power_spectrum import welch
 SMOOTHING = 0.1
 """Moving average that takes vibration and noise off [s]."""
 WINDOW = 0.5
-"""Over which motion is judged [s]."""
+"""Length of the windows in which motion is judged [s]."""
 PART_OF_MOTION = 0.03
 """Angular velocity that counts as rest, as a part of the run's typical one."""
 SLOWEST = 0.02
 """Angular velocity that counts as motion in any run [rad/s]: no inertia is felt below."""
 LARGEST_BIAS = 0.1
-"""Of a gyro at rest [rad/s]."""
+"""Largest bias of a gyro that is at rest [rad/s]."""
 PAUSE = 1.0
 """Rest that parts two segments of motion [s]."""
 MISFIT = 1e-4
@@ -41,14 +41,14 @@ PER_SAMPLE = 4.0
 
 
 class Segment(NamedTuple):
-    """From one instant to another [s], counted from the first sample's."""
+    """A segment from one instant to another [s], counted from the first sample's."""
 
     start: float
     stop: float
 
     @property
     def seconds(self) -> float:
-        """Its duration [s]."""
+        """Duration of the segment [s]."""
         return self.stop - self.start
 
 
@@ -128,7 +128,7 @@ def decisive(
 
 
 def _moves(rate: float, omega: np.ndarray) -> Bool[np.ndarray, " n"]:
-    """Which samples belong to motion."""
+    """Return the mask of the samples that belong to motion."""
     mean, spread = _mean_and_spread(rate, omega)
     speed = np.sqrt(np.maximum(((mean - _bias(mean, spread)) ** 2).sum(axis=1) + spread**2, 0))
     typical = np.sqrt((speed**4).sum() / max((speed**2).sum(), 1e-300))
@@ -137,7 +137,7 @@ def _moves(rate: float, omega: np.ndarray) -> Bool[np.ndarray, " n"]:
 
 
 def _mean_and_spread(rate: float, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the smoothed signal about each sample, over the window: mean (n, 3) and standard deviation (n,)."""
+    """Return mean (n, 3) and standard deviation (n,) of the smoothed signal about each sample, over the window."""
     n = len(signal)
     briefly, window = (int(np.clip(round(seconds * rate), 1, n)) for seconds in (SMOOTHING, WINDOW))
     smooth = moving_average(signal - signal.mean(axis=0), briefly)
@@ -175,7 +175,7 @@ def _cut(signal: np.ndarray, rate: float, segment: Segment) -> np.ndarray:
 
 
 def _thinning(rate: float, omega: np.ndarray, segments: Sequence[Segment]) -> int:
-    """By how much to thin out the samples: to sixteen times the band of the longest segment's motion."""
+    """Return the factor for thinning out samples: to sixteen times the band of the longest segment's motion."""
     longest = _cut(omega, rate, max(segments, key=lambda segment: segment.seconds))
     frequency, power = welch(longest, rate, max(round(4 * rate), 8))
     share = np.cumsum(power.sum(axis=1)) / max(power.sum(), 1e-300)

@@ -26,7 +26,7 @@ class Accelerometer:
     fitted: bool
     """Whether the offset was estimated; otherwise the readings were only scaled."""
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-    """Of the offset, from the residuals of the lengths [(m/s²)²]; zero where it was not estimated."""
+    """Covariance of ``offset``, from the residuals of the lengths [(m/s²)²]; zero where it was not estimated."""
 
     def specific_force(self, readings: Float[np.ndarray, "n 3"], gravity: float) -> Float[np.ndarray, "n 3"]:
         """Return the specific force at rest [m/s²]: the readings' direction behind the offset, as long as gravity."""

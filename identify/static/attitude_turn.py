@@ -1,4 +1,4 @@
-"""Whether the axes that tell the poses' attitude are turned against the load cell's: its forces alone show it."""
+"""Check of the axes that give the poses' attitude against the load cell's, by its forces alone."""
 
 from typing import NamedTuple
 
@@ -14,9 +14,9 @@ LEAST_POSES = 6
 LEAST_TURN = np.radians(0.5)
 """A smaller turn [rad] is what sensors are mounted to."""
 CHANCE = 1e-6
-"""Of a false alarm."""
+"""Chance of a false alarm."""
 ROUNDING = 1e-6
-"""Of the forces: below it a residual says nothing."""
+"""Relative rounding error of the forces, below which a residual says nothing."""
 
 
 class Turn(NamedTuple):
@@ -27,7 +27,7 @@ class Turn(NamedTuple):
 
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
-        """The rotation."""
+        """Matrix of the rotation."""
         return exponentials(self.vector[None])[0]
 
     def __str__(self) -> str:

@@ -25,7 +25,7 @@ UNEVEN = 5.0
 SMALL = 1e-9
 """Uncertainty of a centre of gravity that no poses reach [m]."""
 ORDER = (0, 4, 5, 6, 1, 2, 3, 7, 8, 9)
-"""Where the ten parameters stand in the linear (m, F0, m r, M0)."""
+"""Indices of the ten parameters among the linear ones (m, F0, m r, M0)."""
 
 
 def centre(

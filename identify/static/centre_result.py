@@ -19,7 +19,7 @@ PARAMETERS = (
 )  # fmt: skip
 """The order of a centre's covariance: kg, m, N, N·m."""
 UNITS = ("kg", *("m",) * 3, *("N",) * 3, *("N*m",) * 3)
-"""Of the content of centre.json."""
+"""Units of the numbers in centre.json."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,34 +30,34 @@ class Centre(Result):
     """
 
     mass: float
-    """Mass [kg]."""
+    """Mass of the body with its fixture [kg]."""
     r_cg: np.ndarray
     """Centre of gravity from Q [m]."""
     force_offset: np.ndarray
     """Constant force beside the weight: what is to be subtracted from the force on the body [N]."""
     moment_offset: np.ndarray
-    """The same of the moment about Q [N·m]."""
+    """Constant moment about Q beside that of the weight, to be subtracted from the recorded moment [N·m]."""
     covariance: np.ndarray
-    """Of the ten parameters in the order of ``PARAMETERS``, (10, 10)."""
+    """Covariance of the ten parameters in the order of ``PARAMETERS``, (10, 10)."""
     residuals: np.ndarray
     """Measured less fitted wrench of each pose, (n, 6) [N, N·m]."""
     degrees_of_freedom: np.ndarray | float
-    """Effective, of each standard uncertainty (GUM G.4.1); one for all, or (10,)."""
+    """Effective degrees of freedom of each standard uncertainty (GUM G.4.1): one number for all, or (10,)."""
     gravity: float
     """Local gravity that was used [m/s²]."""
     zero: np.ndarray | None = None
-    """What the cell reads without a load, in its own sign and axes: Fx Fy Fz [N], Mx My Mz [N·m]."""
+    """Reading of the load cell without a load, in its own sign and axes: Fx Fy Fz [N], Mx My Mz [N·m]."""
     warnings: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     gain: GainCheck | None = None
     """The load cell's mass against a scale's; None: no scale."""
     largest_tilt: float | None = None
-    """From the poses' mean direction of gravity [rad]."""
+    """Largest tilt of a pose from the poses' mean direction of gravity [rad]."""
     lasting: np.ndarray | None = None
     """Change of the ten by errors that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
     lasting_names: tuple[str, ...] = ()
-    """Names of these errors, by which those of two series are the same."""
+    """Names of the errors in ``lasting``, by which the errors of two series are matched."""
     file_name = "centre.json"
     kind = "inertia centre"
     """The file that holds it."""
@@ -74,7 +74,7 @@ class Centre(Result):
 
     @property
     def coverage_factor(self) -> np.ndarray:
-        """Of 95 %, from Student's t, of each of the ten parameters."""
+        """Coverage factor of 95 % of each of the ten parameters, from Student's t."""
         return scipy.special.stdtrit(np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS)), 0.975)
 
     @property

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 BLOCK = 0.2
 """Seconds whose mean counts as one independent reading."""
 CHANCE = 1e-4
-"""Of a false alarm, for each pose."""
+"""Chance of a false alarm, for each pose."""
 BEYOND = 3.0
 """Change within a pose over the typical one above which the pose is left out."""
 

@@ -14,15 +14,15 @@ class GainCheck:
     """Mass from the load cell over mass from the scale."""
 
     mass: float
-    """From the scale [kg]."""
+    """Mass from the scale [kg]."""
     standard_uncertainty: float
-    """Its standard uncertainty [kg]."""
+    """Standard uncertainty of the scale's mass [kg]."""
     ratio: float
     """The load cell's mass over the scale's: the gain of its force, where gravity is right."""
     ratio_uncertainty: float
     """Standard uncertainty of the ratio."""
     coverage_factor: float
-    """Of 95 %."""
+    """Coverage factor of the interval of 95 %."""
 
     @property
     def normalised(self) -> float:

@@ -14,7 +14,7 @@ from identify.static.centre import predicted_covariance
 from identify.static.pose_fit import EXACT, Attitudes
 
 Cost = Callable[[np.ndarray], float]
-"""Of a set of poses, given by their numbers."""
+"""Function from the indices of a set of poses to the cost that the design minimises."""
 GAIN = 1e-9
 """Least improvement for which a pose is exchanged."""
 

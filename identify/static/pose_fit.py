@@ -19,17 +19,18 @@ LINEAR = 10
 
 @dataclass(frozen=True)
 class Attitudes:
-    """How far the attitudes of static poses may be off."""
+    """Uncertainty of the attitudes of static poses."""
 
     each: Float[np.ndarray, " n"] | float = 0.0
     """Standard uncertainty of each pose's tilt about any axis, independent from pose to pose [rad]."""
     common: Float[np.ndarray, "n 3 k"] | None = None
-    """What k independent errors of one standard uncertainty each, common to all poses, do to f [m/s²]; None: none."""
+    """Change of each pose's specific force f by one standard uncertainty of k errors that all poses share [m/s²]; None:
+    none."""
     lasting: int = 0
-    """How many of these, the first, stay as they are from one series of poses to the next."""
+    """Number of errors, the first columns of ``common``, that stay as they are from one series of poses to the next."""
     wrench: Float[np.ndarray, "n 6 e"] | None = None
-    """What e independent errors of load cell or gravity, of one standard uncertainty each, do to each pose's wrench
-    [N, N·m]; they last, too. None: none."""
+    """Change of each pose's wrench by one standard uncertainty of e independent errors of load cell or gravity [N,
+    N·m], which last from series to series; None: none."""
 
 
 EXACT = Attitudes()
@@ -40,11 +41,11 @@ class Fit:
     """Least squares over static poses."""
 
     values: Float[np.ndarray, "10"]
-    """(m, F0, m r, M0)."""
+    """Estimated linear parameters (m, F0, m r, M0)."""
     covariance: Float[np.ndarray, "10 10"]
     residuals: Float[np.ndarray, "n 6"]
     degrees_of_freedom: Float[np.ndarray, "10"] = field(default_factory=lambda: np.full(LINEAR, np.inf))
-    """Effective, of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
+    """Effective degrees of freedom of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
     lasting: Float[np.ndarray, "10 k"] = field(default_factory=lambda: np.zeros((LINEAR, 0)))
     """Change of the values by lasting errors of one standard uncertainty each."""
 
@@ -135,7 +136,7 @@ def _gain(rows: np.ndarray) -> np.ndarray:
 def _attitude_effects(
     values: np.ndarray, gain: np.ndarray, f: np.ndarray, attitudes: Attitudes
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of one standard uncertainty: of each pose's tilt on its wrench (n, 6, 3), of common errors on the values."""
+    """Return a standard uncertainty's effects: of each tilt on its wrench (n, 6, 3), of common errors on the values."""
     each = np.broadcast_to(np.asarray(attitudes.each, float), len(f))[:, None, None]
     common = np.zeros((len(f), 3, 0)) if attitudes.common is None else attitudes.common
     tilts = _wrench_change(values, -cross_matrices(f)) * each
@@ -174,7 +175,7 @@ def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, common
 
 
 def _degrees(gain: np.ndarray, scatter: np.ndarray, free: float, variance: np.ndarray) -> np.ndarray:
-    """Effective degrees of freedom: of ``tr(A W)``, W estimated with ``free``, as a part of the whole variance."""
+    """Return effective degrees of freedom: those of ``tr(A W)``, W estimated with ``free``, in the whole variance."""
     weights = np.einsum("pnc,pnd->pcd", gain, gain) @ scatter
     square = np.einsum("pcd,pdc->p", weights, weights)
     return np.where(square > 0, free * variance**2 / np.where(square > 0, square, 1.0), np.inf)

@@ -26,7 +26,7 @@ from rig.read_limits import UnpackBudget
 MOST = 2**24
 """Bytes that are read at a time, and more where one record is larger."""
 PassOn = Callable[[Channel, Schema, int, bytes], None]
-"""Takes a message as it is written: its channel and schema, log time [ns] and bytes."""
+"""Function that takes a message as it is written: its channel and schema, log time [ns] and bytes."""
 
 
 class GrowingFile:

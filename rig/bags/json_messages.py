@@ -37,7 +37,7 @@ class Group:
         return np.array(self.places)
 
     def column(self, name: str) -> NDArray:
-        """One column: times in ns, numbers as doubles."""
+        """Return one column: times in ns, numbers as doubles."""
         kinds = {"log_time": np.int64, "stamp": np.int64, "sequence": np.uint32}
         return np.array(self.rows[name], kinds.get(name, np.float64))
 

@@ -1,4 +1,4 @@
-"""What a recorded run says beside its samples: named marks, and when a sensor was at the end of its range."""
+"""Events of a recorded run beside its samples: named marks, and times at which a sensor was at the end of its range."""
 
 import os
 import struct

@@ -51,7 +51,7 @@ class Packer:
 
     @property
     def full(self) -> bool:
-        """Whether it is time to take the chunk."""
+        """Whether the chunk is full, so that it should be taken."""
         return len(self._data) >= FULL
 
     def take(self) -> Iterator[Batch]:

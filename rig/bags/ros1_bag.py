@@ -21,7 +21,7 @@ INDEX_ENTRY = 16
 
 
 class Ros1File(ForeignFile):
-    """A .bag file."""
+    """A ROS 1 recording, a .bag file."""
 
     def damage(self, why: str) -> RigError:
         """The error for a file that is cut or damaged."""
@@ -75,7 +75,7 @@ class Ros1File(ForeignFile):
 
 
 def _unpacked(packed: bytes, expander: Any, budget: UnpackBudget) -> bytes:
-    """A chunk's records. Raises ``UnpackError`` when they are more than the budget has left."""
+    """Return a chunk's records. Raises ``UnpackError`` when they are more than the budget has left."""
     data = packed
     if expander is not None:
         expand = expander()

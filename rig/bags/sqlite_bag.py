@@ -28,7 +28,7 @@ TOPIC = 2**12
 
 
 class SqliteFile(ForeignFile):
-    """A .db3 file."""
+    """A rosbag2 recording in SQLite, a .db3 file."""
 
     def damage(self, why: str) -> RigError:
         """The error for a file that is cut or damaged."""

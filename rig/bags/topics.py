@@ -56,7 +56,7 @@ class TopicMessages:
 
 
 class Contents:
-    """What ``load`` returns: the topics by name, the metadata and the hash."""
+    """Content that ``load`` returns: the topics by name, the metadata and the hash."""
 
     def __init__(self, path: PathLike) -> None:
         self.path = path
@@ -127,7 +127,7 @@ class Contents:
         return names if isinstance(names, list) else []
 
     def wrench(self, topic: str) -> WrenchChannel:
-        """This topic as arrays."""
+        """Force and moment of this topic as arrays."""
         column = self.topics[topic].arrays()
         return WrenchChannel(
             topic=topic,
@@ -140,11 +140,11 @@ class Contents:
         )
 
     def imu(self, topic: str) -> ImuChannel:
-        """This topic as arrays."""
+        """Angular velocity and specific force of this topic as arrays."""
         return ImuChannel(topic=topic, frame_id=self._frame(topic), **self.topics[topic].arrays())
 
     def motion(self, topic: str) -> ImuChannel | MotionChannel:
-        """This topic as arrays, with whatever it holds of the motion."""
+        """Motion that this topic holds, as arrays."""
         messages = self.topics[topic]
         if messages.type_name == IMU:
             return self.imu(topic)

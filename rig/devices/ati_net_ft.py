@@ -43,7 +43,7 @@ SETTINGS = {
     "setbias": "zero_counts",
     "cfgmr": "range",
 }
-"""What the page calls a setting, and what a recording calls it."""
+"""Names of the settings in a recording, by their names in the device's page."""
 
 
 def request(command: int, samples: int = 0) -> bytes:
@@ -52,12 +52,12 @@ def request(command: int, samples: int = 0) -> bytes:
 
 
 def encode(sequence: int, ft_sequence: int, counts: tuple[int, ...], *, status: int = 0) -> bytes:
-    """One record."""
+    """Return the bytes of one record."""
     return RECORD.pack(sequence % 2**32, ft_sequence % 2**32, status, *counts)
 
 
 def find_record(data: bytes) -> bytes | None:
-    """What was heard, if it is whole records."""
+    """Return the received bytes if they are whole records."""
     return data if data and len(data) % RECORD.size == 0 else None
 
 
@@ -87,7 +87,7 @@ class AtiParser(Parser):
         self._gaps.clear()
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
-        """36: UDP has verified the datagram."""
+        """Return 36, since UDP has verified the datagram."""
         return RECORD.size
 
     def _drain(self, *, final: bool) -> list[Sample]:
@@ -252,7 +252,7 @@ class AtiNetFt(Device):
         return request(STOP) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "AtiEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return AtiEmulator(rate=rate)
 
 
@@ -315,7 +315,7 @@ class AtiEmulator(Emulator):
         return f"HTTP/1.0 200 OK\r\n\r\n<netft>{page}</netft>".encode()
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
-        """One record."""
+        """Return the bytes of one record."""
         self._sequence += 1
         counts = tuple(max(-(2**31), min(2**31 - 1, round(value * self.COUNTS))) for value in values)
         return encode(self._sequence, round(time * self.INTERNAL), counts)

@@ -45,15 +45,15 @@ class Emulator(ABC):
         self._heard = bytearray()
 
     def boot(self) -> bytes:
-        """What the device says when its port is opened."""
+        """Bytes that the device sends when its port is opened."""
         return b""
 
     @abstractmethod
     def receive(self, data: bytes) -> bytes:
-        """What the device answers to these bytes; may switch ``streaming``."""
+        """Return the device's answer to these bytes; may switch ``streaming``."""
 
     def inquired(self, number: int, data: bytes) -> bytes:
-        """What a network device answers on its other TCP port ``number``; nothing if it has none."""
+        """Return the answer of a network device on its other TCP port ``number``; nothing if it has none."""
         return b""
 
     @abstractmethod
@@ -103,12 +103,12 @@ class Device(ABC):
 
     @property
     def measures(self) -> Measures:
-        """What the samples mean."""
+        """Meaning of the samples."""
         return self.MEASURES
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """What the numbers of a sample are, in their order; the first is what the device is there for."""
+        """Names of a sample's numbers, in their order; the first is the device's main quantity."""
         return (Channel(self.measures, {"wrench": WRENCH, "imu": IMU}.get(self.measures, self.names)),)
 
     @property
@@ -119,7 +119,7 @@ class Device(ABC):
 
     @abstractmethod
     def parser(self) -> Parser:
-        """A fresh parser."""
+        """Return a fresh parser."""
 
     def start(self) -> Conversation:
         """The conversation that identifies and configures the device and starts its samples."""
@@ -127,12 +127,12 @@ class Device(ABC):
         yield  # a generator that asks nothing
 
     def stop(self) -> bytes:
-        """What to send at the end."""
+        """Return the bytes to send at the end."""
         return b""
 
     @abstractmethod
     def emulator(self, *, rate: float) -> Emulator:
-        """The other end of the line."""
+        """Return an emulator of the device at the other end of the line."""
 
 
 def _kind(default: object) -> str:

@@ -65,7 +65,7 @@ class Bota(Device):
     SETTLING = 3.5
 
     def parser(self) -> BotaParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return BotaParser(round(self.sinc * SINC_PERIOD * 1e9) if self.options["configure"] else 0)
 
     @property
@@ -108,7 +108,7 @@ class Bota(Device):
         return b"C\n" if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "BotaEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return BotaEmulator(rate=rate)
 
 
@@ -161,5 +161,5 @@ class BotaEmulator(Emulator):
         return b"r,0,%s,0\r\n" % letter
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
-        """One frame."""
+        """Return the bytes of one frame."""
         return encode(values, microseconds=round(time * 1e6))

@@ -4,7 +4,7 @@ from binascii import crc_hqx
 from itertools import accumulate
 
 _REVERSED = bytes(int(f"{i:08b}"[::-1], 2) for i in range(256))
-"""Each byte with its bits in the other order."""
+"""The 256 values of a byte with their bits in reverse order."""
 
 
 def crc16_x25(data: bytes | bytearray) -> int:

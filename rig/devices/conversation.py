@@ -1,4 +1,4 @@
-"""How a device is talked to at the start: a generator that asks for bytes to be sent and listened for. No I/O."""
+"""The conversation with a device at the start: a generator that asks for bytes to be sent and listened for. No I/O."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ class Inquire(NamedTuple):
 
 @dataclass(frozen=True)
 class Identity:
-    """Who answered: model, serial number, firmware, and the settings it reported back.
+    """The device that answered: model, serial number, firmware, and the settings it reported back.
 
     ``extra`` are facts that the parser needs (see each device); ``warnings`` go to the user and into the file.
     """

@@ -130,7 +130,7 @@ class Line(Device):
 
     @property
     def measures(self) -> Measures:
-        """What the columns amount to."""
+        """Meaning of the columns."""
         if self.names == WRENCH:
             return "wrench"
         return "imu" if self.names == IMU else "values"
@@ -155,11 +155,11 @@ class Line(Device):
         return Sample(tuple(scaled[self._where[name]] for name in self.names), time=time, counter=counter)
 
     def parser(self) -> LineParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return LineParser(self)
 
     def emulator(self, *, rate: float) -> "LineEmulator":
-        """The other end."""
+        """Return an emulator of the device at the other end of the line."""
         return LineEmulator(self, rate=rate)
 
     def text(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
@@ -190,9 +190,9 @@ class LineEmulator(Emulator):
         return b""
 
     def receive(self, data: bytes) -> bytes:
-        """It listens to nobody."""
+        """Answer nothing, as the device listens to nobody."""
         return b""
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
-        """One line."""
+        """Return the bytes of one line."""
         return self._device.text(index, time, values)

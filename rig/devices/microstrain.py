@@ -21,7 +21,7 @@ ACCELERATION, RATE, TIME, STEP, ACK = 0x04, 0x05, 0xD5, 0xD6, 0xF1
 
 
 def field(descriptor: int, data: bytes = b"") -> bytes:
-    """A field."""
+    """Return the bytes of a field."""
     return bytes([len(data) + 2, descriptor]) + data
 
 
@@ -123,7 +123,7 @@ class MicroStrain(Device):
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "configure": True}
 
     def parser(self) -> MipParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return MipParser(round(1e9 / self.rate) if self.options["configure"] else 0)
 
     def start(self) -> Conversation:
@@ -167,11 +167,11 @@ class MicroStrain(Device):
         )
 
     def stop(self) -> bytes:
-        """Idle: no more data."""
+        """Ask for idle, so that no more data comes."""
         return packet(BASE, field(IDLE)) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "MicroStrainEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return MicroStrainEmulator(rate=rate)
 
 

@@ -1,4 +1,4 @@
-"""From a stream of bytes to samples: what every parser does, whatever the device. No I/O."""
+"""The conversion of a stream of bytes to samples that all parsers share, whatever the device. No I/O."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 
 
 class Sample(NamedTuple):
-    """One measurement.
+    """One measurement of a device.
 
     Attributes:
         values: wrench: Fx Fy Fz [N] Mx My Mz [N·m]; IMU: angular velocity [rad/s], specific force [m/s²], three each;
@@ -31,7 +31,7 @@ class Sample(NamedTuple):
 
 @dataclass
 class Counts:
-    """What a parser has met. ``bytes = framed + skipped + pending`` always holds.
+    """Counts of the bytes and frames that a parser has met. ``bytes = framed + skipped + pending`` always holds.
 
     Attributes:
         bytes: all bytes fed.
@@ -181,7 +181,7 @@ class Parser(ABC):
             self._without_sample += 1
 
     def modulus(self, raw: int) -> int:
-        """Where the counter wraps, as this reading shows it."""
+        """Value at which the counter wraps, as this reading shows it."""
         return self.MODULUS
 
     def _unwrap(self, raw: int) -> int:

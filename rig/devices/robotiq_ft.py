@@ -87,7 +87,7 @@ class RobotiqParser(Parser):
 
 
 class RobotiqFt(Device):
-    """Options: ``configure``. It streams at 100 Hz. The sensor's zero is left as it is."""
+    """Options of the device: ``configure``. It streams at 100 Hz. The sensor's zero is left as it is."""
 
     KIND = "robotiq-ft"
     MEASURES = "wrench"
@@ -101,7 +101,7 @@ class RobotiqFt(Device):
         return RATE
 
     def parser(self) -> RobotiqParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return RobotiqParser()
 
     def start(self) -> Conversation:
@@ -129,7 +129,7 @@ class RobotiqFt(Device):
         return END_OF_STREAM if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "RobotiqEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return RobotiqEmulator(rate=RATE)
 
 
@@ -147,7 +147,7 @@ class RobotiqEmulator(Emulator):
     }
 
     def boot(self) -> bytes:
-        """Nothing; frames follow."""
+        """Send nothing at the start; frames follow."""
         self.streaming = True
         return b""
 
@@ -169,5 +169,5 @@ class RobotiqEmulator(Emulator):
         return message(READ, len(content), *content)
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
-        """One frame."""
+        """Return the bytes of one frame."""
         return encode(values)

@@ -142,7 +142,7 @@ class Robotous(Device):
         return command(STOP) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "RobotousEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return RobotousEmulator(rate=rate)
 
 

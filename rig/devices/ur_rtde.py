@@ -25,7 +25,7 @@ VERSION, CONTROLLER, TEXT, OUTPUTS, START, PAUSE, DATA = b"VvMOSPU"
 SIZES = {VERSION: 4, CONTROLLER: 19, START: 4, PAUSE: 4}  # of the robot's answers
 WRENCHES = ("ft_raw_wrench", "actual_TCP_force")
 BY_THE_GUIDE = {"ft_raw_wrench": ("sensor", "none"), "actual_TCP_force": ("base", "gravity")}
-"""Axes of each wrench, and what is removed from it."""
+"""Axes of each wrench output, and the load that the robot removes from it."""
 SLOW = 125  # Hz, of robots before the e-Series, whose software is older than 5
 WIDTH = {
     **dict.fromkeys(("timestamp", "speed_scaling", "payload"), 1),
@@ -33,10 +33,10 @@ WIDTH = {
     **dict.fromkeys(("actual_q", "actual_qd", "actual_current", "actual_TCP_pose", "actual_TCP_speed", *WRENCHES), 6),
     **dict.fromkeys(("target_q", "target_qd", "target_qdd", "target_moment", "target_TCP_pose", "target_TCP_speed"), 6),
 }
-"""How many numbers each output has that is read here; all are f64."""
+"""Number of values (f64) in each output that is read."""
 TYPES = {1: "DOUBLE", 3: "VECTOR3D", 6: "VECTOR6D"}
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-"""As the robots' public URDFs name them, less ``_joint``."""
+"""Names of the joints in the robots' public URDFs, without their suffix ``_joint``."""
 DASHBOARD = 29999
 WHO = b"get robot model\nget serial number\nquit\n"
 Rotation = tuple[tuple[float, float, float], ...]
@@ -178,12 +178,12 @@ class UrRtde(Device):
 
     @property
     def width(self) -> int:
-        """How many numbers a sample has."""
+        """Number of values in a sample."""
         return sum(len(channel.signals) for channel in self.channels)
 
     @property
     def outputs(self) -> list[str]:
-        """What the robot is asked to send, in this order."""
+        """Names of the outputs that the robot is asked to send, in this order."""
         pose = ["actual_TCP_pose"] if self.turns else []
         return ["timestamp", str(self.options["wrench_variable"]), "actual_q", "actual_qd", *self._values, *pose]
 
@@ -216,7 +216,7 @@ class UrRtde(Device):
         )
 
     def _doubts(self) -> Iterator[str]:
-        """What the rig file declares against the maker's own documents."""
+        """Return doubts about the rig file's declarations that contradict the maker's documents."""
         name = str(self.options["wrench_variable"])
         for key, expected in zip(("wrench_frame", "compensated"), BY_THE_GUIDE[name], strict=True):
             if self.options[key] not in ("", expected):
@@ -236,7 +236,7 @@ class UrRtde(Device):
         return package(PAUSE)
 
     def emulator(self, *, rate: float) -> "RtdeEmulator":
-        """The robot."""
+        """Return an emulator of the robot."""
         return RtdeEmulator(self, rate=rate)
 
 
@@ -276,7 +276,7 @@ class RtdeEmulator(Emulator):
         return package(kind, struct.pack(">4I", 5, 0, 0, 0) if kind == CONTROLLER else b"\1")
 
     def inquired(self, number: int, data: bytes) -> bytes:
-        """What the dashboard server answers."""
+        """Return the answer of the dashboard server."""
         return b"Connected: Universal Robots Dashboard Server\nUR-emulated\n20260000000\nDisconnected\n"
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:

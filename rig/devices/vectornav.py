@@ -31,7 +31,7 @@ def sentence(text: str) -> bytes:
 
 
 def offsets(mask: int) -> dict[int, int]:
-    """Where each item of group 1 starts in the payload."""
+    """Return the start of each item of group 1 in the payload."""
     starts, position = {}, 0
     for bit, size in enumerate(SIZES):
         if mask >> bit & 1:
@@ -127,7 +127,7 @@ class VectorNav(Device):
         self._mask = mask
 
     def parser(self) -> VectorNavParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return VectorNavParser(self._mask, round(1e9 / self.rate) if self.options["configure"] else 0)
 
     def start(self) -> Conversation:
@@ -148,7 +148,7 @@ class VectorNav(Device):
         return sentence("VNWRG,75,0,8,01,0001") if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "VectorNavEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return VectorNavEmulator(rate=rate)
 
 

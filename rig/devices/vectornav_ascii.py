@@ -56,11 +56,11 @@ class VectorNavAscii(Device):
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 40.0, "configure": True}
 
     def parser(self) -> VectorNavAsciiParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return VectorNavAsciiParser()
 
     def start(self) -> Conversation:
-        """Who are you, output VNYMR, its rate."""
+        """Ask for the device's identity, and set its output VNYMR and its rate."""
         if not self.options["configure"]:
             return Identity(settings={"configured": "no"})
         yield from register("WRG,06,0")
@@ -74,12 +74,12 @@ class VectorNavAscii(Device):
         return sentence("VNWRG,06,0") if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "VectorNavAsciiEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return VectorNavAsciiEmulator(rate=rate)
 
 
 class VectorNavAsciiEmulator(VectorNavEmulator):
-    """The same sensor with ASCII output."""
+    """The VectorNav emulator with ASCII output."""
 
     def _apply(self, number: str, value: str) -> None:
         super()._apply(number, value)
@@ -87,5 +87,5 @@ class VectorNavAsciiEmulator(VectorNavEmulator):
             self.rate = float(value)
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
-        """One line."""
+        """Return the bytes of one line."""
         return encode(values[:3], values[3:])

@@ -147,7 +147,7 @@ class Xsens(Device):
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "configure": True}
 
     def parser(self) -> XsensParser:
-        """A fresh parser."""
+        """Return a fresh parser."""
         return XsensParser()
 
     def start(self) -> Conversation:
@@ -185,7 +185,7 @@ class Xsens(Device):
         return message(GOTO_CONFIG) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "XsensEmulator":
-        """The sensor."""
+        """Return an emulator of the sensor."""
         return XsensEmulator(rate=rate)
 
 

@@ -49,13 +49,13 @@ class EmulatedSensor:
 
     @property
     def port(self) -> str:
-        """Under which name a recorder finds it, with the numbers that stand for the device's other ports."""
+        """Name of the port by which a recorder finds the sensor, with the numbers that stand for its other ports."""
         others = "&".join(f"{number}={other.number}" for number, other in self._others.items())
         return f"{self.endpoint.port}?{others}" if others else self.endpoint.port
 
     @property
     def due(self) -> float:
-        """When the next frame has come down the wire, by the host's clock."""
+        """Time at which the next frame has arrived, by the host's clock."""
         return self._zero + self._index / self._rate + self._wire
 
     def step(self, now: float) -> None:

@@ -18,15 +18,15 @@ class Endpoint(Protocol):
 
     @property
     def port(self) -> str:
-        """Under which name a recorder finds it."""
+        """Name of the port by which a recorder finds the endpoint."""
 
     @property
     def present(self) -> bool:
-        """Whether it is plugged in."""
+        """Whether the device is plugged in."""
 
     @property
     def opened(self) -> bool:
-        """Whether somebody listens."""
+        """Whether somebody listens to the endpoint."""
 
     def plug(self) -> None:
         """Make it, under the same name as before."""
@@ -38,7 +38,7 @@ class Endpoint(Protocol):
         """Discard what the last listener left unread."""
 
     def read(self) -> bytes:
-        """What was sent to the device."""
+        """Return the bytes that were sent to the device."""
 
     def write(self, data: bytes) -> int:
         """Send what the line takes; returns how much that was."""
@@ -55,7 +55,7 @@ class Pty:
 
     @property
     def present(self) -> bool:
-        """Whether it is plugged in."""
+        """Whether the device is plugged in."""
         return self.master >= 0
 
     def plug(self) -> None:
@@ -94,7 +94,7 @@ class Pty:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def read(self) -> bytes:
-        """What was sent to the device."""
+        """Return the bytes that were sent to the device."""
         try:
             return os.read(self.master, 4096)
         except (BlockingIOError, OSError):
@@ -124,17 +124,17 @@ class UdpEndpoint:
 
     @property
     def port(self) -> str:
-        """Under which name a recorder finds it."""
+        """Name of the port by which a recorder finds the endpoint."""
         return f"udp://{HOST}:{self._number}"
 
     @property
     def present(self) -> bool:
-        """Whether it is plugged in."""
+        """Whether the device is plugged in."""
         return self._socket is not None
 
     @property
     def opened(self) -> bool:
-        """Whether somebody has sent it anything."""
+        """Whether somebody has sent the endpoint anything."""
         if self._socket is not None and self._peer is None:
             with contextlib.suppress(BlockingIOError, OSError):
                 self._peer = self._socket.recvfrom(LARGEST, socket.MSG_PEEK)[1]
@@ -199,17 +199,17 @@ class TcpEndpoint:
 
     @property
     def port(self) -> str:
-        """Under which name a recorder finds it."""
+        """Name of the port by which a recorder finds the endpoint."""
         return f"tcp://{HOST}:{self._number}"
 
     @property
     def present(self) -> bool:
-        """Whether it is plugged in."""
+        """Whether the device is plugged in."""
         return self._listener is not None
 
     @property
     def opened(self) -> bool:
-        """Whether it has a client."""
+        """Whether the endpoint has a client."""
         if self._listener is not None and self._client is None:
             with contextlib.suppress(BlockingIOError, OSError):
                 self._client = self._listener.accept()[0]
@@ -239,7 +239,7 @@ class TcpEndpoint:
         """The connection took it along."""
 
     def read(self) -> bytes:
-        """What was sent to the device; notices that the client has gone."""
+        """Return the bytes that were sent to the device; notices that the client has gone."""
         if self._client is None:
             return b""
         try:
@@ -266,7 +266,7 @@ class TcpEndpoint:
 
 
 class OtherPort:
-    """Another TCP port of a network device: one question a connection."""
+    """A further TCP port of a network device: one question a connection."""
 
     def __init__(self, number: int, answer: Callable[[int, bytes], bytes]) -> None:
         self._stands_for, self._answer = number, answer

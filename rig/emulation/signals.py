@@ -1,4 +1,4 @@
-"""What the sensors of a recorded or simulated run show at any time."""
+"""Readings of the sensors of a recorded or simulated run at any time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from rig.devices.base import IMU, WRENCH
 
 
 class Signals:
-    """What the sensors of an experiment show, by linear interpolation between the samples of a run.
+    """Signals of an experiment's sensors, by linear interpolation between the samples of a run.
 
     ``time`` (n,) [s] from 0, ``columns`` (n,) by name: wrench on the body [N, N·m], angular velocity [rad/s] and
     specific force [m/s²], or positions and velocities of joints [rad, rad/s].

@@ -27,12 +27,12 @@ class Finding:
     text: str
 
     def __str__(self) -> str:
-        """One line."""
+        """Show the finding in one line."""
         return f"{self.topic}: {self.text}"
 
 
 def clock_skew(channel: SensorChannel) -> float:
-    """How much faster the arrival clock runs than the stamps, as a pure number, by the lower convex hull."""
+    """Return the arrival clock's relative rate against the stamps, less one, by the lower convex hull."""
     return device_clock.fit(channel.stamp, channel.log_time).skew
 
 
@@ -81,7 +81,7 @@ def _gaps(channel: SensorChannel) -> Iterator[Finding]:
 
 
 def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which wide steps are not made up for: samples that only waited come in a burst, its last one without delay."""
+    """Return the wide steps that are not made up for: delayed samples come in a burst, the last without delay."""
     late, ahead = time - np.arange(len(time)) * period, max(int(0.5 / max(period, 1e-9)), 1)
     ends = [0, *(wide + 1).tolist(), len(time)]  # of the stretches between wide steps; half a second of each counts
     least = [

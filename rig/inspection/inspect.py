@@ -1,4 +1,4 @@
-"""What is in a run, and the health of its channels: rates, gaps, held samples, clocks, saturation.
+"""Inspection of a run and of the health of its channels: rates, gaps, held samples, clocks, saturation.
 
 The report of a whole file; the checks are in ``rig.inspection.channel_health``. A clean run gives no finding.
 """
@@ -41,10 +41,10 @@ class Inspection:
     channels: list[ChannelReport] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     imported: bool = False
-    """Whether it was made from a table, by a map."""
+    """Whether the run was imported from a table, by a map."""
 
     def to_dict(self) -> dict[str, object]:
-        """As JSON shows it."""
+        """Return the inspection as plain values for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -60,7 +60,8 @@ class Inspection:
 
 
 Judge = Callable[[Sequence[SensorChannel], list[Finding]], list[Finding]]
-"""Who knows what the channels mean: from all channels and the findings on their health to all findings."""
+"""Function from all channels and the findings on their health to all findings, for a caller who knows what channels
+mean."""
 
 
 def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, findings: findings) -> Inspection:
@@ -98,7 +99,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
 
 
 def _end(metadata: dict[str, dict[str, str]]) -> Iterator[Finding]:
-    """What the recorder itself noticed."""
+    """Return the recorder's own findings."""
     if "rig.run" in metadata and "log_time" in metadata["rig.run"] and "rig.end" not in metadata:
         yield Finding("unfinished", "rig.end", "the recording was not ended properly: its last moments may be missing")
     if metadata.get("rig.end", {}).get("complete") == json.dumps(False):

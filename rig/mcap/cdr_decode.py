@@ -87,7 +87,7 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
 
 
 def _same(rows: NDArray, shape: cdr_layout.Layout) -> NDArray[np.bool_] | None:
-    """Which records agree with the first in all that makes their layout; None: all of them."""
+    """Return the mask of records that agree with the first in all that makes their layout; None: all of them do."""
     columns = [rows[name] for name in shape.constant]
     if shape.encoding == "cdr":
         columns.append(rows["encapsulation"][:, :2])

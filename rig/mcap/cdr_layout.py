@@ -76,7 +76,7 @@ class Layout:
         return self.message[start : start + count].rstrip(b"\0").decode()
 
     def doubles(self, name: str, count: int) -> None:
-        """Add doubles."""
+        """Add fields of doubles."""
         self._put(name, "f8", count, constant=False)
 
     def stamp(self) -> None:

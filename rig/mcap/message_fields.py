@@ -1,4 +1,4 @@
-"""What the messages that we read look like: the fields of each type, in the order in which ROS serialises them."""
+"""The fields of each message type that we read, in the order in which ROS serialises them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -65,7 +65,7 @@ SHAPES: dict[str, tuple[Field, ...]] = {
         Field("effort", "sequence"),
     ),
 }
-"""The fields behind the header of each type."""
+"""Fields behind the header of each message type, by type."""
 
 STAMPED = {name for name in SHAPES if name != BARE_WRENCH}
 """Types that begin with a std_msgs/Header."""

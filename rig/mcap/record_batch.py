@@ -90,7 +90,7 @@ def _add_rounds(batch: Batch, cycle: list[int], size: int, rounds: int) -> None:
 
 
 def _rounds(data: bytes, cycle: list[int], size: int) -> int:
-    """How often a cycle of messages follows itself, itself included: sensors send messages of one length in turn.
+    """Return the number of times that a cycle of messages follows itself, itself included.
 
     To step from each to the next takes most of the time of reading; so it is done only where a cycle ends.
     """

@@ -161,7 +161,7 @@ def chunk_data(record: Record, budget: UnpackBudget) -> bytes:
 
 
 def _decompress(chunk: Chunk, budget: UnpackBudget) -> bytes:
-    """At most a byte more than the chunk claims or the budget has left: a length by itself may be damage."""
+    """Return at most a byte more than the chunk claims or the budget has left: a length by itself may be damage."""
     limit = min(chunk.uncompressed_size, budget.left) + 1
     try:
         if chunk.compression == "zstd":

@@ -1,4 +1,4 @@
-"""What a cut or damaged MCAP file still holds: every chunk whose checksum is right, and nothing else.
+"""Recovery of a cut or damaged MCAP file: every chunk whose checksum is right, and nothing else.
 
 Chunks are searched for over the whole file, whatever the records around them say: a damaged length must not hide the
 chunks behind it. What lies between chunks (metadata, definitions, messages outside chunks) is read record by record.
@@ -49,7 +49,7 @@ FOOTER = struct.Struct("<QQI")
 
 @dataclass
 class Recovery:
-    """What was saved and what was lost.
+    """Counts of the messages and bytes that were saved and lost.
 
     Attributes:
         messages: messages saved.
@@ -70,7 +70,7 @@ class Recovery:
     notes: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        """One line."""
+        """Show the counts in one line."""
         if self.intact:
             lost = "nothing was lost"
         elif self.expected is not None:
@@ -96,7 +96,7 @@ class _IntactRecords:
 
     @property
     def only_cut(self) -> bool:
-        """Whether the file just ends early: then what comes before the end is as it was written."""
+        """Whether the file just ends early, so that all content before the end is as it was written."""
         return not self.finished and not any(self.gaps[:-1])
 
 
@@ -239,7 +239,7 @@ def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Rec
 
 
 def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int | None:
-    """Where the summary starts, if its checksum is there and right."""
+    """Return the start of the summary, if its checksum is there and right."""
     last, opcode = intact.between[-1] if intact.between else (0, 0)
     if opcode != Opcode.FOOTER or RECORD_HEADER.unpack_from(data, last)[1] != FOOTER.size:
         return None
@@ -250,7 +250,7 @@ def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int | None:
 
 
 def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> Sequence[int]:
-    """Where the messages outside chunks are, if they can be trusted."""
+    """Return the positions of the messages outside chunks, if they can be trusted."""
     if intact.loose and not trusted:
         result.notes.append(f"{len(intact.loose)} messages outside chunks are left out: they cannot be verified")
         return ()
@@ -260,7 +260,7 @@ def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> Sequence[
 
 
 def _loose_batches(data: mmap.mmap, positions: Sequence[int]) -> Iterator[Batch]:
-    """These messages, about a megabyte at a time."""
+    """Yield messages outside chunks in batches of about a megabyte."""
     together = bytearray()
     for position in positions:
         together += data[position : position + 9 + RECORD_HEADER.unpack_from(data, position)[1]]

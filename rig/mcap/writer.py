@@ -17,7 +17,7 @@ LIBRARY = "inertia-uq"
 
 @runtime_checkable
 class Output(Protocol):
-    """What a run is written to."""
+    """The file or stream to which a run is written."""
 
     def write(self, data: bytes, /) -> int:
         """Take all of ``data``."""

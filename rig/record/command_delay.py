@@ -11,7 +11,7 @@ Signal = deque[tuple[int, tuple[float, ...]]]  # (stamp [ns], values)
 
 
 class Delay(NamedTuple):
-    """How much later the second signal shows what the first did [s], and their correlation at that shift."""
+    """Delay of the second signal behind the first [s], and their correlation at that shift."""
 
     seconds: float
     correlation: float

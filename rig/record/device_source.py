@@ -95,7 +95,7 @@ class DeviceSource:
         self._bytes_since = 0
 
     def _rest(self, now: int) -> Iterator[Measurement]:
-        """What the parser still held back when the bytes ended."""
+        """Take the samples that the parser still held back when the bytes ended."""
         for sample in self.parser.finish():
             yield self._measure(sample, now, self.parser.counts.bytes)
 
@@ -150,7 +150,7 @@ class DeviceSource:
 
     @property
     def stamping(self) -> dict[str, object]:
-        """What the stamps are made from, and how well the fit of a counter is known."""
+        """Origin of the stamps, and the quality of a counter's fit."""
         facts: dict[str, object] = {"stamped_by": self._stamped_by or "arrival"}
         if self._stamped_by == "counter":
             of_fit = self._counter.uncertainty
@@ -197,7 +197,7 @@ class DeviceSource:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is missing, as far as host and device can tell."""
+        """Whether no sample is missing, as far as host and device can tell."""
         counts = self.counts
         lost = counts.missing + counts.failures + counts.resynchronisations + self.reader.overflow
         return not lost and not self.downtime and (counts.samples > 0 or not self.entry.required)

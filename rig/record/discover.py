@@ -1,4 +1,4 @@
-"""Which ports there are, under names that stay, and which device answers on them."""
+"""The ports of the machine, under names that stay, and the device that answers on each."""
 
 import os
 from collections.abc import Sequence

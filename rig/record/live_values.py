@@ -33,7 +33,7 @@ def watch(rig: Rig, stop: Stop, *, seconds: float | None = None) -> Iterator[str
 
 
 def describe(source: DeviceSource, rows: list[tuple[float, ...]], seconds: float) -> str:
-    """What a device showed in the last ``seconds``, in one line."""
+    """Return the device's readings of the last ``seconds``, in one line."""
     name, measures = source.entry.name, source.entry.device.measures
     if not rows:
         return f"{name}: no samples ({source.state})"

@@ -1,4 +1,4 @@
-"""What a process that records for days does about its memory."""
+"""Memory settings of a process that records for days."""
 
 import contextlib
 import ctypes

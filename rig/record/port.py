@@ -32,10 +32,10 @@ class Port(Protocol):
     """A stream of bytes with somebody at the other end."""
 
     def read(self) -> bytes:
-        """What has arrived; waits up to TIMEOUT for the first byte. Raises PortLostError."""
+        """Return the bytes that have arrived; waits up to TIMEOUT for the first byte. Raises PortLostError."""
 
     def write(self, data: bytes) -> None:
-        """Send. Raises PortLostError."""
+        """Send these bytes. Raises PortLostError. Raises PortLostError."""
 
     def close(self) -> None:
         """Give the port back."""
@@ -45,7 +45,7 @@ class _Line(serial.Serial):
     """A serial line that keeps what arrives while it is being opened: a sensor that boots then says who it is."""
 
     def _reset_input_buffer(self) -> None:
-        """Not at the opening, where pyserial does so: the system holds nothing older for a line nobody had open."""
+        """Keep the buffer that pyserial would empty: it holds nothing older for a line nobody had open."""
 
 
 class SerialPort:
@@ -59,7 +59,7 @@ class SerialPort:
         self._has_descriptor = hasattr(self._port, "fd")  # not on Windows
 
     def read(self) -> bytes:
-        """What has arrived; waits up to TIMEOUT for the first byte. Straight from the descriptor: one call a frame."""
+        """Return the bytes that have arrived within TIMEOUT. Straight from the descriptor: one call a frame."""
         try:
             if not self._has_descriptor:
                 return self._port.read(max(1, self._port.in_waiting))
@@ -73,7 +73,7 @@ class SerialPort:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send."""
+        """Send these bytes."""
         try:
             self._port.write(data)
         except (serial.SerialException, OSError) as error:
@@ -115,7 +115,7 @@ class UdpPort:
 
 
 class Address(NamedTuple):
-    """Where a device on the network is: ``udp://HOST``, ``tcp://HOST:NUMBER``, ``udp://HOST:NUMBER?80=8080``.
+    """The address of a device on the network: ``udp://HOST``, ``tcp://HOST:NUMBER``, ``udp://HOST:NUMBER?80=8080``.
 
     ``others`` are numbers that stand for the device's other ports, behind a gateway or for an emulated device.
     """
@@ -159,7 +159,7 @@ class NetworkPort:
         self._quiet = 0.0
 
     def read(self) -> bytes:
-        """What has arrived: one datagram, or the bytes of the connection."""
+        """Return what has arrived: one datagram, or the bytes of the connection."""
         try:
             data = self._socket.recv(LARGEST_READ)
         except TimeoutError:
@@ -243,7 +243,7 @@ def _reason(path: str, baudrate: int, error: Exception) -> RigError:
 
 
 def latency_file(path: str) -> Path:
-    """Where Linux keeps the latency timer of a USB adapter."""
+    """Return the file in which Linux keeps the latency timer of a USB adapter."""
     return Path("/sys/class/tty") / Path(os.path.realpath(path)).name / "device" / "latency_timer"
 
 

@@ -15,7 +15,7 @@ PAUSE = 0.2  # seconds between attempts to find a lost port again
 
 
 class Event(NamedTuple):
-    """What came from a device: bytes, or that its port was lost or found again (then with who answered)."""
+    """An event of a device: bytes, or that its port was lost or found again (then with who answered)."""
 
     time: int
     data: bytes = b""
@@ -106,7 +106,7 @@ class Reader(threading.Thread):
 
 
 def unanswered(entry: Entry, port_name: str, heard: int) -> RigError:
-    """Why a device did not answer, as far as one can tell, and what to do."""
+    """Return the probable reason why a device did not answer, and what to do."""
     if heard:
         return RigError(f"no sense in the {heard} bytes of {entry.name} on {port_name}: {entry.wrong_device}")
     return RigError(

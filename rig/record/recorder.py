@@ -31,12 +31,12 @@ MEANING = {
     "imu": "angular velocity [rad/s] and specific force [m/s^2], body frame",
     "log_time": "arrival at host; header.stamp: device clock or counter in host time, or arrival less transmission",
 }
-"""What a recording's numbers are, as its metadata ``rig.run`` says."""
+"""Meaning of a recording's numbers, for its metadata ``rig.run``."""
 
 
 @dataclass
 class Summary:
-    """What a recording came to.
+    """Summary of a finished recording.
 
     Attributes:
         file: where it is.
@@ -59,13 +59,13 @@ class Summary:
     delays: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, object]:
-        """As JSON shows it."""
+        """Return the summary as plain values for JSON."""
         return asdict(self)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a recording stands: seconds, bytes in the file, and its sources."""
+    """Progress of a recording: seconds, bytes in the file, and its sources."""
 
     seconds: float
     bytes: int

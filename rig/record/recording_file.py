@@ -80,7 +80,7 @@ class Sink:
         return len(data)
 
     def tell(self) -> int:
-        """Bytes written."""
+        """Number of bytes written."""
         return self._position
 
     def flush(self) -> None:
@@ -102,7 +102,7 @@ class Sink:
 
     @property
     def place(self) -> Literal["there", "moved", "deleted"]:
-        """What has become of the file under its name; what is written to a deleted file is lost with the process."""
+        """State of the file under its name; what is written to a deleted file is lost with the process."""
         here = os.fstat(self._handle)
         if not here.st_nlink:
             return "deleted"

@@ -20,7 +20,7 @@ from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
 Matrix = tuple[tuple[float, float, float], ...]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 OWN_TOPICS = ("/diagnostics", "/mark")
-"""What a recording writes by itself, beside /raw/NAME."""
+"""Topics that every recording has, beside /raw/NAME."""
 DEFAULT_TOPIC = {"wrench": "/wrench", "imu": "/imu", "joints": "/joint_states"}
 Row = tuple[float, float, float]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
@@ -30,29 +30,29 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
     """``[[device]]``: a sensor, or the platform's command."""
 
     name: Text
-    """Of letters, digits and underscores; unique."""
+    """Name of the device: letters, digits and underscores; unique."""
     kind: Annotated[Text, msgspec.Meta(extra_json_schema={"enum": list(kinds())})]
     """The family of devices."""
     port: Text
     """A serial port, best by /dev/serial/by-id/...; udp://ADDRESS or tcp://ADDRESS; udp:NUMBER; emulator:RUN.mcap."""
     baudrate: Annotated[int, msgspec.Meta(ge=1, le=100_000_000)] | None = None
-    """Missing: the device's own."""
+    """Baud rate of the serial port [1/s]; missing: the device's default."""
     topic: str | None = None
-    """Missing: /wrench, /imu, or the device's name."""
+    """Topic of the device's messages; missing: /wrench, /imu, or the device's name."""
     frame_id: str = "body"
     """The frame that the messages name."""
     wrench: Literal["on_body", "on_sensor"] | None = None
-    """Of a load cell: whether its reading is the wrench on the body, or that on the sensor."""
+    """Sign of a load cell's reading: the wrench on the body, or the wrench on the sensor."""
     wrench_frame: Literal["sensor", "base"] | None = None
-    """Of a robot: whether its wrench is along the sensor's (the tool's) axes, or along its base's."""
+    """Axes of a robot's wrench: those of its sensor (the tool), or those of its base."""
     compensated: Literal["none", "gravity"] | None = None
-    """Of a robot: whether it removes the weight of the payload that is set on it from its wrench."""
+    """Compensation of a robot's wrench: whether the robot removes the weight of the payload that is set on it."""
     rotation_to_body: tuple[Row, Row, Row] = IDENTITY
-    """R with body = R · sensor."""
+    """Rotation matrix from components along the sensor's axes to components along the body's."""
     delay_to: str = ""
     """Name of the IMU that follows this device's columns omega_x, omega_y, omega_z."""
     options: Mapping[str, Any] = {}
-    """Of the kind; see docs/how-to/rig.md."""
+    """Settings of the device's kind; see docs/how-to/rig.md."""
 
     def __post_init__(self) -> None:
         """Refuse a name, a port or a rotation that is none."""
@@ -123,7 +123,7 @@ class Entry:
 
     @property
     def wrong_device(self) -> str:
-        """What to do when bytes come that make no sense."""
+        """Advice for bytes that make no sense."""
         if self.device.NETWORK:
             return f"another device than '{self.kind}' is at this address, correct `port` or `kind`"
         return f"wrong baud rate ({self.baudrate}) or another device than '{self.kind}', set `baudrate` or `kind`"
@@ -184,7 +184,7 @@ def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
 
 
 def _robot(table: DeviceTable) -> dict[str, object]:
-    """What a robot does to its wrench, as the rig file says; refuse a guess."""
+    """Return the robot's treatment of its wrench, as the rig file says; refuse a guess."""
     where, kind = f"device[{table.name}]", device_class(table.kind)
     for option in kind.DECLARED:
         if option not in table.options:

@@ -29,7 +29,7 @@ EMULATOR_OPTIONS = {
     "lose": (0.0, 1e9),
     "swap": (0.0, 1e9),
 }
-"""The least and the greatest value of each."""
+"""Least and greatest value of each option of an emulator."""
 
 
 class Emulators:
@@ -118,7 +118,7 @@ def _emulator_option(entry: Entry, text: str) -> tuple[str, float]:
 
 
 class Stop:
-    """Whether somebody has asked for the end, from any thread or a signal's handler.
+    """A request for the end, from any thread or a signal's handler.
 
     A handler runs between two steps of the thread that waits here. :class:`threading.Event` holds a lock in some of
     these steps, for which its handler would then wait for ever.
@@ -211,7 +211,7 @@ class Session:
 
     @property
     def warnings(self) -> list[str]:
-        """What the devices and ports warn of."""
+        """Warnings of the devices and ports."""
         texts = [f"{s.entry.name}: {text}" for s in self.sources for text in s.identity.warnings]
         if (step := time.get_clock_info("monotonic").resolution) > COARSE:
             texts.append(f"the clock steps by {1000 * step:.0f} ms: Python 3.13 or newer has a better one")
@@ -219,7 +219,7 @@ class Session:
 
     @property
     def duration(self) -> float | None:
-        """How long the emulated run is, with some time for its last bytes [s]; None with real devices."""
+        """Duration of the emulated run, with some time for its last bytes [s]; None with real devices."""
         duration = self._emulators.duration if self._emulators else None
         return None if duration is None else duration + LAST_BYTES
 
@@ -234,7 +234,7 @@ class Session:
             source.begin(time.monotonic_ns())
 
     def events(self, source: DeviceSource) -> Iterator[Event]:
-        """What has come from a device and was not taken yet."""
+        """Return the events that have come from a device and were not taken yet."""
         queue = source.reader.events
         for _ in range(len(queue)):
             event = queue.popleft()
@@ -269,7 +269,7 @@ class Session:
                 reader.join(3.0)
 
     def close(self) -> None:
-        """Stop everything."""
+        """Stop all readers and emulators."""
         self.halt()
         if self._emulators:
             self._emulators.close()

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 from rig.record.recorder import Progress, Summary
 
 POSIX = hasattr(os, "tcgetpgrp")
-"""Whether keys and pipes can be waited for as POSIX does; else as Windows does."""
+"""Whether keys and pipes can be waited for as on POSIX systems; otherwise as on Windows."""
 
 
 class Terminal:
@@ -44,7 +44,7 @@ class Terminal:
             self._height = len(lines)
 
     def _clear(self) -> str:
-        """What takes the block off the screen, and the cursor to where it began."""
+        """Return the characters that remove the block from the screen, and put the cursor where the block began."""
         up = f"\x1b[{self._height - 1}A" if self._height > 1 else ""
         self._height = 0
         return f"\r{up}\x1b[J" if up else "\r\x1b[K"
@@ -82,7 +82,7 @@ class Terminal:
 
 
 def summary_lines(summary: Summary) -> Iterator[str]:
-    """What a recording came to, for a reader; a program reads the summary's JSON."""
+    """Return a recording's summary as lines for a reader; a program reads the summary's JSON."""
     for name, device in summary.devices.items():
         trouble = "" if device["state"] == "ok" else f", {str(device['state']).upper()}"
         yield (

@@ -18,7 +18,7 @@ from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
 
 UNITS = {"position": ("rad", "m"), "speed": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2"),
          "effort": ("N*m", "N")}  # fmt: skip
-"""Of what a joint does, if it turns and if it slides."""
+"""Units of a joint's quantities, first of one that turns, then of one that slides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +27,15 @@ class Arm:
 
     declared: DeclaredArm
     model: Any
-    """Pinocchio's."""
+    """Pinocchio's model of the robot."""
     chain: SerialChain
     names: tuple[str, ...]
-    """Of the joints."""
+    """Names of the joints."""
     home: Float[np.ndarray, " n"]
     position: Float[np.ndarray, "n 2"]
     """Lowest and highest position; infinite where a joint turns without end."""
     speed: Float[np.ndarray, " n"]
-    """Largest, either way."""
+    """Largest speed of each joint, either way [rad/s or m/s]."""
     acceleration: Float[np.ndarray, " n"]
     effort: Float[np.ndarray, " n"]
 
@@ -77,7 +77,7 @@ class Arm:
 
     @property
     def count(self) -> int:
-        """How many joints there are."""
+        """Number of joints."""
         return len(self.names)
 
     def unit(self, joint: int, what: str) -> str:

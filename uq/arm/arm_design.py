@@ -21,18 +21,20 @@ from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 
 DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
-"""Of the run, of its repeats and of starting and stopping, at least [s]; and how many random series are tried."""
+"""Least times of the run, of its repeats and of starting and stopping [s], and the number of random series that are
+tried."""
 ROUNDS, STEPS = 7, 80
-"""Of the minimisation from each start, and steps in each round at most."""
+"""Rounds of the minimisation from each start, and the most steps in each round."""
 HEAVY = 3e4
 """Largest penalty of these: it meets limits within a per cent or two; a heavier one hinders the steps."""
 DETERMINANT = "determinant"
 """The goal of a D-optimal design: the least determinant of the covariance of all ten parameters."""
 ARM_GOALS = (*GOALS, DETERMINANT)
 CLOSER, CYCLES = 2, 2
-"""How many times finer the best start is searched again, and how often."""
+"""Factor by which the grid of the final searches is finer, and the number of these searches."""
 RELAXED: dict[str, Any] = {"rounds": 5, "penalty": 1e3, "growth": 5.0, "heaviest": 3e5}
-"""How: limits give way at first, so that the motion leaves what only they hold it in; at last they hold closely."""
+"""Settings of a minimisation whose limits yield at first, so that it can leave a poor motion, and hold closely in the
+end."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -45,14 +47,15 @@ class ArmDesign:
     noise: Noise
     goal: str
     motions: dict[str, Candidate]
-    """``designed``; ``random``, the best of several random Fourier series; ``single``, one joint at a time."""
+    """Motions by name: ``designed``; ``random``, the best of several random Fourier series; ``single``, one joint at a
+    time."""
     duration: float
     starts: tuple[tuple[float, float], ...]
-    """Of each start: the goal against the best random series, and the largest excess over a limit."""
+    """Outcome of each start: the goal against the best random series, and the largest excess over a limit."""
 
     @property
     def designed(self) -> Candidate:
-        """The motion."""
+        """Candidate of the designed motion."""
         return self.motions["designed"]
 
 

@@ -1,4 +1,4 @@
-"""What a joint motion asks of an arm, its load cell and its payload, and how that stands to their limits."""
+"""Demands of a joint motion on an arm, its load cell and its payload, compared with their limits."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -23,31 +23,31 @@ OF_JOINTS = ("position", "speed", "acceleration", "effort")
 
 
 class ArmEffort(NamedTuple):
-    """What a motion asks for, instants first; SI units."""
+    """Demands of a motion on the arm, instants first; SI units."""
 
     joints: JointStates
     tool: LinkMotion
     """Motion of the load cell's frame."""
     effort: Float[Array, "t n"]
-    """Torque or force of each joint."""
+    """Torque or force of each joint [N·m or N]."""
     cell_force: Float[Array, "t 3"]
     cell_moment: Float[Array, "t 3"]
     body_acceleration: Float[Array, " t"]
-    """Of the payload's centre of gravity, without gravity."""
+    """Acceleration of the payload's centre of gravity, without gravity [m/s²]."""
     gap: Float[Array, "t p"]
-    """Between the spheres that cover the links, and from the floor."""
+    """Distances between the spheres that cover the links, and from the floor [m]."""
 
 
 class JointPeak(NamedTuple):
-    """Where a motion uses most of a limit."""
+    """The largest use of a limit by a motion, and where it occurs."""
 
     quantity: str
     share: float
-    """Of the limit; above 1 it is exceeded."""
+    """Used share of the limit; above 1 the limit is exceeded."""
     where: str
     """The joint or axis; empty where there are none."""
     t: float
-    """When [s]."""
+    """Instant of the largest use [s]."""
 
     def __str__(self) -> str:
         what = self.quantity.replace("_", " ") + (f" of {self.where}" if self.where else "")

@@ -1,4 +1,4 @@
-"""What a design of an arm's motion says: predicted uncertainty beside common practice, limits, simulation, files."""
+"""The report of an arm's design: predicted uncertainty beside common practice, limits, simulation, files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""How near an arm's links come to each other and to the floor: bounds from below for the search, Coal for the check.
+"""Distances of an arm's links from each other and from the floor: lower bounds for the search, Coal for the check.
 
 The shapes are the collision shapes of the URDF; links that a joint connects may touch. For the search every shape is
 covered by spheres along its longest axis. Their distance from the other shape, in closed form, is at most that of the
@@ -39,13 +39,13 @@ class Shape(NamedTuple):
     """A link's collision shape: a cylinder about its z, or the box that holds any other."""
 
     link: int
-    """Which frame carries it: 0 the base, k the link that joint k moves."""
+    """Number of the frame that carries the shape: 0 the base, k the link that joint k moves."""
     rotation: Float[np.ndarray, "3 3"]
-    """From its axes to the link's."""
+    """Rotation from the shape's axes to the link's."""
     position: Float[np.ndarray, "3"]
-    """Of its middle, in the link's frame [m]."""
+    """Position of the shape's middle, in the link's frame [m]."""
     half: Float[np.ndarray, "3"]
-    """Of its size along each axis [m]."""
+    """Half of the shape's size along each of its axes [m]."""
     is_round: bool
 
     def lowest(self, upwards: Float[Array, "3"]) -> Float[Array, ""]:

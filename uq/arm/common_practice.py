@@ -1,4 +1,4 @@
-"""What common practice reaches under the same limits in the same time: one joint at a time, random Fourier series."""
+"""Motions of common practice under the same limits in the same time: one joint at a time, random Fourier series."""
 
 import numpy as np
 

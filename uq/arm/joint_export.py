@@ -18,7 +18,7 @@ from uq.arm.joint_formats import (
 )
 
 EXACT = 2e-9
-"""How far a read value may be from the motion: decimals, and the nanoseconds of an instant."""
+"""Largest difference of a read value from the motion: rounding to decimals, and to nanoseconds of an instant."""
 
 
 def commanded(arm: Arm, series: JointSeries, speed: float = 1.0) -> tuple[np.ndarray, JointStates]:

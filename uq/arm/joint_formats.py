@@ -12,7 +12,7 @@ import numpy as np
 from identify.serial_arm.joint_series import JointStates
 
 COLUMNS = {"position": "q", "speed": "qd", "acceleration": "qdd"}
-"""How a joint's columns end in the table."""
+"""Suffixes of a joint's columns in the table, by quantity."""
 UR_JOINTS = 6
 
 

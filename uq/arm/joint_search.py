@@ -25,9 +25,10 @@ SPARE = {"clearance": 0.1}
 """Share of a limit that the search leaves for what happens between its instants, where a smaller size mends little."""
 FINER = 10
 HARMONICS = 5
-"""Of a random Fourier series, as in Swevers et al., IEEE Trans. Robot. Autom. 13 (1997) 730, doi:10.1109/70.631234."""
+"""Harmonics of a random Fourier series, as in Swevers et al., IEEE Trans. Robot. Autom. 13 (1997) 730,
+doi:10.1109/70.631234."""
 Goal = Callable[[Float[Array, "10 10"]], Float[Array, ""]]
-"""What is to be small, of the covariance of the ten parameters."""
+"""Function of the covariance of the ten parameters that the search makes small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Candidate:
 
     series: JointSeries
     covariance: Float[np.ndarray, "10 10"]
-    """Of mass, r_CG from Q and tensor about the centre of gravity; SI units."""
+    """Covariance of mass, r_CG from Q and tensor about the centre of gravity; SI units."""
     peaks: tuple[JointPeak, ...]
     """Each limit's largest use over the whole run, largest first."""
 
@@ -78,7 +79,7 @@ class JointSearch:
 
     @property
     def count(self) -> int:
-        """How many numbers describe a motion."""
+        """Number of unknowns that describe a motion."""
         return 2 * self.limits.arm.count * len(self.frequency)
 
     def series(self, unknowns: Float[np.ndarray, " u"], *, short: bool = False) -> JointSeries:

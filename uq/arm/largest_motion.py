@@ -1,4 +1,4 @@
-"""How large a joint motion may be: the largest size that meets all limits and touches nothing."""
+"""The largest size of a joint motion that meets all limits and touches nothing."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,11 +11,12 @@ from uq.arm.arm_limits import ArmLimits, JointPeak
 from uq.files.document import ExperimentError
 
 HALVINGS, COARSE, CLOSE = 12, 5, 4
-"""Of the interval in which the largest size of a motion is sought, of one joint's, and of that between two of NEAR."""
+"""Bisections of the interval that holds a motion's largest size, a single joint's, and the size between two of
+``NEAR``."""
 NEAR = (0.9995, 0.999, 0.998, 0.996, 0.993, 0.99, 0.985, 0.98, 0.97, 0.96, 0.94, 0.92, 0.9)
 """Sizes that are looked at first."""
 LOOKS, SMALLER = 20, 0.95
-"""How often a motion that touches something is made smaller, and by which factor."""
+"""Most reductions of a motion that touches something, and the factor of each."""
 
 
 def largest_size(

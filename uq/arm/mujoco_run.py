@@ -23,17 +23,17 @@ SERVO = 2 * np.pi * 12.0
 ASSUMED = 0.8
 """Part of the payload's mass and tensor that the controller reckons with."""
 STEPS = 2
-"""Of the simulation in a period of the command."""
+"""Steps of the simulation in a period of the command."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
-    """What MuJoCo's arm did, at the rate of the command."""
+    """The simulated run of an arm in MuJoCo, at the rate of the command."""
 
     t: np.ndarray
     joints: JointStates
     effort: np.ndarray
-    """That the drives exerted, (t, n)."""
+    """Efforts of the joints' drives, (t, n) [N·m or N]."""
     wrench: np.ndarray
     """Force and moment on the payload about Q, in B, (t, 6)."""
     tracking_error: np.ndarray
@@ -41,7 +41,7 @@ class SimulatedRun:
     peaks: tuple[JointPeak, ...]
     """Each limit's largest use by what was simulated, largest first."""
     contacts: tuple[str, ...]
-    """Which links touched, and when first."""
+    """Links that touched each other or the floor, with the first instant."""
 
 
 def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> SimulatedRun:

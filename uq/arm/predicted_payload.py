@@ -20,7 +20,7 @@ class Noise(NamedTuple):
     """The declared white noise of force and moment."""
 
     covariance: Float[np.ndarray, "6 6"]
-    """At one sample [N², N²·m, N²·m²]."""
+    """Covariance of force and moment at one sample [N², N²·m, N²·m²]."""
     left_out: tuple[str, ...]
     """Names of the sources that it does not hold."""
 

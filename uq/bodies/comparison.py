@@ -32,7 +32,7 @@ class Comparison(Result):
     reference: Reference
     measured: Tensor
     repeats: np.ndarray
-    """Each run's own tensor, of those that identify it alone, (k, 6) [kg·m²]."""
+    """Packed tensor of each run that identifies the whole tensor by itself, (k, 6) [kg·m²]."""
     suspicions: tuple[Suspicion, ...]
     mass: tuple[float, float] | None = None
     """Measured mass and its standard uncertainty [kg]; None: not known."""
@@ -77,7 +77,7 @@ class Comparison(Result):
 
     @property
     def standard_deviation(self) -> np.ndarray:
-        """Of the repeats [kg·m²]; NaN of fewer than two."""
+        """Standard deviation of the repeats, (6,) [kg·m²]; NaN for fewer than two."""
         return self.repeats.std(axis=0, ddof=1) if len(self.repeats) > 1 else np.full(6, np.nan)
 
     @property
@@ -101,7 +101,7 @@ class Comparison(Result):
                 yield k, name, *pair, float(ten.values[k]), float(ten.standard_uncertainty[k])
 
     def _declared_otherwise(self) -> list[str]:
-        """What the experiment declares as exact, but the reference has another value of."""
+        """Return the quantities that the experiment declares as exact with other values than the reference's."""
         lines = []
         for k, name, value, u, expected, u_expected in self._beside():
             unit, scale = ("kg", 1.0) if k == 0 else ("mm", 1e3)

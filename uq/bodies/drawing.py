@@ -47,7 +47,7 @@ class Quantities:
 
 
 class MaterialTable(TomlTable, frozen=True, kw_only=True):
-    """``[material.NAME]``: what parts are made of."""
+    """``[material.NAME]``: a material of which parts are made."""
 
     density: Density
 
@@ -56,18 +56,18 @@ class PartKeys(TomlTable, frozen=True, kw_only=True, tag_field="shape"):
     """``[[part]]``: a simple solid."""
 
     name: str = ""
-    """By which messages and contributions call it."""
+    """Name of the part in messages and contributions."""
     hole: bool = False
-    """Whether it is taken away."""
+    """Whether the part is a hole, so that its mass is subtracted."""
     position: Annotated[Vector, uncertain_vector("m")] = ORIGIN
-    """Of its centre, in the drawing's frame."""
+    """Position of the part's centre, in the drawing's frame."""
     rotation: Annotated[np.ndarray, ROTATION] | None = None
-    """From the part's axes to the drawing's."""
+    """Rotation from the part's axes to the drawing's."""
     mass: Mass | None = None
-    """Missing, with density and material: it shares the body's mass by volume."""
+    """Mass of the part; without it, and without density and material, the part shares the body's mass by volume."""
     density: Density | None = None
     material: str | None = None
-    """Name of a [material.NAME]."""
+    """Name of a table [material.NAME] whose density the part has."""
 
     def __post_init__(self) -> None:
         """Refuse two ways to state the mass."""
@@ -86,7 +86,7 @@ class RoundPart(PartKeys, frozen=True, kw_only=True):
 
     diameter: Length
     inner_diameter: Length | None = None
-    """Of its bore."""
+    """Diameter of the bore."""
 
     def __post_init__(self) -> None:
         """Refuse a bore that leaves nothing."""
@@ -107,7 +107,7 @@ class CylinderPart(RoundPart, frozen=True, kw_only=True, tag="cylinder"):
 
     length: Length
     axis: Literal["x", "y", "z"] | None = None
-    """The drawing's axis along which it lies, instead of ``rotation``."""
+    """Axis of the drawing along which the part lies, an alternative to ``rotation``."""
 
     def __post_init__(self) -> None:
         """Refuse two ways to state the direction."""
@@ -131,7 +131,7 @@ class CuboidPart(PartKeys, frozen=True, kw_only=True, tag="cuboid"):
     """A cuboid along its own axes."""
 
     size: Annotated[Vector, uncertain_vector("m", above=0)]
-    """Its edges."""
+    """Lengths of the edges."""
 
     def solid(self, where: str, quantities: Quantities) -> Callable[[Values], Solid]:
         """Return the solid as a function of its sizes."""
@@ -159,9 +159,9 @@ class _Drawn:
     position: Callable[[Values], Any]
     rotation: np.ndarray
     sign: float
-    """−1 for a hole."""
+    """Sign of the part's mass: 1, or −1 for a hole."""
     mass: Callable[[Values, Solid], Any] | None
-    """Its mass [kg]; None: it shares the body's by volume."""
+    """Mass of the part [kg]; None: it shares the body's mass by volume."""
 
 
 def drawing(

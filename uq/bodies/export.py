@@ -102,7 +102,7 @@ def export(
 
 
 def _body(result: Any, *, force: bool) -> tuple[ExportedBody, tuple[str, ...]]:
-    """What is to be exported, and warnings."""
+    """Return the body to be exported, and warnings."""
     parameters, frame = _parameters(result)
     _refuse_unknown(parameters)
     weak, tare = getattr(result, "admissible", None), getattr(result, "tare", None)
@@ -138,7 +138,7 @@ def _refuse_unknown(parameters: InertialParameters) -> None:
 
 
 def _doubt(parameters: InertialParameters, distance_of_fit: float) -> str | None:
-    """Why the tensor should not be exported; None: it is a body's, near to the data."""
+    """Return the reason why the tensor should not be exported; None: it is a body's, near to the data."""
     low, middle, high = principal_axes(parameters.inertia)[0]
     if low <= 0 or low + middle < high * (1 - ROUNDING):
         far = distance_from_bodies(parameters.inertia, np.nan_to_num(parameters.covariance[4:, 4:]))
@@ -168,7 +168,7 @@ def _notes(
 def _content(
     parameters: InertialParameters, runs: Sequence[tuple[str, str | None]], warnings: Sequence[str]
 ) -> dict[str, Any]:
-    """What the JSON adds; what is not known is null."""
+    """Return the additional content of the JSON format; unknown values are null."""
     return {
         "standard_uncertainty": {
             name: plain(u) or None for name, u in zip(PARAMETERS, parameters.standard_uncertainty, strict=True)

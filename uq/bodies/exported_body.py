@@ -1,4 +1,4 @@
-"""What every export format is written from: mass, centre of gravity, tensor, and what stands in its comments.
+"""The content of every export format: mass, centre of gravity, tensor, and the lines of its comments.
 
 All formats take the tensor about the centre of gravity, with the tensor's own entries off the diagonal (no integral's
 sign), in kg, m and kg·m² unless a format says otherwise; principal moments come with right-handed axes.
@@ -21,7 +21,7 @@ class ExportedBody:
     """A rigid body in the frame in which it is exported. SI units."""
 
     mass: float
-    """[kg]"""
+    """Mass of the body [kg]."""
     r_cg: np.ndarray
     """Centre of gravity from the frame's origin [m]."""
     inertia: np.ndarray
@@ -29,7 +29,7 @@ class ExportedBody:
     notes: tuple[str, ...] = ()
     """Lines for a comment: uncertainty, provenance, warnings; plain ASCII."""
     content: dict = field(default_factory=dict)
-    """What the JSON adds: covariance and provenance."""
+    """Additional content of the JSON format: covariance and provenance."""
     name: str = "body"
 
     def __post_init__(self) -> None:

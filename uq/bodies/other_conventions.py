@@ -1,4 +1,4 @@
-"""Which other convention of a reference's figures would make a deviation vanish: signs, point, axes, unit."""
+"""Other conventions of a reference's figures that would explain a deviation: signs, point, axes, unit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ REJECTED = 0.01
 VANISHED, SMALLER = 0.1, 1 / 3
 """Part of the deviation that may be left: where it is still beyond the uncertainties, and where it is within them."""
 DOUBLED = np.array([1.0, 2, 2, 1, 2, 1])
-"""How often each component stands in the tensor: weights of its squared Frobenius norm."""
+"""Number of entries of the tensor that equal each packed component: weights of its squared Frobenius norm."""
 UNITS = {
     1e-9: "g·mm² for kg·m²", 1e-6: "kg·mm² for kg·m²", 1e-3: "g·m² for kg·m²", 1e3: "kg·m² for g·m²",
     1e6: "kg·m² for kg·mm²", 1e9: "kg·m² for g·mm²", 2.9263965e-4: "lb·in² for kg·m²", 4.2140110e-2: "lb·ft² for kg·m²",
 }  # fmt: skip
-"""What figures must be multiplied by if one unit was written for another."""
+"""Factors on the figures for a unit that was written in place of another."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Suspicion:
     """A convention under which a deviation vanishes."""
 
     cause: str
-    """products, point, products and point, axes, or unit."""
+    """Kind of the convention: products, point, products and point, axes, or unit."""
     text: str
-    """In words, with what to change."""
+    """Description of the convention in words, with what to change."""
     remaining: float
     """Part of the deviation that it leaves, in the Frobenius norm."""
 
@@ -45,9 +45,9 @@ class _Candidate:
     cause: str
     text: str
     tensor: Tensor
-    """What the reference would say."""
+    """Tensor of the reference under the candidate convention."""
     moved: int = 0
-    """How many axes have another name or sign: of candidates that are alike the simplest is named."""
+    """Number of axes with another name or sign; among equal candidates the smallest number wins."""
 
 
 def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
@@ -146,7 +146,7 @@ def _as_meant(reference: Reference, change: np.ndarray, about: str) -> Tensor:
 
 @partial(jax.jit, static_argnames=("stated_about", "about"))
 def _meant(values: Array, change: Array, origin: Array, *, stated_about: str, about: str) -> tuple[Array, Array]:
-    """That tensor and its derivative by the ten parameters, which were read as the report is said to be written."""
+    """Return the meant tensor and its derivative by the ten parameters, read as the report is said to be written."""
 
     def tensor(values: Array) -> Array:
         mass, arm, inertia = values[0], values[1:4] - origin, values[4:]

@@ -42,7 +42,7 @@ from uq.sources.distributions import Distribution
 from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector
 
 SIGNS = np.array([1.0, -1, -1, 1, -1, 1])
-"""From products written as ``+∫xy dm`` to the tensor's entries, and back."""
+"""Factors from products written as ``+∫xy dm`` to the tensor's entries, and back."""
 ROUNDING = 1e-3
 """Part of the largest moment by which a CAD report's rounded figures may break the triangle inequality."""
 
@@ -58,18 +58,18 @@ class Reference(Shown):
     """Each uncertain quantity's part of the ten variances, by its key in the file."""
     kind: Literal["drawing", "CAD report"]
     rotation: np.ndarray
-    """From the drawing's axes to the body's, (3, 3)."""
+    """Rotation from the drawing's axes to the body's, (3, 3)."""
     origin: np.ndarray
     """The drawing's origin from Q, in B [m]."""
     about: str = "CG"
     """The point to which a CAD report's figures refer: CG or origin."""
     products: str = "tensor"
-    """The sign with which its products are written: tensor or integral."""
+    """Sign with which a CAD report's products are written: tensor or integral."""
     warnings: tuple[str, ...] = ()
     file: str | None = None
     sha256: str | None = None
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    """The file's content."""
+    """Content of the reference's file."""
 
     def title(self) -> str:
         """Return its name and kind."""
@@ -94,14 +94,14 @@ def load_reference(path: str | Path) -> Reference:
 
 
 class FrameTable(TomlTable, frozen=True, kw_only=True):
-    """``[frame]``: where the drawing's frame stands in the body frame B."""
+    """``[frame]``: position and attitude of the drawing's frame in the body frame B."""
 
     origin: Annotated[Vector, uncertain_vector("m")] = ORIGIN
     """The drawing's origin from Q, in B."""
     misalignment: Annotated[Vector, uncertain_vector("rad")] = ORIGIN
-    """Small rotation about each axis."""
+    """Small rotation of the drawing's frame about each axis."""
     rotation_to_body: Annotated[np.ndarray, ROTATION] | None = None
-    """From the drawing's axes to the body's."""
+    """Rotation from the drawing's axes to the body's."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -121,16 +121,16 @@ class CadInertiaTable(TomlTable, frozen=True, kw_only=True):
 
 
 class CadTable(TomlTable, frozen=True, kw_only=True):
-    """``[cad]``: what a CAD program reports."""
+    """``[cad]``: the report of a CAD program."""
 
     about: Literal["CG", "origin"]
-    """The point of the tensor."""
+    """Point to which the tensor refers: the centre of gravity, or the drawing's origin."""
     products: Literal["tensor", "integral"]
-    """Whether products are the tensor's entries, -∫xy dm, or written as +∫xy dm."""
+    """Sign of the products: the tensor's entries, -∫xy dm, or integrals, +∫xy dm."""
     mass: Mass | None = None
-    """May be missing where the tensor is about the CG."""
+    """Mass of the body; may be missing where the tensor is about the CG."""
     cg: Annotated[Vector, uncertain_vector("m")] | None = None
-    """May be missing where the tensor is about the CG."""
+    """Centre of gravity of the body; may be missing where the tensor is about the CG."""
     inertia: CadInertiaTable
 
     def __post_init__(self) -> None:
@@ -144,9 +144,9 @@ class BodyFile(TomlTable, frozen=True, kw_only=True):
     """A reference body: its drawing, by parts, or a CAD report."""
 
     name: str | None = None
-    """What to call it."""
+    """Name of the reference body."""
     mass: Mass | None = None
-    """Of a drawing's body, for the parts that state none."""
+    """Mass of a drawing's body, for the parts that state none."""
     material: Mapping[str, MaterialTable] = {}
     """Materials by their names."""
     part: tuple[CylinderPart | CuboidPart | SpherePart, ...] | None = None
@@ -213,7 +213,7 @@ def _propagated(model: Model, quantities: Quantities) -> tuple[np.ndarray, np.nd
 
 
 def _impossible(parameters: InertialParameters, name: str) -> str | None:
-    """Why no body has this mass and tensor; None: one may have."""
+    """Return the reason why no body has this mass and tensor; None: one may have."""
     packed = np.asarray(parameters.inertia)
     low, middle, high = np.linalg.eigvalsh(packed[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]])
     if parameters.mass <= 0 or low <= 0 or low + middle < high * (1 - ROUNDING):

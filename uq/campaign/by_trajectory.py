@@ -9,11 +9,11 @@ Content = TypeVar("Content")
 
 
 class ByTrajectory(Generic[Content]):
-    """What campaigns, laws and budgets hold for each trajectory and estimator."""
+    """Base of the results of campaigns, laws and budgets, which hold one entry for each trajectory and estimator."""
 
     @property
     def by_trajectory(self) -> Mapping[str, Mapping[str, Content]]:
-        """What there is, by trajectory, then by estimator."""
+        """Entries by trajectory, then by estimator."""
         raise NotImplementedError
 
     def __getitem__(self, key: tuple[str, str] | str) -> Content:

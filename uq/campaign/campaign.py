@@ -186,7 +186,7 @@ def montecarlo(
 
 
 def _points(points: Points | None, sampling: Sampling, trials: int, adaptive: bool) -> Points:
-    """What trials are drawn from: quasi-random points where they can be, unless it is given."""
+    """Return the kind of points that trials are drawn from: as given, otherwise quasi-random where possible."""
     can_be = sampling == "collapsed" and not adaptive and trials >= LEAST_QUASI_RANDOM
     if points == "quasi-random" and not can_be:
         raise ExperimentError(
@@ -267,7 +267,7 @@ def _identity(
     devices: Sequence[jax.Device],
     settings: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """What a checkpoint must have in common with a campaign for the same bits to come out."""
+    """Return the settings that a checkpoint and a campaign must share for the same bits to come out."""
     return {
         **settings,
         "experiment": experiment.inputs()["resolved"],

@@ -37,19 +37,20 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
     breakdowns: Mapping[str, Mapping[str, Breakdown[Statistics]]]
-    """By trajectory, then by estimator."""
+    """Breakdown of each case, by trajectory, then by estimator."""
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
     errors: Mapping[str, np.ndarray] = field(compare=False)
     """Estimate minus truth of every trial, by trajectory: (trials, estimators, cases, 6) [kg·m²]."""
     stability: Mapping[str, Mapping[str, Stability]] | None = field(default=None, compare=False)
-    """What an adaptive campaign reached [kg·m²], by trajectory and estimator; None: the trials were given."""
+    """Stability that an adaptive campaign reached [kg·m²], by trajectory and estimator; None: the number of trials was
+    given."""
     points: Points = "random"
-    """What the trials were drawn from."""
+    """Kind of points that the trials were drawn from: random or quasi-random."""
 
     @property
     def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[Statistics]]]:
-        """What there is, by trajectory, then by estimator."""
+        """Breakdown of each case, by trajectory, then by estimator."""
         return self.breakdowns
 
     def total_errors(self, trajectory: str, estimator: str) -> np.ndarray:
@@ -293,7 +294,7 @@ SMALL = 1e-3
 """Share of the 3σ below which a terminal counts sources together; a report shows all of them."""
 HEAD = ("trajectory", "estimator", "g·m²")
 FEW = 4
-"""Trajectories with an estimator of which each has a table of its own on a page."""
+"""Most cases (a trajectory with an estimator) for which a page has a table each."""
 INDEX = (
     "3σ is three standard deviations of the estimates over the trials, the source's index of uncertainty. It does not "
     "contain the mean error (mean of estimate minus truth), which therefore stands beside it everywhere. The figure "

@@ -45,13 +45,13 @@ PAIRS = (("T1", "T2"), ("T3", "T4"))
 
 
 class Imperfections(NamedTuple):
-    """What a real rig does besides Table 1's noise and offsets; standard deviations of normal draws, one a run."""
+    """Imperfections of a rig besides Table 1's noise and offsets: standard deviations of normal draws, one a run."""
 
     still_point: float = 1e-3
-    """How far the point that keeps still misses its place on each axis [m], besides the error of the centre of gravity:
-    the centre of gravity then has a residual acceleration of about that times the angular acceleration."""
+    """Standard deviation of the still point's position on each axis [m], besides the error of the centre of gravity.
+    The centre of gravity has a residual acceleration of about this distance times the angular acceleration."""
     delay: float = 1e-3
-    """How late the gyro is against the load cell [s]."""
+    """Standard deviation of the gyro's delay against the load cell [s]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,7 +65,7 @@ class EmulatedTables(Result):
     """Runs of each trajectory in a repeat."""
     seed: int
     nominal: np.ndarray
-    """True tensor [kg·m²]."""
+    """True packed tensor of the body [kg·m²]."""
     errors: Mapping[str, np.ndarray]
     """Estimate minus truth by trajectory, (repeats, runs, 6) [kg·m²]."""
     imperfections: Imperfections
@@ -74,7 +74,7 @@ class EmulatedTables(Result):
 
     @property
     def repeats(self) -> int:
-        """How often the experiment was repeated."""
+        """Number of repeats of the experiment."""
         return len(next(iter(self.errors.values())))
 
     def average_deviation(self, trajectory: str) -> np.ndarray:
@@ -212,9 +212,9 @@ class _Rig(Pytree):
     centre: tuple[Source, ...]
     """Sources of the believed centre of gravity, drawn once a repeat."""
     holds_cg: jax.Array
-    """1 or 0."""
+    """Whether the platform holds the believed centre of gravity still: 1 or 0."""
     runs: jax.Array
-    """Of a repeat."""
+    """Runs of each trajectory in a repeat."""
 
 
 def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: Imperfections, runs: int) -> _Rig:

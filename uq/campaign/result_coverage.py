@@ -1,4 +1,4 @@
-"""What result.json says of coverage: intervals, the ellipsoid of the six components, the principal axes; in g·m²."""
+"""Coverage in result.json: intervals, the ellipsoid of the six components, the principal axes; in g·m²."""
 
 from collections.abc import Mapping
 from typing import Any

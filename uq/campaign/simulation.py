@@ -29,7 +29,7 @@ NANOSECONDS = 1_000_000_000
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """What a rig with the experiment's errors would record, and the truth behind it."""
+    """A simulated recording of a rig with the experiment's errors, and the truth behind it."""
 
     run: Run
     """Measured force, moment and angular velocity."""
@@ -99,7 +99,7 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
 
 @CompiledProgram
 def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
-    """What the sensors say, the true specific force at Q, and the true attitude."""
+    """Return the sensors' readings, the true specific force at Q, and the true attitude."""
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)
     errors, draws = errors_of(setup.sources, draws), draws | draw_noise(setup, key, trial)
     record = sensed(setup, smooth_signals(setup, errors), draws, [True] * len(setup.sources))

@@ -1,4 +1,4 @@
-"""What the trials of a campaign say: mean error and dispersion of each case, with their standard errors."""
+"""Statistics of a campaign's trials: mean error and dispersion of each case, with their standard errors."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ __all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_err
 
 @dataclass(frozen=True, repr=False)
 class Statistics(Shown):
-    """What the trials of one case say of the six components, in kg·m², in the order of ``COMPONENTS``."""
+    """Statistics of the trials of one case: six components in kg·m², in the order of ``COMPONENTS``."""
 
     mean_error: np.ndarray
     """Mean of estimate minus truth: the bias."""
@@ -28,7 +28,7 @@ class Statistics(Shown):
     three_sigma: np.ndarray
     """Three standard deviations of the estimates: the source's index of uncertainty."""
     three_sigma_standard_error: np.ndarray
-    """From the fourth moment of the estimates, so that it holds for any distribution."""
+    """Standard error of ``three_sigma`` from the fourth moment of the estimates, which holds for any distribution."""
 
     @classmethod
     def of(cls, errors: np.ndarray, points: Points = "random") -> "Statistics":
@@ -89,7 +89,7 @@ def _mean_and_sigma(errors: np.ndarray) -> np.ndarray:
 
 @runtime_checkable
 class OfCase(Protocol):
-    """What a method says of one case: :class:`Statistics` of trials, or the law's figures."""
+    """Common interface of a case's figures: :class:`Statistics` of trials, or the law's figures."""
 
     @property
     def mean_error(self) -> np.ndarray:
@@ -117,9 +117,9 @@ class Breakdown(Result, Generic[CaseFigures]):
     """
 
     groups: Mapping[str, CaseFigures]
-    """``total`` (all sources) and each group alone."""
+    """Figures of each case: ``total`` (all sources) and each group alone."""
     sources: Mapping[str, CaseFigures]
-    """Each source alone."""
+    """Figures of each source alone, by its name."""
     failed: int = 0
     """Trials in which some case could not be solved; they are left out of that case."""
 

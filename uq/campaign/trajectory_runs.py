@@ -24,9 +24,9 @@ class TrajectoryRun:
 
     setup: AnySetup
     loop: TrialLoop
-    """Its trials, or those of several trajectories."""
+    """Loop that runs the trials of this trajectory, or of several."""
     number: int | None
-    """Which of the loop's trajectories this is; None: the only one."""
+    """Index of the trajectory in ``loop``; None: it is the only one."""
 
     def reach(self, trials: int, progress: Progress | None = None, *, asked: int | None = None) -> None:
         """Run until there are so many trials; see :meth:`uq.trials.trial_loop.TrialLoop.reach`."""

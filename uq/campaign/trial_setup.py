@@ -1,4 +1,4 @@
-"""From a trajectory of an experiment to what its trials need: platform, true motion, fitted estimators, set-up."""
+"""Preparation of the trials of a trajectory: platform, true motion, fitted estimators, set-up."""
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
@@ -17,7 +17,8 @@ from uq.trials.engines import AnySetup, prepare_any
 from uq.trials.trial_loop import OLDER_LOOPS
 
 COMPILER = {"xla_cpu_parallel_codegen_split_count": 1, **OLDER_LOOPS}
-"""A motion is sampled in milliseconds and compiled in a second; in one piece and with these loops, in a third of it."""
+"""Options of XLA for sampling a motion, which takes milliseconds to run but a second to compile: with them, a third of
+it."""
 _sampled = CompiledProgram(sample, COMPILER)
 
 

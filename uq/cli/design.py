@@ -41,18 +41,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--goal", metavar="GOAL",
-        help="what is to be known best: all, moments, products, worst, 'axis 1' to 'axis 3' (all)",
+        help="quantities to be known best: all, moments, products, worst, 'axis 1' to 'axis 3' (all)",
     )  # fmt: skip
     parser.add_argument(
         "--objective", metavar="OBJECTIVE",
-        help="what of each component counts: rms, 3√(σ² + mean error²), or 3sigma, the dispersion alone (rms)",
+        help="figure of a component that counts: rms, 3√(σ² + mean error²), or 3sigma, the dispersion alone (rms)",
     )  # fmt: skip
     parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (the first)")
     parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
     parser.add_argument(
         "--period",
         metavar="'5 s'",
-        help="of the motions that are not in stages, which repeat it; of an arm's motion (5 s)",
+        help="period of motions without stages, which repeat it, and of an arm's motion (5 s)",
     )
     parser.add_argument(
         "--starts", type=whole_number, metavar="N", help="motions to start from, minutes each; the first in stages (1)"
@@ -67,7 +67,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--rehearsal", type=float, metavar="PART", help="export the motion at this part of its speed, too, such as 0.5"
     )
     parser.add_argument(
-        "--rehearsal-amplitude", type=float, metavar="PART", help="and at this part of its amplitude (1)"
+        "--rehearsal-amplitude", type=float, metavar="PART", help="part of the amplitude in the rehearsal (1)"
     )
     add_without_option(parser)
     parser.add_argument("--achieved", metavar="RUN.mcap", help="compare a recorded run with its plan, design nothing")

@@ -45,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="EMPTY.mcap",
         help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
     )
-    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's own, instead of [fixture]")
+    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's centre, instead of [fixture]")
     parser.add_argument(
         "--method",
         choices=methods.names(),

@@ -13,7 +13,7 @@ ERRORS = (ExperimentError, RunError, RigError)
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("table", metavar="TABLE.csv", help="a table as text, one row a sample")
-    parser.add_argument("--map", required=True, metavar="MAP.toml", help="its columns: names, units, signs, frames")
+    parser.add_argument("--map", required=True, metavar="MAP.toml", help="the table's columns: units, signs, frames")
     parser.add_argument(
         "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"
     )

@@ -21,7 +21,7 @@ ERRORS = (RigError, MistakeError)
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("run", nargs="+", help="recorded runs (MCAP)")
-    parser.add_argument("--experiment", metavar="E.toml", help="what the channels mean, mass, centre of gravity")
+    parser.add_argument("--experiment", metavar="E.toml", help="meaning of the channels, mass, centre of gravity")
     parser.add_argument("--json", action="store_true", help="one line of JSON a run instead of text")
 
 

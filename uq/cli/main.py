@@ -41,7 +41,7 @@ BROKEN_PIPE = 141
 """Exit status where nobody reads on: 128 and the number of SIGPIPE, which not every system has."""
 WITHOUT_JAX = ("record", "recover", "inspect", "schema")
 LEAST_MEMORY = 7 * 2**28
-"""Bytes of address space below which JAX does not start but aborts the process, with a page of its own."""
+"""Bytes of address space below which JAX does not start but aborts the process with a page of text."""
 SELDOM = 1_000_000
 """New objects after which the garbage collector looks for circles that nothing leads to."""
 CURES = {
@@ -53,7 +53,7 @@ CURES = {
 }
 OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc", "can't start new thread", "failed to map segment",
                  "annot allocate memory")  # fmt: skip
-"""What libraries say where Python would raise a MemoryError."""
+"""Texts of the errors that libraries raise where Python would raise a MemoryError."""
 LONGEST = 150
 """Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
 
@@ -157,7 +157,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
 
 
 def _notation(concisely: bool) -> contextlib.AbstractContextManager[None]:
-    """How uncertainties are printed: 374.9 ± 4.9, or concisely 374.9(4.9)."""
+    """Return the context in which uncertainties are printed as 374.9 ± 4.9, or concisely as 374.9(4.9)."""
     if not concisely:
         return contextlib.nullcontext()
     return concise()

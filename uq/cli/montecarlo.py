@@ -49,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tolerance", metavar="'0.05 g*m^2'", help="with --adaptive: the tolerance instead of digits")
     parser.add_argument(
         "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
-        help="who causes what: shares of every source and group, from this many pairs of trials (1000)",
+        help="shares of every source and group in the variance, from this many pairs of trials (1000)",
     )  # fmt: skip
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
@@ -131,7 +131,7 @@ def _campaign(
 
 
 def _goal(arguments: argparse.Namespace) -> dict:
-    """What an adaptive run is to reach, as arguments of the campaign."""
+    """Return the goal of an adaptive run as arguments of the campaign."""
     if not arguments.adaptive:
         if arguments.digits is not None or arguments.tolerance is not None:
             raise ExperimentError("--digits and --tolerance are for an adaptive run: add --adaptive")

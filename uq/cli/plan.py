@@ -19,11 +19,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
     parser.add_argument(
         "--target", action="append", metavar="'0.5 g*m^2'",
-        help="an average 3σ whose duration is wanted; repeatable (half of what it is now)",
+        help="an average 3σ whose duration is wanted; repeatable (half of the present one)",
     )  # fmt: skip
     parser.add_argument(
         "--goal", action="append", metavar="GOAL",
-        help=f"whose average: {', '.join(GOALS)}; repeatable (moments and products)",
+        help=f"components to be averaged: {', '.join(GOALS)}; repeatable (moments and products)",
     )  # fmt: skip
     parser.add_argument("--trajectory", metavar="NAME", help="the trajectory (the first)")
     parser.add_argument("--estimator", metavar="NAME", help="the estimator (the recording's, or the first)")

@@ -22,9 +22,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("rig", nargs="?", help="the rig file (TOML, see docs/how-to/rig.md)")
     parser.add_argument("-o", "--output", help="RUN.mcap, or a folder in which runs are numbered")
-    parser.add_argument("--seconds", type=float, help="stop after so long (default: until Ctrl-C)")
+    parser.add_argument("--seconds", type=float, help="stop after this many seconds (default: until Ctrl-C)")
     parser.add_argument("--note", default="", help="a note for the file's metadata")
-    parser.add_argument("--list", nargs="*", metavar="PORT", help="show ports and which device answers on them")
+    parser.add_argument("--list", nargs="*", metavar="PORT", help="show ports and the devices that answer on them")
     parser.add_argument("--watch", action="store_true", help="show live values, write nothing")
     parser.add_argument("--identify", metavar="E.toml", help="identify while recording, by this experiment file")
     parser.add_argument(
@@ -75,7 +75,7 @@ def _on_signal(stop: Callable[[], None], *, to_the_end: bool = False) -> Iterato
 
 
 def _target(arguments: argparse.Namespace) -> float | None:
-    """What ``--until`` asks for [kg·m²]."""
+    """Return the target that ``--until`` states [kg·m²]."""
     if arguments.identify is not None and arguments.watch:
         raise RigError("--identify reads the file, and --watch writes none: leave one of them out")
     if arguments.live is not None and (arguments.identify is None or not 0 <= arguments.live < 2**16):

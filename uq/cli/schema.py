@@ -17,7 +17,7 @@ RESULT = "result"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "file", nargs="?", choices=(*FILES, RESULT), default=FILES[0], help="which kind of file (default: %(default)s)"
+        "file", nargs="?", choices=(*FILES, RESULT), default=FILES[0], help="kind of file (default: %(default)s)"
     )
 
 

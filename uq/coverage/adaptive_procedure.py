@@ -1,4 +1,4 @@
-"""How many trials are enough: the adaptive Monte Carlo of JCGM 101:2008, 7.9, and of JCGM 102:2011, 7.8.
+"""Number of trials by the adaptive Monte Carlo of JCGM 101:2008, 7.9, and of JCGM 102:2011, 7.8.
 
 Trials come in blocks. Each block gives its own estimate, standard uncertainty and ends of the coverage interval; their
 scatter over the blocks says how well the averages are known. The clause stops when twice the standard deviations of
@@ -24,7 +24,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Goal:
-    """What an adaptive run is to reach."""
+    """Goal of an adaptive run."""
 
     digits: int = 2
     """Significant decimal digits of the standard uncertainties that are to be stable (7.9.2)."""
@@ -51,20 +51,20 @@ class Goal:
 
 @dataclass(frozen=True)
 class Stability:
-    """What an adaptive run reached, output by output."""
+    """Stability that an adaptive run reached, output by output."""
 
     goal: Goal
     blocks: int
     tolerance: np.ndarray
-    """δ of each output."""
+    """Numerical tolerance δ of each output."""
     reached: np.ndarray
-    """Expanded standard deviation of each output's figure that is known worst: estimate, u, or an end."""
+    """Largest expanded standard deviation of each output's figures: estimate, standard uncertainty, interval's ends."""
     joint: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Reached figure and tolerance of λ_max and k_p, if they are watched."""
 
     @property
     def stable(self) -> bool:
-        """Whether everything under watch is within its tolerance."""
+        """Whether all figures under watch are within their tolerances."""
         return self.ratio <= 1
 
     @property

@@ -198,12 +198,12 @@ class Verdict(Result):
 
     @property
     def holds(self) -> np.ndarray:
-        """Whether both ends do: the law is validated."""
+        """Whether both ends of the interval agree, so that the law is validated."""
         return np.asarray(self.low_holds & self.high_holds)
 
     @property
     def enough_trials(self) -> np.ndarray:
-        """Whether the Monte Carlo is as accurate as 8.2 asks of it: its own tolerance a fifth of δ."""
+        """Whether the Monte Carlo is as accurate as 8.2 requires: its numerical tolerance is a fifth of δ."""
         return np.asarray(self.resolution <= self.tolerance / 5)
 
     def reasons(self) -> list[str]:

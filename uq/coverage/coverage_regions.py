@@ -34,7 +34,7 @@ class EllipsoidalRegion:
     factor: Figure
     """k_p, from the trials themselves; of normal outputs it would be :attr:`normal_factor`."""
     coverage: Figure
-    """Share of the trials inside, region and count from different halves of them."""
+    """Share of the trials inside the region; region and count come from different halves of the trials."""
 
     @property
     def normal_factor(self) -> float:
@@ -49,17 +49,18 @@ class EllipsoidalRegion:
 
 @dataclass(frozen=True)
 class SmallestRegion:
-    """Where the density of the trials is above a level: the region of least volume (JCGM 102, 7.7.4)."""
+    """The region of least volume, where the density of the trials is above a level (JCGM 102, 7.7.4)."""
 
     probability: float
     density: "scipy.stats.gaussian_kde"
-    """Of the trials, by kernels; in place of the counts in cells of 7.7.4, which six outputs would leave empty."""
+    """Kernel estimate of the trials' density, in place of the counts in cells of 7.7.4: in six dimensions cells stay
+    empty."""
     level: float
     """Density on the boundary."""
     coverage: Figure
     """Share of the trials inside that had no part in density and level."""
     volume: Figure
-    """In the product of the outputs' units."""
+    """Volume of the region, in the product of the outputs' units."""
 
     def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
         """Return which points lie inside."""
@@ -74,7 +75,7 @@ class AxesRegion:
     axes: np.ndarray
     """Principal axes of the mean tensor, rows of a rotation matrix, by ascending moment."""
     region: EllipsoidalRegion
-    """Of the rotation vectors, components along the mean tensor's axes [rad]."""
+    """Region of the rotation vectors, whose components are along the mean tensor's axes [rad]."""
     largest_angle: Figure
     """Quantile of the angle of rotation [rad]."""
     swapped: float
@@ -199,7 +200,7 @@ def distance(points: Draws, centre: np.ndarray, covariance: np.ndarray) -> Float
 
 
 def _inside(draws: Draws, others: Draws, probability: float) -> np.ndarray:
-    """Which trials lie in the region that others make."""
+    """Return the mask of the trials that lie in the region of other trials."""
     centre, covariance = others.mean(0), covariance_of(others)
     limit = np.quantile(distance(others, centre, covariance), probability)
     return distance(draws, centre, covariance) <= limit

@@ -59,7 +59,7 @@ class Expanded:
 
 
 HEAD = ("value", "U", "k", "p, %", "u", "coverage interval")
-"""What :meth:`Expanded.rows` holds behind the name."""
+"""Headings of the columns of :meth:`Expanded.rows` behind the name."""
 
 
 def of_tensor(result: Identification, *, factor: float | None = None, probability: float | None = None) -> Expanded:

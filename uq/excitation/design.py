@@ -30,26 +30,26 @@ from uq.propagation.prepared_run import prepared_run
 from uq.trials.progress_bar import Progress, progress_of
 
 FINER = 10
-"""Times as many at which the limits are checked in the end."""
+"""Factor on the optimiser's instants for the final check of the limits."""
 ACTIVE = 0.98
 """Share of a limit from which on it counts as active."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """How the search from one start ended."""
+    """Outcome of the search from one start."""
 
     goal: float
-    """What was to be small, against the reference's."""
+    """Value of the minimised goal over that of the reference."""
     excess: float
-    """Largest violation of a limit on the optimiser's grid, as a share of it."""
+    """Largest violation of a limit on the optimiser's grid, as a share of the limit."""
     evaluations: int
     stages: int = 1
-    """Of its motion."""
+    """Number of stages of the motion."""
 
     @property
     def met(self) -> bool:
-        """Whether it met the limits there, to the per cent that a smaller amplitude mends."""
+        """Whether the search met the limits, to the per cent that a smaller amplitude corrects."""
         return self.excess < 0.01
 
 
@@ -58,31 +58,31 @@ class Design(Shown):
     """A designed trajectory, what it promises, and what limits it."""
 
     experiment: Experiment
-    """As given."""
+    """Experiment for which the trajectory was designed."""
     spec: TrajectorySpec
     """The designed trajectory, a Multisine; the reference itself where no design beat it."""
     reference: TrajectorySpec
-    """What it is compared with, at the size and speed that promise most under the same limits."""
+    """Trajectory for comparison, at the size and speed that promise most under the same limits."""
     limits: Limits
-    """In figures."""
+    """Limits of the rig in SI."""
     expanded: np.ndarray
     """Predicted 3σ of each component with the designed trajectory [kg·m²]."""
     expanded_reference: np.ndarray
-    """The same with the reference."""
+    """Predicted 3σ of each component with the reference [kg·m²]."""
     mean_error: np.ndarray
     """Predicted mean error of each component with the designed trajectory [kg·m²]."""
     mean_error_reference: np.ndarray
-    """The same with the reference."""
+    """Predicted mean error of each component with the reference [kg·m²]."""
     bound: DesignBound | None
-    """What no motion under these limits can beat; None: the limits do not tell."""
+    """Lower bound that no motion under these limits can beat; None: the limits do not give one."""
     peaks: list[Peak]
     """Each limit's largest use over the whole run, largest first."""
     starts: list[Start]
-    """Of the search."""
+    """Outcome of the search from each of its starts."""
     band: float
     """Highest frequency of the designed trajectory [Hz], for the differentiator."""
     objective: str = "rms"
-    """What was made small: three times the root mean square error, or 3σ (``3sigma``)."""
+    """Quantity that was minimised: three times the root mean square error, or 3σ (``3sigma``)."""
 
     def tables(self) -> list[Table]:
         """Return predicted 3σ and mean error of each component, of the design and of the reference, in g·m²."""
@@ -94,7 +94,7 @@ class Design(Shown):
 
     @property
     def active(self) -> list[Peak]:
-        """What limits the design."""
+        """Limits that are active in the design."""
         return [peak for peak in self.peaks if peak.share >= ACTIVE]
 
     @property

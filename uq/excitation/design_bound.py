@@ -1,4 +1,4 @@
-"""What no motion of a platform can beat: a lower bound of the predicted uncertainty under its limits.
+"""Lower bound of the predicted uncertainty that no motion of a platform can beat under its limits.
 
 With the legs' Jacobian of home and without products of omega, the load cell's white noise alone gives every unbiased
 linear estimate at least the covariance ``(n mean(Ωᵀ S⁻¹ Ω))⁻¹`` (Gauss and Markov), linear in the second moment of
@@ -26,7 +26,7 @@ RELAXED = (
     "of all limits only stroke, speed, acceleration and bandwidth count, each leg's for itself",
     "ramps take no time",
 )
-"""What the bound does not ask of a motion."""
+"""Requirements on a motion that the bound leaves out."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class DesignBound:
     """Least average 3σ that the limits allow, and what the bound leaves out."""
 
     moments: float
-    """Of the three moments [kg·m²]."""
+    """Least average 3σ of the three moments [kg·m²]."""
     products: float
-    """Of the three products [kg·m²]."""
+    """Least average 3σ of the three products [kg·m²]."""
     relaxes: tuple[str, ...] = RELAXED
-    """What the bound does not ask of a motion."""
+    """Requirements on a motion that the bound leaves out."""
 
 
 def design_bound(

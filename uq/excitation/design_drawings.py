@@ -1,4 +1,4 @@
-"""Which figures a design has, with their captions: the platform in motion, the legs, the sphere, budgets, durations."""
+"""Figures of a design, with their captions: the platform in motion, the legs, the sphere, budgets, durations."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,11 +20,11 @@ from uq.planning.required_duration import Duration
 from uq.propagation.law_result import LawStatistics, drawn
 
 SHOWN = 10.0
-"""How much of the motion figures show, from its middle [s]."""
+"""Length of the motion that figures show, from its middle [s]."""
 PLAYED = 5.0
-"""How much the moving drawing plays [s]."""
+"""Length of the motion that the moving drawing plays [s]."""
 RATE = 100.0
-"""Of the instants that figures draw [Hz]."""
+"""Rate of the instants that figures draw [Hz]."""
 
 
 def design_drawings(
@@ -111,7 +111,7 @@ def _shown(design: Design) -> tuple[Any, Any]:
 
 
 def _scene(experiment: Experiment, motion: Any) -> Scene:
-    """What the drawing of the platform shows."""
+    """Return the scene that the drawing of the platform shows."""
     step = round(RATE / FRAMES)
     shown = slice(0, round(PLAYED * RATE) + 1, step)
     position, rotation = (np.asarray(x)[shown] for x in motion.pose)

@@ -1,4 +1,4 @@
-"""What a design is to make small: a smooth function of the tensor's predicted covariance and mean error.
+"""The goal of a design: a smooth function of the tensor's predicted covariance and mean error.
 
 What counts of a component is the objective: three times its root mean square error, ``3 √(σ² + b²)``, b the mean error,
 which no repetition of the run shows; or its dispersion alone, 3σ. The first treats an uncorrected bias as a standard
@@ -22,7 +22,7 @@ SHARP = 8
 """Power of the mean that stands for the larger of two or six."""
 
 Measure = Callable[[Float[Array, "6 6"], Float[Array, "6"]], Float[Array, ""]]
-"""Of covariance [(kg·m²)²] and mean error [kg·m²]."""
+"""Function of the tensor's covariance [(kg·m²)²] and mean error [kg·m²] that the search makes small."""
 
 
 def expanded(covariance: Float[Array, "6 6"]) -> Float[Array, "6"]:

@@ -37,13 +37,13 @@ class DesignReport(Result):
     design: Design
     goal: str
     laws: Mapping[str, Breakdown[LawStatistics]]
-    """By trajectory: ``designed`` first, then ``reference`` (rescaled and retimed), then others of the experiment."""
+    """Law of propagation by trajectory: ``designed`` first, then ``reference`` (rescaled and retimed), then others."""
     bands: Mapping[str, float]
     """Highest frequency that each trajectory's differentiator is matched to [Hz]."""
     sensors: SensorWorth
     durations: tuple[Duration, ...]
     files_of: Mapping[str, bytes]
-    """``designed.toml`` and what it names."""
+    """Contents of the files by name: ``designed.toml`` and the files that it names."""
     provenance: Mapping[str, Any]
     name: str = "design"
 

@@ -10,24 +10,24 @@ from identify.rigid_body.inertia import Body, unpack
 
 AZIMUTH = np.radians(-62.0)
 ELEVATION = np.radians(18.0)
-"""Where it is seen from."""
+"""Elevation from which the platform is seen [rad]."""
 MARGIN = 0.06
 FRAMES = 25
-"""A second."""
+"""Drawn instants of the motion in each second."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn, projected: places in units of the drawing's width, instants first."""
+    """A projected scene: positions in units of the drawing's width, instants first."""
 
     base: Float[np.ndarray, "6 2"]
     plate: Float[np.ndarray, "n 6 2"]
     corners: Float[np.ndarray, "n 8 2"]
-    """Of the cuboid that has the body's mass and tensor."""
+    """Corners of the cuboid that has the body's mass and tensor."""
     centre: Float[np.ndarray, "n 2"]
-    """Centre of gravity."""
+    """Centre of gravity of the body."""
     seconds: float
-    """How long the instants last."""
+    """Duration of the scene [s]."""
 
 
 def scene(

@@ -24,9 +24,9 @@ SPEEDS = 8
 COARSE = 12
 """Instants in a period of the highest frequency at which amplitudes are sought."""
 PREDICTED = 10
-"""The same for the predicted covariance."""
+"""Instants in a period of the highest frequency at which the covariance is predicted."""
 WEIGHT = 3.0
-"""How much slower than the motion a share of a limit may shrink: a leg's force, of which the weight is part."""
+"""Factor on a limit's excess by which a motion is reduced: a leg's force, which includes the weight, shrinks less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class PredictedTrajectory:
 
     spec: TrajectorySpec
     mean_error: Float[np.ndarray, "6"]
-    """Of the tensor [kg·m²], with a differentiator matched to the trajectory's highest frequency."""
+    """Mean error of the packed tensor [kg·m²], with a differentiator matched to the trajectory's highest frequency."""
     covariance: Float[np.ndarray, "6 6"]
-    """Of the tensor [(kg·m²)²]."""
+    """Covariance of the packed tensor [(kg·m²)²]."""
 
     @classmethod
     def of(cls, experiment: Experiment, spec: TrajectorySpec, bandwidth: float) -> "PredictedTrajectory":

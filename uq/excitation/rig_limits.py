@@ -13,7 +13,7 @@ from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
 
 HALVINGS = 11
-"""Of the interval in which the largest amplitude is sought."""
+"""Bisections of the interval in which the largest amplitude is sought."""
 FROM_LIMIT = 1e-9
 """Relative distance from a limit that counts as met: the rounding of an integrated attitude."""
 OfSize = Callable[[float], TrajectorySpec]

@@ -1,4 +1,4 @@
-"""Where the search for a motion in stages starts: the legs' optimal patterns, each driven by one wave."""
+"""Starts of the search for a motion in stages: the legs' optimal patterns, each driven by one wave."""
 
 from collections.abc import Callable
 

@@ -17,9 +17,9 @@ class Written(NamedTuple):
     """A value of a joint, which turns or slides."""
 
     value: float
-    """In SI."""
+    """Value of the quantity in SI."""
     unit: str
-    """rad, m or what is made of them."""
+    """Unit of the value: rad, m or a unit derived from them."""
 
 
 def of_joint(turning: str, sliding: str, *, positive: bool = False) -> msgspec.Meta:
@@ -51,18 +51,18 @@ RANGE = {"type": "array", "items": {"anyOf": [quantity_schema("rad"), quantity_s
 
 
 class JointTable(TomlTable, frozen=True, kw_only=True):
-    """``[[platform.joint]]``: what a joint of an arm may do; where nothing is stated, what the URDF says."""
+    """``[[platform.joint]]``: limits of an arm's joint; where none is stated, those of the URDF."""
 
     name: Name | None = None
-    """Of the joint in the URDF; missing: every joint that no other table names."""
+    """Name of the joint in the URDF; missing: every joint that no other table names."""
     position: Annotated[tuple[Written, Written], written(_range, {**RANGE, "maxItems": 2})] | None = None
-    """Lowest and highest position."""
+    """Lowest and highest position of the joint."""
     speed: Annotated[Written, of_joint("rad/s", "m/s", positive=True)] | None = None
-    """Largest speed, either way."""
+    """Largest speed of the joint, either way."""
     acceleration: Annotated[Written, of_joint("rad/s^2", "m/s^2", positive=True)] | None = None
-    """Largest acceleration, either way, which no URDF states."""
+    """Largest acceleration of the joint, either way, which no URDF states."""
     effort: Annotated[Written, of_joint("N*m", "N", positive=True)] | None = None
-    """Largest torque, or force of a joint that slides, either way."""
+    """Largest torque of the joint, or force if it slides, either way."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +70,15 @@ class DeclaredArm:
     """A robot arm as declared; its URDF is not yet read."""
 
     urdf: str
-    """Path of its description."""
+    """Path of the arm's description."""
     tool: str
-    """The frame that is the load cell's."""
+    """Frame of the URDF that is the load cell's."""
     home: tuple[Written, ...]
-    """Where motions start and end; empty: every joint at zero."""
+    """Joint positions at which motions start and end; empty: every joint at zero."""
     rate: float
-    """Of commands and of the sensors' samples [Hz]."""
+    """Rate of commands and of the sensors' samples [Hz]."""
     clearance: float
-    """Least distance of its links from each other [m]."""
+    """Least distance of the arm's links from each other [m]."""
     floor: float | None
     """Height above the base that nothing falls below [m]; None: there is no floor."""
     joints: tuple[JointTable, ...]
@@ -88,13 +88,13 @@ class ArmKeys(TomlTable, frozen=True, kw_only=True):
     """The keys of an arm."""
 
     urdf: str | None = None
-    """An arm's description, a URDF beside the experiment; its links' collision shapes are what must not touch."""
+    """An arm's description, a URDF beside the experiment; the collision shapes of its links must not touch."""
     tool: Name | None = None
-    """The frame of the URDF that is the load cell's: its origin is Q, its axes are those of B."""
+    """Frame of the URDF that is the load cell's: its origin is Q, its axes are those of B."""
     home: tuple[Position, ...] = ()
-    """Where an arm's motion starts and ends: the position of each joint from base to tool; missing: all at zero."""
+    """Position of each joint, from base to tool, at which an arm's motion starts and ends; missing: all at zero."""
     rate: Annotated[float, in_unit("Hz", above=0, most=1e5)] = 500.0
-    """Of an arm's commands, and of its sensors' samples."""
+    """Rate of an arm's commands and of its sensors' samples."""
     clearance: Annotated[float, in_unit("m", least=0)] = 0.02
     """Least distance between an arm's links that no joint connects."""
     floor: Annotated[float, in_unit("m")] | None = None

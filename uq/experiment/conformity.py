@@ -24,12 +24,12 @@ RULES: Mapping[Rule, str] = {
 
 
 class Conformity(TomlTable, frozen=True, kw_only=True):
-    """``[report.conformity]``: limits, and how to decide."""
+    """``[report.conformity]``: limits of components, and the decision rule."""
 
     specification: str
-    """What states the limits."""
+    """Document that states the limits."""
     rule: Rule
-    """How the uncertainty is taken into account (JCGM 106, 8.2 and 8.3)."""
+    """Decision rule: how the uncertainty is taken into account (JCGM 106, 8.2 and 8.3)."""
     limits: Mapping[Component, Annotated[tuple[float, float], interval("kg*m^2")]]
     """Least and largest value of components [kg·m²]."""
 
@@ -41,13 +41,13 @@ class Conformity(TomlTable, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Decision:
-    """What the rule says of a component."""
+    """Decision of the rule on one component."""
 
     component: str
     limits: tuple[float, float]
     outcome: Outcome
     probability: float
-    """That the component lies within the limits, from a normal distribution."""
+    """Probability that the component lies within the limits, from a normal distribution."""
 
 
 def decide(

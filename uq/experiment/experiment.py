@@ -54,11 +54,11 @@ class Experiment(Shown):
     r_cg_from_q: np.ndarray | None
     """Centre of gravity from the load cell's centre Q, in B [m]; None: not stated, for static poses to tell."""
     mass: float | None
-    """Mass [kg]; None: not stated."""
+    """Mass of the body [kg]; None: not stated."""
     inertia: np.ndarray | None
     """Packed tensor about the centre of gravity [kg·m²]; None: not stated."""
     gravity: float
-    """Local gravity [m/s²]."""
+    """Local gravity at the rig [m/s²]."""
     r_cg_from_omb: np.ndarray
     """Centre of gravity from the platform's centre, in B [m]."""
     trajectories: Mapping[str, TrajectorySpec]
@@ -68,11 +68,11 @@ class Experiment(Shown):
     """Sources that are correlated."""
     recording: Recording = field(default_factory=Recording)
     poses: Poses | None = None
-    """How static poses are declared; None: they are not."""
+    """Declaration of static poses; None: there are none."""
     geometry: Platform | None = None
     """The platform's six legs; None: not stated."""
     limits: DeclaredLimits | None = None
-    """What the rig can do; None: not stated."""
+    """Limits of the rig; None: not stated."""
     arm: DeclaredArm | None = None
     """The robot arm that carries the body; None: another platform."""
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -80,13 +80,13 @@ class Experiment(Shown):
     as_read: Mapping[str, Any] = field(default_factory=dict)
     """The content's values in SI: others, as after ``dataclasses.replace``, are not the file's."""
     folder: Path = Path(".")
-    """Where the file is, and beside it the files that it names."""
+    """Folder of the file, in which the files that it names are."""
     scale: tuple[float, float] | None = None
-    """What a scale says of the mass on the load cell, with its standard uncertainty [kg]; None: there is none."""
+    """Mass on the load cell by a scale, and its standard uncertainty [kg]; None: there is none."""
     datum: Datum | None = None
     """A frame in which the result is also wanted; None: there is none."""
     fixture: InertialParameters | None = None
-    """What is to be subtracted from the identified body, by its stated parameters; None: nothing."""
+    """Fixture that is to be subtracted from the identified body, by its stated parameters; None: there is none."""
     not_included: NotIncludedTable = field(default_factory=NotIncludedTable)
     """Typical figures of errors that are not declared."""
     report: Mapping[str, Any] = field(default_factory=dict)

@@ -20,25 +20,25 @@ from uq.sources.source_table import WrittenSource, read_source
 
 
 class BodyTable(TomlTable, frozen=True, kw_only=True):
-    """``[body]``: what is simulated, or where a recorded body's centre of gravity is."""
+    """``[body]``: the simulated body, or the centre of gravity of a recorded one."""
 
     r_cg_from_q: Annotated[np.ndarray, vector("m")] | None = None
     """Centre of gravity from the load cell's centre Q, in B; may be missing where static poses tell it."""
     mass: Annotated[float, in_unit("kg", above=0)] | None = None
-    """Its mass."""
+    """Mass of the body."""
     inertia: InertiaTable | None = None
-    """Its tensor about its centre of gravity."""
+    """Tensor of the body about its centre of gravity."""
 
 
 class EstimatorTable(TomlTable, frozen=True, kw_only=True):
-    """``[[estimator]]``: how the tensor is estimated from a run."""
+    """``[[estimator]]``: an estimator of the tensor from a run."""
 
     name: Name
-    """By which results and other tables call it."""
+    """Name of the estimator in results and in other tables."""
     method: Literal["ols"] = "ols"
-    """Least squares."""
+    """Method of the estimator: ``ols``, ordinary least squares."""
     differentiator: Literal["central", "savitzky-golay"]
-    """How the angular acceleration is computed from the angular velocity."""
+    """Differentiator that computes the angular acceleration from the angular velocity."""
     band: Annotated[float, in_unit("Hz", above=0, most=1e6)] | None = None
     """Highest frequency of the motion, to which the differentiator is matched."""
     window: int | None = None
@@ -55,7 +55,7 @@ class EstimatorTable(TomlTable, frozen=True, kw_only=True):
 
     @property
     def spec(self) -> EstimatorSpec:
-        """The same for the engine."""
+        """The estimator's specification for the computation, in SI."""
         return EstimatorSpec(self.name, self.differentiator, self.band, self.window, self.lowpass)
 
 

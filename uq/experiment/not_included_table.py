@@ -30,24 +30,25 @@ class NotIncludedTable(TomlTable, frozen=True, kw_only=True):
     """
 
     force_gain: Annotated[float | None, typical("%")] = 0.005
-    """Of each channel of the force."""
+    """Gain error of each channel of the force."""
     moment_gain: Annotated[float | None, typical("%")] = 0.005
-    """Of each channel of the moment."""
+    """Gain error of each channel of the moment."""
     cross_talk: Annotated[float | None, typical("%")] = 0.005
-    """Of each channel from each other component, in parts of the largest force and moment that were recorded."""
+    """Cross-talk to each channel from every other component, in parts of the largest recorded force and moment."""
     load_cell_axes: Annotated[float | None, typical("rad")] = 0.005
     """Misalignment of the load cell with the body, about each axis."""
     gyro_scale: Annotated[float | None, typical("%")] = 0.005
-    """Of each axis of the gyro."""
+    """Scale error of each axis of the gyro."""
     gyro_axes: Annotated[float | None, typical("rad")] = 0.005
     """Misalignment of the gyro with the body, about each axis."""
     delay: Annotated[float | None, typical("s")] = 0.001
-    """Of the gyro against the load cell."""
+    """Delay of the gyro against the load cell."""
     mounting_frequency: Annotated[float | None, typical("Hz")] = 50.0
-    """At which the body swings on its mounting, about each axis; load cell and IMU stay on the platform's side."""
+    """Frequency of the body's vibration on its mounting about each axis; load cell and IMU stay on the platform's
+    side."""
     centre_of_gravity: Annotated[float | None, typical("m")] = 0.001
-    """On each axis, where it counts as exact."""
+    """Error of the centre of gravity on each axis, where the estimate takes it as exact."""
     gravity: Annotated[float | None, typical("m/s^2")] = 0.02
     """Local gravity less the stated one."""
     accelerometer_scale: Annotated[float | None, typical("%")] = 0.005
-    """Of each axis, where the estimate takes the specific force from it."""
+    """Scale error of each axis of the accelerometer, where the estimate takes the specific force from it."""

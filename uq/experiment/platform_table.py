@@ -31,7 +31,7 @@ Metre = Annotated[float, in_unit("m")]
 
 @dataclass(frozen=True, eq=False)
 class DeclaredLimits:
-    """What a rig can do, as declared: figures, and the trajectory whose needs stand where the legs have none."""
+    """Declared limits of a rig: figures, and the trajectory whose needs replace missing limits of the legs."""
 
     figures: Limits
     trajectory: str | None
@@ -39,10 +39,10 @@ class DeclaredLimits:
 
 
 class Place(TomlTable, frozen=True, kw_only=True):
-    """Where the platform stands, from which local gravity is computed."""
+    """Location of the platform, from which local gravity is computed."""
 
     latitude: Annotated[float, in_unit("rad")]
-    """Geographic latitude."""
+    """Geographic latitude of the platform."""
     height: Metre = 0.0
     """Height above the ellipsoid."""
 
@@ -58,17 +58,17 @@ class Ring(TomlTable, frozen=True, kw_only=True):
     """Six points in three pairs on a circle, counter-clockwise."""
 
     radius: Annotated[float, in_unit("m", above=0)]
-    """Of the circle."""
+    """Radius of the circle."""
     half_angle: Annotated[float, in_unit("rad", above=0)]
     """Half of the angle between the points of a pair, as seen from the circle's centre."""
     first: Annotated[float, in_unit("rad")] = 0.0
-    """Direction of the first pair's middle."""
+    """Direction of the first pair's middle from the circle's centre."""
     height: Metre = 0.0
-    """Of the circle's plane."""
+    """Height of the circle's plane."""
 
     @property
     def points(self) -> np.ndarray:
-        """The points [m], (6, 3)."""
+        """Positions of the six points [m], (6, 3)."""
         angles = self.first + np.radians(120) * np.repeat(np.arange(3), 2) + self.half_angle * np.tile([-1.0, 1.0], 3)
         height = np.full(6, self.height)
         return np.stack([self.radius * np.cos(angles), self.radius * np.sin(angles), height], axis=1)
@@ -97,9 +97,9 @@ class Plate(TomlTable, frozen=True, kw_only=True):
 
     mass: Annotated[float, in_unit("kg", least=0)]
     r_cg_from_omb: Axes[Metre] = (0.0, 0.0, 0.0)
-    """Its centre of gravity from the platform's centre."""
+    """Centre of gravity of the plate from the platform's centre."""
     inertia: Mapping[Component, Annotated[float, in_unit("kg*m^2")]] | None = None
-    """Its tensor about its centre of gravity; entries that are not stated are zero."""
+    """Tensor of the plate about its centre of gravity; entries that are not stated are zero."""
 
     @property
     def body(self) -> Body:
@@ -114,13 +114,13 @@ class RodTable(TomlTable, frozen=True, kw_only=True):
 
     mass: Annotated[float, in_unit("kg", least=0)]
     distance: Annotated[float, in_unit("m", least=0)] = 0.0
-    """Of its centre of gravity from its joint."""
+    """Distance of the centre of gravity from the joint, along the leg."""
     inertia: Annotated[float, in_unit("kg*m^2", least=0)] = 0.0
-    """About its centre of gravity, across its axis."""
+    """Moment of inertia about the centre of gravity, across the leg's axis."""
 
     @property
     def rod(self) -> Rod:
-        """The same in SI."""
+        """The part of the leg in SI."""
         parts: Any = [np.asarray(value) for value in (self.mass, self.distance, self.inertia)]
         return Rod(*parts)
 
@@ -129,7 +129,7 @@ class GeometryTable(TomlTable, frozen=True, kw_only=True):
     """A platform on six legs."""
 
     reference: str = ""
-    """Where the figures come from."""
+    """Publication or document from which the figures come."""
     base: Annotated[np.ndarray, written(_points, POINTS)]
     """Joints on the base: six points, one a leg, or three pairs on a circle."""
     joints: Annotated[np.ndarray, written(partial(_points, shifted=True), POINTS)]
@@ -144,25 +144,25 @@ class GeometryTable(TomlTable, frozen=True, kw_only=True):
 
     @property
     def platform(self) -> Platform:
-        """The same in SI."""
+        """The platform in SI."""
         return Platform(self.base, self.joints, self.home, self.plate.body, self.cylinder.rod, self.rod.rod)
 
 
 OF_LEGS = ("length", "speed", "acceleration", "force", "joint_angle", "needs_of")
-"""Limits that an arm has not."""
+"""Limits that legs have and an arm has not."""
 
 
 class LimitsTable(TomlTable, frozen=True, kw_only=True):
-    """``[platform.limits]``: what the rig can do; missing: no limit."""
+    """``[platform.limits]``: limits of the rig; missing: no limit."""
 
     length: Annotated[tuple[float, float], interval("m", above=0)] | None = None
     """Shortest and longest length of a leg."""
     speed: Annotated[float, in_unit("m/s", above=0)] = np.inf
-    """Of a leg."""
+    """Largest speed of a leg, either way."""
     acceleration: Annotated[float, in_unit("m/s^2", above=0)] = np.inf
-    """Of a leg."""
+    """Largest acceleration of a leg, either way."""
     force: Annotated[float, in_unit("N", above=0)] = np.inf
-    """Of a leg."""
+    """Largest force along a leg, either way."""
     joint_angle: Annotated[float, in_unit("rad", above=0)] = np.inf
     """Largest angle of a leg from its joint's axis."""
     gyro_range: Annotated[float, in_unit("rad/s", above=0)] = np.inf
@@ -180,7 +180,7 @@ class LimitsTable(TomlTable, frozen=True, kw_only=True):
 
     @property
     def limits(self) -> DeclaredLimits:
-        """The same in SI, leg by leg."""
+        """The limits in SI, leg by leg."""
         each = {key: np.full(6, getattr(self, key)) for key in ("speed", "acceleration", "force")}
         single = {key: np.array(getattr(self, key)) for key in ("joint_angle", "gyro_range", "body_acceleration")}
         cell = {key: np.array(getattr(self, key)) for key in ("cell_force", "cell_moment")}
@@ -190,18 +190,18 @@ class LimitsTable(TomlTable, frozen=True, kw_only=True):
 
 
 class PlatformTable(ArmKeys, frozen=True, kw_only=True):
-    """``[platform]``: what carries the body."""
+    """``[platform]``: the platform, or the robot arm, that carries the body."""
 
     kind: Literal["legs", "arm"] = "legs"
-    """Six legs, or a robot arm."""
+    """Kind of the platform: six legs, or a robot arm."""
     gravity: Annotated[float, in_unit("m/s^2", above=0)] | Place = STANDARD_GRAVITY
     """Local gravity: its value, or the latitude and height of the place; missing: standard gravity."""
     r_cg_from_omb: Annotated[np.ndarray, vector("m")] | None = None
-    """Centre of gravity from the platform's centre, in B; missing: there."""
+    """Centre of gravity from the platform's centre, in B; missing: at the platform's centre."""
     geometry: Geometry | GeometryTable | None = None
     """The platform's six legs: the name of a platform of the package, or a description."""
     limits: LimitsTable | None = None
-    """What the rig can do."""
+    """Limits of the rig."""
 
     def __post_init__(self) -> None:
         """Refuse the keys of an arm for legs, and those of legs for an arm."""
@@ -218,7 +218,7 @@ class PlatformTable(ArmKeys, frozen=True, kw_only=True):
 
     @property
     def local_gravity(self) -> float:
-        """Gravity [m/s²]."""
+        """Local gravity of the platform [m/s²]."""
         place = self.gravity
         return normal_gravity(place.latitude, place.height) if isinstance(place, Place) else place
 

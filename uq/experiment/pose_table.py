@@ -27,7 +27,7 @@ class QuaternionColumns(TomlTable, frozen=True, kw_only=True):
 
 
 class Poses(ColumnsTable, frozen=True, kw_only=True):
-    """``[poses]``: how static poses are declared."""
+    """``[poses]``: the declaration of static poses."""
 
     SIGNALS = ("force", "moment", *ATTITUDES)
     force: Axes[str] | None = None
@@ -37,17 +37,18 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
     gravity: Axes[str] | None = None
     """The columns of gravity's components in the sensor's frame: one of four ways to tell the attitude."""
     acceleration: Axes[str] | None = None
-    """The columns of an accelerometer's components: another."""
+    """The columns of an accelerometer's components, an alternative to ``gravity``."""
     matrix: tuple[str, str, str, str, str, str, str, str, str] | None = None
-    """The columns of a rotation matrix, row by row: another."""
+    """The columns of a rotation matrix, row by row, an alternative to ``gravity``."""
     quaternion: QuaternionColumns | None = None
-    """The columns of a unit quaternion: another."""
+    """The columns of a unit quaternion, an alternative to ``gravity``."""
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
-    """Which components a matrix or quaternion takes to which; the level frame's z is up."""
+    """Direction of a matrix or quaternion: from sensor to level components, or back; the level frame's z is up."""
     accelerometer: Literal["offset", "scale"] | None = None
-    """What is estimated of the accelerometer before its attitudes are used; missing: its offset where poses allow."""
+    """Calibration of the accelerometer before its attitudes are used; missing: its offset where the poses allow."""
     sigma_attitude: Annotated[float, in_unit("rad", least=0)] = 0.0
-    """Standard uncertainty of each pose's own tilt [rad], beside what the residuals show."""
+    """Standard uncertainty of each pose's tilt [rad], independent of the other poses, beside what the residuals
+    show."""
     sigma_alignment: Annotated[float, in_unit("rad", least=0)] = 0.0
     """Standard uncertainty of the attitude sensor's axes against the load cell's, on each axis [rad]."""
     sigma_accelerometer: Annotated[float, in_unit("m/s^2", least=0)] = 0.0
@@ -69,7 +70,7 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
 
     @property
     def attitude(self) -> str | None:
-        """Which signal of the table tells the attitude; None: no table is declared."""
+        """Name of the table's signal that gives the attitude; None: no table is declared."""
         return next((key for key in ATTITUDES if getattr(self, key) is not None), None)
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a recorded run's channels mean: the table ``[recording]`` of an experiment file.
+"""Meaning of a recorded run's channels: the table ``[recording]`` of an experiment file.
 
 docs/how-to/recordings.md explains it.
 
@@ -21,9 +21,9 @@ from uq.files.schema import Axes, in_unit, matrix, vector
 from uq.files.units import scale
 
 UNITS = {"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}
-"""The unit in SI of each of a recorded run's quantities."""
+"""Unit in SI of each quantity of a recorded run."""
 ALIGNMENT = frozenset(field.name for field in fields(Alignment))
-"""What the joint estimate takes beforehand; most are keys of ``[recording]``."""
+"""Priors of the joint estimate, by the fields of ``Alignment``; most are keys of ``[recording]``."""
 LONGEST_DELAY = 10.0
 """Seconds of delay, or of its standard uncertainty, beyond which clocks are to be repaired instead."""
 WIDEST_ANGLE = np.pi / 6
@@ -66,7 +66,7 @@ class SensorConventions(TomlTable, frozen=True, kw_only=True):
     """Signs, units, axes and points of a run's numbers; missing: not declared."""
 
     wrench: Literal["on_body", "on_sensor"] | None = None
-    """Whether the wrench is that on the body, as (4) has it, or the reaction on the sensor."""
+    """Sign of the recorded wrench: that on the body, as in (4), or the reaction on the sensor."""
     force_unit: Annotated[str, unit_name("N")] | None = None
     """Name of the force's unit, such as ``lbf``."""
     moment_unit: Annotated[str, unit_name("N*m")] | None = None
@@ -76,13 +76,13 @@ class SensorConventions(TomlTable, frozen=True, kw_only=True):
     acceleration_unit: Annotated[str, unit_name("m/s^2")] | None = None
     """Name of the specific force's unit, such as ``g``."""
     wrench_rotation_to_body: Rotation | None = None
-    """R with body = R · load cell."""
+    """Rotation matrix from components along the load cell's axes to components along the body's."""
     imu_rotation_to_body: Rotation | None = None
-    """R with body = R · IMU."""
+    """Rotation matrix from components along the IMU's axes to components along the body's."""
     wrench_point: Point | None = None
-    """The point where the moment is taken, from Q, in B [m]."""
+    """Position of the point where the moment is taken, from Q, in B [m]."""
     calibration: Annotated[np.ndarray, matrix(6, 6)] | None = None
-    """From the six raw channels to force and moment in their units."""
+    """Matrix from the six raw channels to force and moment in their units."""
 
     def __post_init__(self) -> None:
         """Refuse a calibration that loses a component."""
@@ -95,22 +95,22 @@ class SensorConventions(TomlTable, frozen=True, kw_only=True):
 
 
 class Recording(SensorConventions, frozen=True, kw_only=True):
-    """``[recording]``: what a recorded run's channels mean; missing: not declared."""
+    """``[recording]``: meaning of a recorded run's channels; missing: not declared."""
 
     wrench_topic: str | None = None
     """Topic of force and moment; missing: the only one of its type."""
     motion_topic: str | None = None
     """Topic of the angular velocity; missing: the only one of its type."""
     imu_position: Point | None = None
-    """The accelerometer, from Q, in B [m]."""
+    """Position of the accelerometer from Q, in B [m]."""
     offsets: Literal["estimate", "still", "none"] = "estimate"
     """Constant offsets of force and moment: estimated along with the tensor, taken from still segments, or none."""
     zero: Literal["empty", "loaded"] | None = None
-    """Whether the load cell was zeroed without or with the body on it."""
+    """State in which the load cell was zeroed: without the body (``empty``) or with it (``loaded``)."""
     compensated: Literal["none", "gravity", "gravity_from_force"] | None = None
-    """Whether the driver removed the body's weight: from force and moment, or from the force alone."""
+    """Compensation of the body's weight by the driver: none, from force and moment, or from the force alone."""
     time: Literal["header", "log"] | None = None
-    """Which of a message's two times is that of its measurement."""
+    """Time of the measurement: that of the message's header, or that of the log."""
     estimator: str | None = None
     """Name of the estimator for recorded runs; missing: the first."""
     urdf: str | None = None
@@ -124,11 +124,11 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     ] = ()
     """Names of the sources whose errors each mounting of the body draws again."""
     method: Annotated[str, written(_method, {"enum": list(methods.names()), "default": "source"})] = "source"
-    """The estimator: ``source``, ``gls`` (weighted by what residuals say), or ``joint``: all unknowns together."""
+    """Name of the estimator: ``source``, ``gls`` (weighted by the residuals), or ``joint`` (all unknowns together)."""
     cg_motion: CgMotion | None = None
-    """Whether the motion keeps the centre of gravity still; missing: not declared."""
+    """Motion of the centre of gravity: ``still``; missing: not declared."""
     delay: Annotated[float, in_unit("s")] | None = None
-    """For the joint estimate: the IMU's sample is that of so long before its stamp [s]."""
+    """Delay of the IMU for the joint estimate: time from the measurement of a sample to its stamp [s]."""
     sigma_delay: SigmaOfTime | None = None
     """Standard uncertainty of ``delay`` [s]; 0: ``delay`` is exact."""
     sigma_rotation: SigmaOfAngle | Axes[SigmaOfAngle] | None = None
@@ -142,7 +142,7 @@ class Recording(SensorConventions, frozen=True, kw_only=True):
     sigma_force_drift: SigmaOfForce | Axes[SigmaOfForce] | None = None
     """Standard uncertainty of a linear change of the force's offset over a run [N]."""
     sigma_moment_drift: SigmaOfMoment | Axes[SigmaOfMoment] | None = None
-    """The same of the moment's [N·m]."""
+    """Standard uncertainty of a linear change of the moment's offset from the run's start to its end [N·m]."""
 
     def __post_init__(self) -> None:
         """Refuse delays and rotations beyond sense."""

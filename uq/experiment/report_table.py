@@ -51,7 +51,7 @@ class Texts(TomlTable, frozen=True, kw_only=True):
 
 
 class Party(Texts, frozen=True, kw_only=True):
-    """Who measures, or for whom."""
+    """The laboratory that measures, or its customer."""
 
     name: str | None = None
     address: str | None = None
@@ -59,7 +59,7 @@ class Party(Texts, frozen=True, kw_only=True):
 
 
 class Item(Texts, frozen=True, kw_only=True):
-    """What is measured."""
+    """The item that is measured."""
 
     description: str | None = None
     identification: str | None = None
@@ -70,7 +70,7 @@ class Item(Texts, frozen=True, kw_only=True):
 
 
 class Person(Texts, frozen=True, kw_only=True):
-    """Who approves the report."""
+    """A person who approves the report."""
 
     name: str | None = None
     function: str | None = None
@@ -84,36 +84,36 @@ class InstrumentTable(Texts, frozen=True, kw_only=True):
     model: str | None = None
     serial_number: str | None = None
     certificate: str | None = None
-    """Of its calibration."""
+    """Number of the certificate of calibration."""
     calibrated_by: str | None = None
     note: str | None = None
     calibrated: Day | None = None
-    """Day of its calibration."""
+    """Day of the instrument's calibration."""
     due: Day | None = None
-    """Day by which it is to be calibrated again."""
+    """Day by which the instrument is to be calibrated again."""
 
 
 INSTRUMENT = ("name", "manufacturer", "model", "serial_number", "certificate", "calibrated_by", "note")
 
 
 class ReportTable(Texts, frozen=True, kw_only=True):
-    """``[report]``: what a certificate says beside the figures."""
+    """``[report]``: particulars of a certificate beside the figures."""
 
     title: str | None = None
     number: str | None = None
-    """Of the report."""
+    """Number of the report."""
     location: str | None = None
-    """Where the work was done."""
+    """Place where the work was done."""
     method: str | None = None
     deviations: str | None = None
-    """From the method."""
+    """Deviations from the method."""
     sampling: str | None = None
     customer_data: str | None = None
-    """Which data the customer gave."""
+    """Data that the customer provided."""
     external: str | None = None
-    """Which results others gave."""
+    """Results that external providers gave."""
     adjustment: str | None = None
-    """Of the item, and results before it."""
+    """Adjustment or repair of the item, with the results before it."""
     traceability: str | None = None
     reproduction: str | None = None
     """Terms on which the report may be copied."""
@@ -131,11 +131,11 @@ class ReportTable(Texts, frozen=True, kw_only=True):
     """Environmental conditions, each by its name."""
     instrument: tuple[InstrumentTable, ...] = ()
     coverage_factor: Annotated[float, msgspec.Meta(ge=1, le=10)] | None = None
-    """Of expanded uncertainties; or state ``coverage_probability``."""
+    """Coverage factor of expanded uncertainties; ``coverage_probability`` may be stated instead."""
     coverage_probability: Annotated[float, msgspec.Meta(ge=0.5, le=0.9999)] | None = None
-    """Of expanded uncertainties."""
+    """Coverage probability of expanded uncertainties; ``coverage_factor`` may be stated instead."""
     approved_by: Person | tuple[Person, ...] = ()
-    """Who approves the report: one or several."""
+    """Person, or several persons, who approve the report."""
     conformity: Conformity | None = None
     """A statement of conformity."""
 
@@ -150,15 +150,15 @@ class Instrument:
     """An instrument and its calibration; None: not stated."""
 
     texts: Mapping[str, str]
-    """By the names of ``INSTRUMENT``."""
+    """Texts on the instrument, by the names of ``INSTRUMENT``."""
     calibrated: date | None = None
     due: date | None = None
     recorded: bool = False
-    """Whether it is the recording that names it."""
+    """Whether the recording itself names the instrument."""
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """Name of the instrument in texts."""
         texts = (self.texts.get(key) for key in ("name", "model", "serial_number"))
         return next((text for text in texts if text), "instrument")
 
@@ -169,11 +169,11 @@ class Instrument:
 
 
 class Report(ReportTable, frozen=True, kw_only=True):
-    """What a certificate says beside the figures: the table, and what recordings say where it is silent."""
+    """Particulars of a certificate beside the figures: those of the table, and the recordings' where it states none."""
 
     instruments: tuple[Instrument, ...] = ()
     performed_recorded: bool = False
-    """Whether it is the recordings that tell the days of the work."""
+    """Whether the days of the work come from the recordings."""
 
     @property
     def approvers(self) -> tuple[Mapping[str, str], ...]:

@@ -21,7 +21,7 @@ class TensorTable(TomlTable, frozen=True, kw_only=True):
 
     @property
     def packed(self) -> np.ndarray:
-        """Of I11, I12, I13, I22, I23, I33 [kg·m²]."""
+        """Return the array of I11, I12, I13, I22, I23, I33 [kg·m²]."""
         return np.array([getattr(self, name) for name in get_args(Component)])
 
 
@@ -66,7 +66,7 @@ class ScaleTable(TomlTable, frozen=True, kw_only=True):
     mass: Annotated[float, in_unit("kg", above=0)]
     """Reading of the scale."""
     standard_uncertainty: Annotated[float, in_unit("kg", above=0)]
-    """Of this reading."""
+    """Standard uncertainty of the scale's reading."""
 
     @property
     def value(self) -> tuple[float, float]:
@@ -78,7 +78,7 @@ class DatumTable(TomlTable, frozen=True, kw_only=True):
     """``[datum]``: a frame fixed to the body in which the result is also wanted."""
 
     rotation_to_body: Annotated[np.ndarray, ROTATION] | None = None
-    """From the datum's axes to the body's."""
+    """Rotation from the datum's axes to the body's."""
     position: Axes[Metre] = (0.0, 0.0, 0.0)
     """The datum's origin from Q, in B."""
     sigma_rotation: Axes[Annotated[float, in_unit("rad", least=0)]] = (0.0, 0.0, 0.0)
@@ -98,19 +98,19 @@ class FixtureTable(TomlTable, frozen=True, kw_only=True):
 
     mass: Annotated[float, in_unit("kg", above=0)]
     r_cg_from_q: Axes[Metre]
-    """Its centre of gravity."""
+    """Centre of gravity of the fixture from Q, in B."""
     inertia: InertiaTable | None = None
-    """Its tensor about its centre of gravity; without it the result has no tensor."""
+    """Tensor of the fixture about its centre of gravity; without it the result has no tensor."""
     sigma_mass: Annotated[float, in_unit("kg", least=0)] = 0.0
-    """Standard uncertainty of its mass."""
+    """Standard uncertainty of the fixture's mass."""
     sigma_r_cg: Axes[Annotated[float, in_unit("m", least=0)]] = (0.0, 0.0, 0.0)
-    """Standard uncertainty of its centre of gravity on each axis."""
+    """Standard uncertainty of the fixture's centre of gravity on each axis."""
     sigma_inertia: InertiaUncertaintyTable = InertiaUncertaintyTable()
-    """Standard uncertainties of its tensor."""
+    """Standard uncertainties of the fixture's tensor."""
 
     @property
     def value(self) -> InertialParameters:
-        """Its ten parameters with their covariance; a tensor of NaN: not stated."""
+        """The fixture's ten parameters with their covariance; a tensor of NaN: not stated."""
         tensor = np.full(6, np.nan) if self.inertia is None else self.inertia.packed
         spread = np.concatenate([[self.sigma_mass], self.sigma_r_cg, self.sigma_inertia.packed])
         return InertialParameters(self.mass, np.array(self.r_cg_from_q), tensor, np.diag(spread**2))

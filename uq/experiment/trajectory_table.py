@@ -20,7 +20,7 @@ class TrajectorySpec:
 
     trajectory: Trajectory
     duration: float
-    """Duration [s]."""
+    """Duration of the trajectory [s]."""
     rate: float
     """Sample rate of load cell and IMU [Hz]."""
     still: Literal["cg", "omb"]
@@ -28,7 +28,7 @@ class TrajectorySpec:
 
 
 class TrajectoryTable(TomlTable, frozen=True, kw_only=True, tag_field="kind"):
-    """What all trajectories have."""
+    """Keys that all trajectories share."""
 
     SEGMENTS: ClassVar[int] = 1
     duration: Annotated[float, in_unit("s", above=0)]
@@ -64,7 +64,7 @@ class RotationTable(TrajectoryTable, frozen=True, kw_only=True):
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion."""
+        """Trajectory in closed form, from the keys."""
         raise NotImplementedError
 
 
@@ -78,7 +78,7 @@ class SphereTable(RotationTable, frozen=True, kw_only=True, tag="sphere"):
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion."""
+        """Trajectory in closed form, from the keys."""
         sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
         times = np.array(self.duration), np.array(self.ramp)
         return Sphere(*sizes, *times, np.array(float(self.precessions)), ("b1", "b2", "b3").index(self.pole))
@@ -91,7 +91,7 @@ class HarmonicTable(RotationTable, frozen=True, kw_only=True, tag="harmonic"):
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion."""
+        """Trajectory in closed form, from the keys."""
         sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
         return Harmonic(*sizes, np.array(self.duration), np.array(self.ramp))
 

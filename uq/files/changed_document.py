@@ -8,7 +8,7 @@ from rig.exceptions import choose, quoted
 from uq.files.document import ExperimentError
 
 Change = Callable[[Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
-"""From the keys of a table, and others to put in their place, to its new keys."""
+"""Function from the keys of a table, and others to put in their place, to its new keys."""
 
 
 def with_keys(table: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:

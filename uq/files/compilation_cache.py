@@ -1,4 +1,4 @@
-"""What the commands have compiled stays in the user's cache folder, so that the next call starts at once.
+"""The user's cache of compiled commands, by which the next call starts at once.
 
 JAX keeps what it has compiled by the code that it lowered (:func:`keep_compiled`). A command also keeps its programs by
 what it was given (:func:`keep_programs`), so that the same command traces and lowers nothing.
@@ -20,11 +20,11 @@ from rig.atomic_files import replacing
 from uq.files.provenance import code_digest
 
 VARIABLE = "INERTIA_CACHE"
-"""Environment variable: another folder, or ``off``."""
+"""Environment variable that names another folder for the cache, or is ``off``."""
 
 DIGEST = hashlib.sha256().digest_size
 MONTH = 30 * 86400
-"""In seconds."""
+"""Length of a month [s]."""
 
 
 def cache_folder() -> Path | None:

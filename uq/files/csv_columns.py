@@ -20,25 +20,25 @@ from rig.toml_tables import TomlTable, WrongKeyError
 
 @dataclass(frozen=True)
 class Columns:
-    """Which columns of a table hold which signal."""
+    """Names of the columns of a table that hold each signal."""
 
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """The columns of each signal, such as ``{"force": ("Fx", "Fy", "Fz")}``."""
+    """Columns of each signal, such as ``{"force": ("Fx", "Fy", "Fz")}``."""
     delimiter: str = ","
-    """What stands between cells."""
+    """Character between cells."""
     decimal: str = "."
-    """What stands between a number's whole part and its decimals."""
+    """Decimal sign of the numbers."""
 
 
 class ColumnsTable(TomlTable, frozen=True, kw_only=True):
-    """Which columns of a table hold which signal: the signals are keys of the subclasses."""
+    """Names of the columns of a table that hold each signal: the signals are keys of the subclasses."""
 
     SIGNALS: ClassVar[tuple[str, ...]]
     """Keys that hold names of columns: a name, several, or a table of names."""
     delimiter: str = ","
-    """What stands between cells: one character."""
+    """Character between cells."""
     decimal: Literal[".", ","] = "."
-    """What stands between a number's whole part and its decimals."""
+    """Decimal sign of the numbers."""
 
     def __post_init__(self) -> None:
         """Refuse a delimiter that cannot be, and a column that is named twice."""

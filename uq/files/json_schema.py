@@ -85,7 +85,7 @@ def _described(value: dict[str, Any], meaning: str) -> dict[str, Any]:
 
 
 def _plain(schema: Any, shared: dict[str, Any]) -> Any:
-    """The same without null, which TOML does not have, and with what is written for values that are converted.
+    """Return a schema without null, which TOML does not have, and with the written form of converted values.
 
     A schema with a title is written once, into ``shared`` by its title, and referred to.
     """

@@ -1,4 +1,4 @@
-"""What a result was computed from: inputs, versions, machine, time."""
+"""Provenance of a result: inputs, versions, machine, time."""
 
 import hashlib
 import platform

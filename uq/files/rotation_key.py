@@ -11,7 +11,7 @@ from uq.files.schema import finite, matrix_schema
 
 
 class QuaternionTable(TomlTable, frozen=True, kw_only=True):
-    """A unit quaternion."""
+    """A rotation as a unit quaternion."""
 
     w: float
     x: float

@@ -11,11 +11,11 @@ from typing import Any
 from rig.exceptions import nearest, quoted
 
 UNIT = re.compile(r"[A-Za-zµΩ°%_]([\w*/^.µΩ° ()-]*[\w)µΩ°])?")
-"""What the name of a unit looks like; ``1/s`` is written Hz or s^-1."""
+"""Pattern of a unit's name; ``1/s`` is written Hz or s^-1."""
 
 
 POWER = re.compile(r"(\*\*|\^)(?!-?\d(\.\d)?([\s*/)]|$))|\d\s*(\*\*|\^)")
-"""A power that no unit has: more than one digit, or of a power."""
+"""Pattern of a power that no unit has: of more than one digit, or of another power."""
 
 
 USUAL = {
@@ -26,25 +26,25 @@ USUAL = {
     ("deg", "rad"): 0.017453292519943295,
     ("deg/s", "rad/s"): 0.017453292519943295,
 }
-"""What most experiment files are written in, as pint converts it: so that they are read without it."""
+"""Conversion factors of usual units, as pint has them, so that most experiment files are read without pint."""
 
 
 WRITTEN = (
     "N", "kN", "N*m", "N*mm", "kg", "g", "m", "mm", "um", "s", "ms", "us", "min", "Hz", "kHz", "rad", "mrad", "deg",
     "rad/s", "deg/s", "deg/hour", "rpm", "m/s", "m/s^2", "mm/s^2", "kg*m^2", "g*m^2", "kg*mm^2", "kg/m^3", "%", "ppm",
 )  # fmt: skip
-"""What rigs are described in, of which a misspelt unit may mean one."""
+"""Units of rig descriptions, one of which is suggested for a misspelt unit."""
 SPELLING = str.maketrans("²³", "23", "*·⋅^() ")
-"""In what spellings of one unit differ."""
+"""Characters in which the spellings of one unit differ."""
 
 
 UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
-"""What pint raises for a text that it cannot read, beside pint.PintError."""
+"""Errors that pint raises for a text that it cannot read, beside pint.PintError."""
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-"""What a number looks like. Python would read 1_0, inf and the digits of other scripts, too."""
+"""Pattern of a number. Python would also accept 1_0, inf and the digits of other scripts."""
 LARGEST = 1e30
-"""What no quantity of a rig reaches, in any unit: its square is still a number."""
+"""Value that no quantity of a rig reaches, in any unit: its square is still a number."""
 LONGEST = 60
 """Most characters of a unit, and of a number: pint takes minutes over a name of 100,000 letters."""
 
@@ -127,7 +127,7 @@ def _fits(name: str, unit: str) -> bool:
 
 @cache
 def _factor(name: str, unit: str) -> float:
-    """How many ``unit`` the unit ``name`` is."""
+    """Return the number of ``unit`` in one of the unit ``name``."""
     if len(name) > LONGEST or not UNIT.fullmatch(name) or POWER.search(name):
         raise ValueError(f"{quoted(name)} is not a unit")
     if name == unit:

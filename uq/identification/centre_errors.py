@@ -44,7 +44,7 @@ class Shared(NamedTuple):
     """A source that acts in the runs and has acted in the static poses."""
 
     root: Float[np.ndarray, "n n"]
-    """Of its covariance: a column is one standard uncertainty of an axis."""
+    """Root of the source's covariance: a column is one standard uncertainty of an axis."""
     on_centre: Float[np.ndarray, "4 n"]
     """Error of mass [kg] and centre of gravity [m] by each column."""
 

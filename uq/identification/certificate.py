@@ -29,7 +29,7 @@ class Certificate(Result):
 
     @cached_property
     def report(self) -> Report:
-        """What the table ``[report]`` states."""
+        """Content of the table ``[report]``."""
         return read(self.identification.provenance)
 
     @cached_property
@@ -128,7 +128,7 @@ class Certificate(Result):
         return [*others, *self.identification.warnings, *([] if self.identification.warnings else failed)]
 
     def _outcomes(self) -> dict[str, str]:
-        """What the decision rule says of each component with limits."""
+        """Return the outcome of the decision rule for each component with limits."""
         rule, t = self.report.conformity, self.tensor
         decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
         return {decision.component: decision.outcome for decision in decisions}

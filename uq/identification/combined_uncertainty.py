@@ -23,9 +23,9 @@ class Systematic(NamedTuple):
     common: Float[np.ndarray, "trials 6"]
     """Errors of the tensor from the sources that all runs share [kg·m²]."""
     by_mounting: Float[np.ndarray, "trials 6"]
-    """From those that each mounting draws independently."""
+    """Errors of the tensor from the sources that each mounting draws independently [kg·m²]."""
     alone: Mapping[Name, Float[np.ndarray, "trials 6"]]
-    """From each source alone."""
+    """Errors of the tensor from each source alone, by its name [kg·m²]."""
     failed: int = 0
     """Draws with which the tensor could not be solved; they are left out."""
 

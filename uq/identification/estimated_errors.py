@@ -28,7 +28,8 @@ UNKNOWN: Mapping[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
     "cell_cross_talk": ("cell_matrix", np.ravel),
     "cell_misalignment": ("cell_matrix", _misaligned),
 }
-"""By field of :class:`uq.sources.constant_errors.Errors`: the unknown of the joint model, and its numbers."""
+"""Unknown of the joint model, and the function to its numbers, by field of
+:class:`uq.sources.constant_errors.Errors`."""
 
 
 def _drift(source: Source, duration: float) -> tuple[str, Callable[[np.ndarray], np.ndarray]]:

@@ -1,4 +1,4 @@
-"""From recorded runs of one body to its tensor: the function behind ``inertia identify``."""
+"""Identification of a body's tensor from its recorded runs: the function behind ``inertia identify``."""
 
 from collections.abc import Sequence
 from dataclasses import replace

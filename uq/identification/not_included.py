@@ -1,4 +1,4 @@
-"""What errors that are neither declared nor estimated would add to a result, at typical figures.
+"""Effects on a result of errors that are neither declared nor estimated, at typical figures.
 
 By the derivatives of the estimate that was made: of least squares those of type B
 (:mod:`uq.identification.systematic_errors`), of the joint estimate and for the mounting's flexibility those of
@@ -32,7 +32,7 @@ NEGLIGIBLE = 1e-9
 
 
 STEP = 0.01
-"""Of the differences, in standard uncertainties."""
+"""Step of the finite differences, in standard uncertainties."""
 
 
 class Kind(NamedTuple):
@@ -41,7 +41,7 @@ class Kind(NamedTuple):
     text: str
     unit: str
     per_si: float
-    """How many of the unit one in SI is."""
+    """Factor from SI to the unit."""
     target: str = ""
     kind: str = ""
 
@@ -59,7 +59,7 @@ KINDS: Mapping[str, Kind] = {
     "mounting_frequency": Kind("flexibility of the mounting", "Hz", 1),
     "accelerometer_scale": Kind("scale of the accelerometer", "%", 100),
 }
-"""By key of ``[not_included]``."""
+"""Description of each error by its key in ``[not_included]``."""
 
 
 def with_not_included(result: Identification, runs: Sequence[Run], experiment: Experiment) -> Identification:
@@ -130,7 +130,7 @@ def _open(source: Source, result: Identification, experiment: Experiment) -> boo
 def _of_joint(
     by_held: Mapping[str, np.ndarray], sources: Sequence[Source], experiment: Experiment
 ) -> dict[str, np.ndarray]:
-    """What each adds to the ten parameters; delay and the gyro's axes are unknowns, or declared as exact."""
+    """Return each error's change of the ten parameters, but for delay and gyro axes: unknowns, or declared exact."""
     errors = estimated_errors(replace(experiment, sources=tuple(sources), mixing=()), 1.0)
     added = {
         name: np.linalg.norm(by_held[error.unknown] @ root_of(error.covariance), axis=1)
@@ -146,7 +146,7 @@ def _of_joint(
 def _of_least_squares(
     result: Identification, runs: Sequence[Run], experiment: Experiment, sources: Sequence[Source]
 ) -> dict[str, np.ndarray]:
-    """What each adds to the tensor: root sum of squares over its independent numbers."""
+    """Return each error's change of the tensor: root sum of squares over its independent numbers."""
     open_to = replace(experiment, sources=tuple(sources), mixing=())
     as_stated = replace(result, sigma_r_cg=open_to.sigma_r_cg, cg_covariance=None)
     problem = problem_of(as_stated, runs, open_to, slopes=True)

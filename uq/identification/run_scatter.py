@@ -18,7 +18,7 @@ from identify.signals.run import Run
 from identify.text_tables import Table
 
 LEAST_RATIO_OF_FREEDOM = 10.0
-"""Degrees of freedom of a prediction over those of the scatter, from which on the prediction is used."""
+"""Ratio of a prediction's degrees of freedom to those of the scatter from which on the prediction is used."""
 LEVEL = 0.01
 """Chance that a true prediction is called false, over all components together."""
 
@@ -33,7 +33,7 @@ class ScatterVerdict(Result):
     measured: np.ndarray
     """Standard deviation of the repeats."""
     predicted: np.ndarray
-    """What the stated noise predicts for it."""
+    """Standard deviation of the repeats that the stated noise predicts."""
     repeats: int
     probability: np.ndarray
     """Two-sided probability of a ratio at least as far from one, if the prediction holds (chi-squared)."""
@@ -47,7 +47,7 @@ class ScatterVerdict(Result):
 
     @property
     def sign(self) -> np.ndarray:
-        """By component: 1 scatters more than predicted, −1 less, 0 neither; by Bonferroni, over all components."""
+        """Sign by component: 1 scatters more than predicted, −1 less, 0 neither; by Bonferroni over all."""
         differs = self.probability * len(self.names) < self.level
         return np.where(differs, np.sign(np.log(self.ratio, where=self.measured > 0, out=-np.ones(len(self.names)))), 0)
 

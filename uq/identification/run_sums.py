@@ -31,22 +31,22 @@ from uq.gram_sums.error_maps import Columns, map_of_true_elements
 from uq.sources.constant_errors import Errors
 
 ELEMENTS = 18
-"""Of the true motion: 1, omega, its products, t, t omega, t², alpha."""
+"""Number of elements of the true motion: 1, omega, its products, t, t omega, t², alpha."""
 NODES = 7
 """Delays at which the sums are taken; between them they are interpolated by a polynomial."""
 REACH = 5.0
 """Standard deviations of a delay that the nodes span."""
 FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
-"""Where the thirteen features stand among the elements."""
+"""Indices of the thirteen features among the elements."""
 
 
 class RunSums(NamedTuple):
     """Weighted sums over the samples of one run, or of several of one mounting; the delays lead."""
 
     gram: Float[Array, "delays 18 18"]
-    """Of the elements, or the 3 × 6 numbers of H, with the elements."""
+    """Sums of products of the elements, or of the 3 × 6 numbers of H, with the elements."""
     wrench: Float[Array, "delays 18 columns"]
-    """Of the same with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
+    """Sums of the same rows' products with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
 
 
 def delay_nodes(mean: float, sigma: float) -> np.ndarray:

@@ -92,7 +92,7 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
 
 
 def _turned(wrenches: _Wrenches, poses: Poses | None) -> tuple[str, ...]:
-    """That the sensor of the attitude is turned by more than is declared."""
+    """Return the warning that the attitude sensor is turned by more than is declared."""
     turn = attitude_turn(wrenches.force, wrenches.specific_force)
     if turn is None or float(np.linalg.norm(turn.vector)) < 3 * (0.0 if poses is None else poses.sigma_alignment):
         return ()
@@ -104,7 +104,7 @@ def _turned(wrenches: _Wrenches, poses: Poses | None) -> tuple[str, ...]:
 
 
 def _aligned(poses: Poses | None) -> tuple[str, ...]:
-    """That the attitudes' sensor is aligned is assumed where no uncertainty of it is declared."""
+    """Return the assumption that the attitude sensor is aligned, where no uncertainty of its axes is declared."""
     return (
         ()
         if poses is not None and poses.sigma_alignment > 0

@@ -62,7 +62,7 @@ class Problem(Pytree):
     """Everything that a draw of the systematic errors needs: nothing grows with the runs' length."""
 
     sums: tuple[RunSums, ...]
-    """Of each mounting."""
+    """Sums over the runs of each mounting."""
     body: Body
     platform: Platform
     sources: tuple[Source, ...]
@@ -71,7 +71,7 @@ class Problem(Pytree):
     """Delays of the sums [s]."""
     columns: Columns
     centre_by_draw: dict[Name, Float[Array, "3 n"]]
-    """What a source's draw has done to the centre of gravity of static poses already [m]."""
+    """Change of the static poses' centre of gravity by each source's draw, which it already holds [m]."""
     redrawn: frozenset[Name] = static_field()
     """Sources that each mounting draws independently."""
     offsets: OffsetChoice = static_field()

@@ -177,5 +177,5 @@ def _half_width(
 
 
 def _shift(result: Identification) -> np.ndarray:
-    """How far the middle of a result's intervals is from its value: expected errors of declared sources."""
+    """Return the distance of the middle of a result's intervals from its value: expected errors of declared sources."""
     return result.interval95.mean(axis=1) - result.inertia

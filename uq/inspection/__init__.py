@@ -1,1 +1,1 @@
-"""What in a recorded run contradicts mechanics or the experiment, and its cure."""
+"""Contradictions of a recorded run with mechanics or with the experiment, and their cure."""

@@ -1,4 +1,4 @@
-"""What contradicts mechanics in a run, and the line of the experiment file that cures it.
+"""Contradictions of a run with mechanics, and the line of the experiment file that cures each.
 
 Reversed signs, turned or mirrored axes, weight that is missing, units, a moment taken elsewhere: each is a hypothesis
 that must explain the run better than 'as declared' by a factor of exp(30) in likelihood before it is named. What no
@@ -192,7 +192,7 @@ class _Examination:
         )
 
     def _turned_sensor(self, before: ConventionSums, matrix: Matrix) -> str:
-        """Which sensor is turned against the body, by the declared centre of gravity; '' where that does not decide."""
+        """Return the sensor that is turned, by the declared centre of gravity; '' where that does not decide."""
         if self.declared.r_cg is None:
             return ""
         as_wrench, as_imu = self._misplaced(before.turned(wrench=matrix)), self._misplaced(before.turned(imu=matrix.T))
@@ -203,7 +203,7 @@ class _Examination:
     # Weight
 
     def _weight_cure(self, given: Scales) -> str:
-        """How the weight was removed, as far as the run shows, and the line that undoes it.
+        """Return how the weight was removed, as far as the run shows, and the line that restores it.
 
         An IMU whose place is not declared is taken to be at Q.
         """
@@ -218,7 +218,7 @@ class _Examination:
         return "; or ".join(cures)
 
     def _partly_missing(self, given: Scales) -> Iterator[Finding]:
-        """Where the force's changes tell the mass by themselves: is its offset that of a weight taken off?"""
+        """Yield the finding on a weight that is partly missing, where the changes of the force determine the mass."""
         priors = replace(given, offset=np.inf).priors
         fit = convention_fit.solve(self.sums, FORCE_TERMS, FORCE, variance=given.force, priors=priors)
         mass, sigma = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
@@ -287,7 +287,7 @@ class _Examination:
         return float(shift @ np.linalg.solve(covariance, shift))
 
     def _shift(self, centre: CentreFit) -> tuple[Vector, Matrix]:
-        """From the centre of gravity that the run shows to the declared one [m], with its covariance [m²]."""
+        """Return the shift from the run's centre of gravity to the declared one [m], with its covariance [m²]."""
         sigma = np.zeros(3) if self.declared.sigma_r_cg is None else self.declared.sigma_r_cg
         assert self.declared.r_cg is not None  # noqa: S101
         shift = self.declared.r_cg - centre.r

@@ -1,4 +1,4 @@
-"""What in a recorded run contradicts mechanics or the experiment: ``identify`` warns of it."""
+"""Findings on a recorded run that contradicts mechanics or the experiment, of which ``identify`` warns."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def experiment_findings(
 
 
 def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
-    """What the experiment says of the body and of how the run was recorded."""
+    """Return the experiment's declarations on the body and on the recording."""
     recording = experiment.recording
     removed = recording.compensated in ("gravity", "gravity_from_force") and not undone
     return Declared(

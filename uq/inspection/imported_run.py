@@ -1,4 +1,4 @@
-"""Where the findings of a run that was imported from a table are cured: in the map of its columns."""
+"""Cures of findings on a run that was imported from a table: lines in the map of its columns."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What an IMU's signals say of its units and axes, and the line of the experiment file that cures it."""
+"""Findings on the units and axes of an IMU's signals, and the line of the experiment file that cures each."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What is in a run and what is suspicious about it: the channels' health, and whether they obey mechanics.
+"""Inspection of a run: the health of its channels, and whether they obey mechanics.
 
 Without an experiment nothing here imports JAX: ``inertia inspect`` starts at once.
 """

@@ -17,7 +17,7 @@ from typing import Any
 PAUSE = 0.25
 """Seconds between two looks at the file."""
 NICE = 5
-"""How far the recorder goes before it."""
+"""Increment of the process's niceness, so that the recorder has priority."""
 
 
 def main(arguments: list[str]) -> int:

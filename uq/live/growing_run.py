@@ -103,7 +103,7 @@ class GrowingRun:
         return channel.stamp if self._recording.time == "header" else channel.log_time
 
     def _reach(self, of_wrench: np.ndarray, of_imu: np.ndarray) -> float:
-        """How far the rows of a block reach beyond it [s]."""
+        """Return the time by which the rows of a block reach beyond it [s]."""
         intervals = [interval(1e-9 * (times - times[0])) for times in (of_wrench, of_imu)]
         step = max(intervals)
         reach = step * (self._estimator.lost(1 / step) // 2 + 1)

@@ -30,31 +30,31 @@ TRIALS = 2000
 """Draws of the declared sources."""
 WRENCH = np.arange(ELEMENTS, ELEMENTS + 6)
 UNKNOWNS = 9
-"""The tensor, and a constant moment."""
+"""Number of unknowns: the tensor, and a constant moment."""
 REACH, OWN, PASSED, DISAGREE = 3, 100, 0.5, 2.5
-"""How many bands above it a band takes lines from; degrees of freedom of its own without which it cannot tell whether
-they agree; the gain of the filter that they need; and standard deviations at which they disagree."""
+"""Bands above a band from which it takes lines; least degrees of freedom of a band whose agreement can be judged; least
+gain of the filter at such lines; and standard deviations at which bands disagree."""
 
 
 class Fit(NamedTuple):
     """Least squares on the sums so far."""
 
     inertia: Float[np.ndarray, "6"]
-    """Packed tensor [kg·m²]; of least norm where directions are not excited."""
+    """Packed tensor of the body [kg·m²]; of least norm where directions are not excited."""
     covariance: Float[np.ndarray, "6 6"]
-    """Type A."""
+    """Covariance of ``inertia`` by type A evaluation [(kg·m²)²]."""
     degrees_of_freedom: Float[np.ndarray, "6"]
     excitation: Excitation
 
 
 @dataclass(frozen=True)
 class LiveEstimate:
-    """What the blocks so far say. SI units."""
+    """The estimate from the blocks of a run so far. SI units."""
 
     seconds: float
-    """Of motion."""
+    """Duration of the motion so far [s]."""
     inertia: Float[np.ndarray, "6"]
-    """Packed tensor [kg·m²]."""
+    """Packed tensor of the body [kg·m²]."""
     standard_uncertainty: Float[np.ndarray, "6"]
     """Type A and declared sources together [kg·m²]."""
     interval95: Float[np.ndarray, "6 2"]
@@ -63,7 +63,7 @@ class LiveEstimate:
     of_sources: Float[np.ndarray, "6"]
     """Half the interval of 95 % from the declared sources alone, which no time averages away [kg·m²]."""
     largest_source: tuple[str | None, ...]
-    """By component, the declared source that contributes most."""
+    """Declared source that contributes most, by component."""
     undetermined: tuple[str, ...] = ()
     """Components that the motion so far does not determine."""
 
@@ -200,7 +200,7 @@ def _sums(products: np.ndarray) -> Sums:
 
 
 def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> Problem:
-    """What the draws of the declared sources need, from the sums."""
+    """Return the problem of the declared sources' draws, from the sums."""
     sources = sources_in(experiment)
     names = {source.name for source in sources}
     columns, r_cg = Columns.of(sources), experiment.stated_r_cg

@@ -1,4 +1,4 @@
-"""Whether an experiment fits a rig before anything is recorded: the channels that it needs, and what they mean."""
+"""Check before a recording that an experiment fits a rig: the channels that it needs, and their meaning."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.recorded.declared_channels import declared
 
 SENSORS = {"wrench": ("wrench_topic", "load cell"), "imu": ("motion_topic", "IMU")}
-"""By what a device measures: the key of ``[recording]`` that names its topic, and its name."""
+"""Key of ``[recording]`` that names the topic of a device, and the device's name, by what it measures."""
 
 
 def topics_of(rig: Rig, experiment: Experiment, path: Path) -> tuple[str, str]:

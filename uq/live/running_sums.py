@@ -1,4 +1,4 @@
-"""What is kept of a run while it is recorded: sums over samples, added block by block, of a size that never grows.
+"""Running sums of a run while it is recorded, added block by block, of a size that never grows.
 
 Three kinds of them. Products of features, force and moment give the normal equations. Products of the elements of
 :mod:`uq.identification.run_sums`, at several delays, give what declared errors do. Products of the cosine transform of

@@ -70,7 +70,7 @@ class SecondProcess:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Number of the second process."""
         return self._process.pid
 
     def line(self) -> str:
@@ -84,7 +84,7 @@ class SecondProcess:
         return json.loads(line) if line.endswith(b"\n") else {}
 
     def _pipes(self) -> tuple[IO[bytes], IO[bytes]]:
-        """Its standard input and output."""
+        """Standard input and output of the second process."""
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None  # noqa: S101 - it was started so
         assert stdout is not None  # noqa: S101
@@ -104,13 +104,13 @@ class SecondProcess:
             self.messages.append(f"warning: {self._why()}; the recording goes on without an estimate")
 
     def _why(self) -> str:
-        """What it has said last, where it has failed."""
+        """Return the last message of the second process, where it has failed."""
         self._errors.seek(0)
         lines = self._errors.read().decode("utf-8", "replace").strip().splitlines()
         return f"the process that identifies has ended ({on_one_line(lines[-1]) if lines else 'killed'})"
 
     def close(self) -> None:
-        """End it: its standard input ends."""
+        """End the second process by ending its standard input."""
         self._over = True
         stdin, stdout = self._pipes()
         stdin.close()

@@ -1,4 +1,4 @@
-"""What duration and amplitude of a motion do to the law's numbers for a page."""
+"""Effect of a motion's duration and amplitude on the law's numbers for a page."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ def changed(spec: TrajectorySpec, duration: float, amplitude: float) -> Trajecto
 
 
 def _motion(law: PreparedLaw, name: str) -> dict[str, tuple[float, list[np.ndarray]]]:
-    """By duration and amplitude: the least factor, and the parabolas of ln factor of variance and mean."""
+    """Return, by duration and amplitude, the least factor and parabolas of ln factor of variance and mean."""
     spec = law.experiment.trajectories[name]
     if not isinstance(spec.trajectory, (Sphere, Harmonic, Multisine)):
         return {}

@@ -19,10 +19,10 @@ class Explorer(anywidget.AnyWidget):
     _esm = TEMPLATES.joinpath("adjustable.js").read_text("utf-8")
     _css = TEMPLATES.joinpath("adjustable.css").read_text("utf-8")
     law = traitlets.Dict().tag(sync=True)
-    """The law's numbers."""
+    """Numbers from which the browser computes the law."""
     state = traitlets.Dict().tag(sync=True)
-    """What is chosen: ``pair`` of trajectory and estimator, ``factors`` on the sources' figures, on ``duration`` and
-    ``amplitude``; empty: everything as stated. To set it is to move the sliders."""
+    """State of the sliders: ``pair`` of trajectory and estimator, ``factors`` on the sources' figures, on ``duration``
+    and on ``amplitude``; empty: all as stated. Setting it moves the sliders."""
 
     def __init__(self, experiment: Experiment, law: dict[str, Any]) -> None:
         super().__init__(law=law)

@@ -1,4 +1,4 @@
-"""Which sensor is worth improving, and how long must I measure? Both questions to one trajectory and estimator."""
+"""Plan of a measurement with one trajectory and estimator: the sensor worth improving, and the required duration."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,7 +32,7 @@ from uq.trials.progress_bar import Progress, progress_of
 
 @dataclass(frozen=True, repr=False)
 class MeasurementPlan(Result):
-    """What each source is worth, and how long targets take.
+    """The worth of each source, and the durations that targets require.
 
     Example: ``plan_measurement(Experiment.load("barreto2016"), [1e-3]).sensors.best``.
     """

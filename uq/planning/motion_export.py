@@ -38,7 +38,8 @@ from uq.planning.motion_formats import (
 FINE, RATE, MOOG_RATE = 600, 100, 60
 """Instants a second at which the attitude is integrated, of table and waves, and of Moog's packets [Hz]."""
 EXACT, SINGLE = 2e-9, 2e-6
-"""How far a read position [m] or attitude [rad] may be from the motion: of decimals, and of single precision."""
+"""Largest differences of a read position [m] or attitude [rad] from the motion: in decimals, and in single
+precision."""
 MEANING = {
     "frames": "A: earth, z up; B: platform, parallel to A at home; x y z: platform centre OMB from home, in A",
     "rotation": "R_AB = Rz(yaw) Ry(pitch) Rx(roll) takes components in B to components in A; q is the same rotation",
@@ -59,9 +60,9 @@ class MotionExport(Result):
     differences: Mapping[str, float]
     """Largest difference between a file and the motion, by file name: position [m] or attitude [rad]."""
     speed: float
-    """Of the motion's own: below 1 in a rehearsal."""
+    """Factor on the motion's speed: below 1 in a rehearsal."""
     amplitude: float
-    """Of the motion's own."""
+    """Factor on the motion's amplitude."""
     seconds: float
     """Duration of what is exported [s]."""
     name: str = "motion"
@@ -204,7 +205,7 @@ def scaled(trajectory: Trajectory, amplitude: float) -> Trajectory:
 def _read_back(
     platform: Platform, contents: Mapping[str, bytes], name: str, table: Commanded, packets: Commanded
 ) -> dict[str, float]:
-    """How far each file is from the motion.
+    """Return the largest difference of each file from the motion.
 
     Raises:
         RuntimeError: too far.

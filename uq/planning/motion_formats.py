@@ -27,7 +27,7 @@ MOOG_PACKET = np.dtype([("command", ">u4"), ("dof", ">f4", 6), ("spare", ">f4")]
 NEW_POSITION = 130
 """Moog's command word for a position in degrees of freedom."""
 DOWN = np.diag([1.0, -1.0, -1.0])
-"""From A (x forward, y left, z up) to Moog's axes (x forward, y right, z down)."""
+"""Rotation from A (x forward, y left, z up) to Moog's axes (x forward, y right, z down)."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class Commanded:
     """The motion that a platform is commanded, at uniform instants."""
 
     t: Float[np.ndarray, " n"]
-    """Instants [s]."""
+    """Instants of the command [s]."""
     position: Float[np.ndarray, "n 3"]
-    """Of OMB from home, in A [m]."""
+    """Position of OMB from home, in A [m]."""
     rotation: Float[np.ndarray, "n 3 3"]
-    """R_AB."""
+    """Attitude R_AB, from components in B to components in A."""
     length: Float[np.ndarray, "n legs"]
-    """Of the legs [m]; of no width where the format has none."""
+    """Lengths of the legs [m]; of no width where the format has none."""
 
     def every(self, step: int) -> "Commanded":
         """Return every ``step``-th instant."""

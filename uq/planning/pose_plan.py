@@ -29,11 +29,11 @@ from uq.planning.motion_formats import ORDER
 from uq.propagation.prediction import Prediction
 
 POSES, HOLD = 12, 2.0
-"""How many poses, and for how long each is held still [s]."""
+"""Number of poses, and the time for which each is held still [s]."""
 AZIMUTHS, TILTS = 24, 121
 """Directions to lean to, and tilts that are tried in each, evenly up to ``MOST_TILT``."""
 MOST_TILT = np.deg2rad(30.0)
-"""Beyond which no pose is planned, whatever the platform could [rad]."""
+"""Largest tilt of a planned pose [rad], whatever the platform could do."""
 PIVOTS = np.linspace(-0.2, 0.4, 13)
 """Heights over OMB about which the platform may lean [m]."""
 COLUMNS = (
@@ -54,25 +54,26 @@ class PosePlan(Result):
     """
 
     position: Float[np.ndarray, "n 3"]
-    """Of OMB from home, in A [m]."""
+    """Position of OMB from home, in A [m]."""
     rotation: Float[np.ndarray, "n 3 3"]
-    """R_AB."""
+    """Attitude R_AB, from components in B to components in A."""
     length: Float[np.ndarray, "n 6"]
-    """Of the legs [m]."""
+    """Lengths of the legs [m]."""
     covariance: Float[np.ndarray, "10 10"]
     """Predicted, of the ten parameters in the order of :data:`identify.static.centre.PARAMETERS`."""
     naive: Float[np.ndarray, "10 10"]
-    """The same of as many poses that lean along ±x and ±y by the tilt that all four allow, and level."""
+    """Covariance of as many poses that are level or lean along ±x and ±y, by the tilt that all four directions
+    allow."""
     reach: Float[np.ndarray, " azimuths"]
     """Largest tilt in each direction, counter-clockwise from x [rad]."""
     hold: float
-    """For how long each is held [s]."""
+    """Time for which each pose is held [s]."""
     name: str = "poses"
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def tilt(self) -> Float[np.ndarray, " n"]:
-        """How far each pose leans [rad]."""
+        """Tilt of each pose [rad]."""
         return np.arccos(np.clip(self.rotation[:, 2, 2], -1, 1))
 
     @property
@@ -82,7 +83,7 @@ class PosePlan(Result):
 
     @property
     def naive_standard_uncertainty(self) -> Float[np.ndarray, "10"]:
-        """The same of the naive poses."""
+        """Standard uncertainties of the ten parameters with the naive poses."""
         return np.sqrt(np.diag(self.naive))
 
     def csv(self) -> str:
@@ -284,7 +285,7 @@ def _leaning(
 
 
 def _at_rest(experiment: Experiment, poses: Pose) -> Effort:
-    """What standing still in each pose asks for."""
+    """Return the demands on the platform of standing still in each pose."""
     still = jnp.zeros_like(poses.position)
     motion = PlatformMotion(still[:, 0], poses, Twist(still, still, still, still))
     r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)

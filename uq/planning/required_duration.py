@@ -28,18 +28,18 @@ from uq.propagation.experiment_law import law
 GOALS: Mapping[str, tuple[int, ...]] = {
     "moments": tuple(MOMENTS), "products": tuple(PRODUCTS), **{name: (k,) for k, name in enumerate(COMPONENTS)},
 }  # fmt: skip
-"""Whose average 3σ is meant."""
+"""Components whose average 3σ is meant, by the goal's name."""
 DRIFTS = ("cell_drift", "gyro_drift")
 """Errors whose effect grows with time."""
 LONGEST = 1e6
 """Durations of the trajectory beyond which none is looked for."""
 MOST_POWER = 4.0
-"""Of the duration, that a variance may follow; only that of a drift grows."""
+"""Largest power of the duration that a variance may follow; only that of a drift grows."""
 CLOSE = 2e-3
-"""How near the law at the answer must be to the target."""
+"""Relative difference within which the law at the answer meets the target."""
 ROUNDS = 4
 MOST_SAMPLES = 2_000_000
-"""Of a run at which the law is evaluated; a longer answer is extrapolated."""
+"""Most samples of a run at which the law is evaluated; a longer answer is extrapolated."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,12 @@ class Growth:
     duration: float
     """The duration at which the variances are stated [s]."""
     variance: Float[np.ndarray, "sources 6"]
-    """[(kg·m²)²]."""
+    """Variance of the tensor by each source at ``duration`` [(kg·m²)²]."""
     lost: Float[np.ndarray, "sources 6"]
-    """Time that the ramps take from what is averaged [s]; not-a-number: it follows a power."""
+    """Time that the ramps take from what is averaged [s]; not-a-number: the variance follows a power of the
+    duration."""
     power: Float[np.ndarray, "sources 6"]
-    """Of the duration that the others follow: 0 stays, above 0 grows."""
+    """Power of the duration that the other variances follow: at 0 they stay, above 0 they grow."""
 
     def at(self, duration: float | np.ndarray) -> np.ndarray:
         """Return each source's variance at a duration [s]; durations lead."""
@@ -67,15 +68,15 @@ class Growth:
 
 @dataclass(frozen=True, repr=False)
 class Duration(Result):
-    """What a target takes.
+    """The duration that a target requires.
 
     Example: ``required_duration(Experiment.load("barreto2016"), 1e-3).seconds``.
     """
 
     target: float
-    """Of the average 3σ [kg·m²]."""
+    """Target of the average 3σ [kg·m²]."""
     goal: str
-    """Whose: a name in ``GOALS``."""
+    """Components whose average 3σ is meant: a name in ``GOALS``."""
     seconds: float | None
     """Duration that reaches it; None: none does."""
     reached: float
@@ -85,10 +86,10 @@ class Duration(Result):
     current_duration: float
     """Duration of the trajectory as it is [s]."""
     now: float
-    """Its average 3σ by the law [kg·m²]."""
+    """Average 3σ by the law at the trajectory's present duration [kg·m²]."""
     growth: Growth
     checked: bool = True
-    """Whether the law was evaluated at the answer; else it is extrapolated, from two durations."""
+    """Whether the law was evaluated at the answer; otherwise the answer is extrapolated from two durations."""
 
     @property
     def reachable(self) -> bool:

@@ -31,7 +31,7 @@ STEP = 0.01
 
 @dataclass(frozen=True, repr=False)
 class SensorWorth(Result):
-    """What each source's size does to the 3σ of one trajectory and estimator.
+    """Effect of each source's size on the 3σ of one trajectory and estimator.
 
     Example: ``sensor_worth(Experiment.load("barreto2016")).to_frame()["derivative"].unstack()``.
     """
@@ -40,13 +40,13 @@ class SensorWorth(Result):
     trajectory: str
     estimator: str
     three_sigma: Float[np.ndarray, "6"]
-    """With all sources as they are [kg·m²]."""
+    """Three standard deviations of each component with all sources as they are [kg·m²]."""
     derivative: Float[np.ndarray, "sources 6"]
-    """Of ln 3σ by ln sigma."""
+    """Derivative of ln 3σ by the logarithm of each source's sigma."""
     halved: Float[np.ndarray, "sources 6"]
     """3σ with this source's sigma halved [kg·m²]."""
     remarks: tuple[str, ...] = ()
-    """Why less of a source makes a 3σ larger, where it does."""
+    """Reasons why a smaller source makes a 3σ larger, where it does."""
     name: str = "sensors"
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

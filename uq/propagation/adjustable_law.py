@@ -58,18 +58,18 @@ class Parts(NamedTuple):
     """Parts in variance [(kg·m²)²] and mean [kg·m²]: estimators, levels of the gyro's noise, sources, components."""
 
     first: np.ndarray
-    """Of the variance, with the square of a source's factor."""
+    """Part of the variance that grows with the square of a source's factor."""
     second: np.ndarray
-    """Of the variance, with its fourth power."""
+    """Part of the variance that grows with the fourth power of a source's factor."""
     mean: np.ndarray
-    """Of the mean error, with its square."""
+    """Part of the mean error that grows with the square of a source's factor."""
     gyro: np.ndarray
     """Each source's share in the variance of omega's white noise."""
     gyro_variance: np.ndarray
-    """What that noise does to the variance, over its level, without the axis of sources."""
+    """Part of the variance that omega's white noise causes, over its level, without the axis of sources."""
     gyro_mean: np.ndarray
     expected: np.ndarray
-    """What sources' expectations do to the mean error, without the axis of levels."""
+    """Part of the mean error that the sources' expectations cause, without the axis of levels."""
     rest: np.ndarray
     """Mean error that is no source's: estimators, components."""
     joint: list[tuple[int, int, np.ndarray]]
@@ -137,7 +137,7 @@ def _joint(
     run: PreparedRun, constants: Constants, inputs: CaseInputs, both: Sequence[tuple[int, int]], expected: np.ndarray,
     gyro: np.ndarray,
 ) -> list[tuple[int, int, np.ndarray]]:  # fmt: skip
-    """What two sources do beyond each alone, where it counts."""
+    """Return the joint effects of two sources beyond their separate ones, where they count."""
     expansion, noise = run.expansion(expected, gyro, constants.errors), run.scatter(gyro)
     about = Expansion(*(np.asarray(leaf)[:, None] for leaf in expansion))
     cell = of_wrench_noise(np.asarray(noise.mean)[:, None], inputs.wrench, run.equations)

@@ -1,4 +1,4 @@
-"""Which sources the law of propagation does not take, all at once, and how to leave them out."""
+"""Sources that the law of propagation does not cover, listed together, and how to leave them out."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from uq.sources.source import SignalRange, Source
 
 
 class Peaks(NamedTuple):
-    """How far a noise-free signal goes, and how far from one sample to the next (rms), on each axis."""
+    """Largest values of a noise-free signal, and of its change between samples (rms), on each axis."""
 
     largest: Mapping[str, np.ndarray]
     moves: Mapping[str, np.ndarray]
@@ -22,7 +22,7 @@ class Peaks(NamedTuple):
 ANYWHERE = Peaks(
     {name: np.zeros(3) for name in ("F", "M", "omega")}, {name: np.full(3, np.inf) for name in ("F", "M", "omega")}
 )
-"""Of a motion that is not there yet: no range ends within its reach, and no step is coarse."""
+"""Peaks of a motion that is not yet known: no range ends within its reach, and no step is coarse."""
 
 
 class BeyondLawError(ExperimentError):

@@ -23,13 +23,13 @@ from uq.sources.constant_errors import Errors, no_errors
 from uq.sources.random_normals import Index
 
 OF_NOISE = (0, 1, 2, 3, 10)
-"""Those of ``true_elements`` that multiply the noise in other elements: 1, omega and t."""
+"""Indices of the true elements that multiply the noise in other elements: 1, omega and t."""
 TRIANGLE = np.triu_indices(6)
 MATRIX = np.zeros((27, 6, 6))
 """Derivative of the normal equations' matrix by their 27 packed numbers."""
 MATRIX[np.arange(21), TRIANGLE[0], TRIANGLE[1]] = MATRIX[np.arange(21), TRIANGLE[1], TRIANGLE[0]] = 1.0
 RIGHT = np.eye(6, 27, 21)
-"""The same of their right-hand side."""
+"""Derivative of the normal equations' right-hand side by their 27 packed numbers."""
 
 
 class TrueSums(NamedTuple):
@@ -37,7 +37,7 @@ class TrueSums(NamedTuple):
 
     gram: Float[Array, "elements elements"]
     wrench: Float[Array, "elements columns"]
-    """With the columns of :class:`uq.gram_sums.error_maps.Columns`."""
+    """Sums of products of the elements with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
 
     def of_estimator(self, estimator: Index) -> "TrueSums":
         """Return those of one estimator."""
@@ -63,7 +63,7 @@ class RunSums(Pytree):
 
 
 class Point(NamedTuple):
-    """Where an expansion is made."""
+    """The point of an expansion."""
 
     errors: Float[Array | np.ndarray, " e"]
     """Errors that are expected, :class:`uq.sources.constant_errors.Errors` raveled."""
@@ -76,10 +76,10 @@ class Expansion(NamedTuple):
 
     value: Float[Array | np.ndarray, "*n 6"]
     jacobian: Float[Array | np.ndarray, "*n 6 d"]
-    """By the numbers that constant sources draw, in SI."""
+    """Derivative of the tensor by the numbers that constant sources draw, in SI."""
     hessian: Float[Array | np.ndarray, "*n 6 d d"]
     by_equations: Float[Array | np.ndarray, "*n 6 27"]
-    """By the normal equations: the matrix's upper triangle, then the right-hand side."""
+    """Derivative of the tensor by the normal equations: the matrix's upper triangle, then the right-hand side."""
     twice_by_equations: Float[Array | np.ndarray, "*n 6 27 27"]
 
 

@@ -35,7 +35,7 @@ class PreparedLaw:
     experiment: Experiment
     estimators: tuple[str, ...]
     runs: dict[str, PreparedRun]
-    """By trajectory."""
+    """Sums over the run of each trajectory, by its name."""
     warnings: tuple[str, ...]
 
     def evaluate(self, sources: Sequence[Source] | None = None) -> LawResult:

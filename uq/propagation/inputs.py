@@ -1,4 +1,4 @@
-"""From error sources to what the law of propagation needs: variances, correlations, expectations.
+"""Inputs of the law of propagation from error sources: variances, correlations, expectations.
 
 Constant errors are numbers that are drawn once; the law needs their expectation and covariance, and how each of them
 enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is white, with a variance on each axis.
@@ -26,26 +26,26 @@ class Constants(NamedTuple):
     """The D numbers that constant sources draw."""
 
     errors: np.ndarray
-    """How the errors (:class:`uq.sources.constant_errors.Errors`, raveled) follow from them, (errors, D)."""
+    """Matrix from the numbers to the errors (:class:`uq.sources.constant_errors.Errors`, raveled), (errors, D)."""
     owner: np.ndarray
-    """Which source draws each."""
+    """Index of the source that draws each number."""
     mean: np.ndarray
     sigma: np.ndarray
-    """Standard deviation."""
+    """Standard deviation of each number."""
     correlation: np.ndarray
     gum_ratio: np.ndarray
     """The GUM's standard uncertainty over the standard deviation: below 1 for Student's t (GUM 4.2, G.3)."""
     freedom: np.ndarray
-    """Degrees of freedom of each."""
+    """Degrees of freedom of each number."""
     joint: np.ndarray
-    """Which numbers share their degrees of freedom: one row a set, 1 where a number belongs to it."""
+    """Sets of numbers that share their degrees of freedom: one row a set, 1 where a number belongs to it."""
 
 
 class CaseInputs(NamedTuple):
     """Every case's inputs, the cases on the leading axis."""
 
     acts: np.ndarray
-    """Which of the D numbers act, 1 or 0."""
+    """Mask of the D numbers that act in each case, 1 or 0."""
     wrench: np.ndarray
     """Covariance of the white noise of force and moment, (cases, 6, 6)."""
     gyro: np.ndarray

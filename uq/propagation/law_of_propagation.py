@@ -24,7 +24,7 @@ from uq.coverage.expanded_uncertainty import welch_satterthwaite
 
 @runtime_checkable
 class Input(Protocol):
-    """What the law needs to know of an input's distribution; one with a ``covariance`` has correlated coordinates."""
+    """An input's distribution as the law needs it; one with a ``covariance`` has correlated coordinates."""
 
     @property
     def mean(self) -> Array | np.ndarray:
@@ -103,10 +103,10 @@ class Expansion(NamedTuple):
     """A model about a point, over standardised coordinates z: mean 0, covariance the unit matrix."""
 
     value: Array
-    """At the point, of the measurand's shape."""
+    """Value of the model at the point, of the measurand's shape."""
     jacobian: Float[Array, "m d"]
     shift: Float[Array, " m"]
-    """``½ tr H``."""
+    """Second-order shift of the mean, ``½ tr H``."""
     hessian: Float[Array, "m d d"]
     slope: Float[Array, "m d"]
     """Derivative of the shift, ``½ Σ_k ∂³f/∂z ∂z_k²``."""

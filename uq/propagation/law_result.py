@@ -27,7 +27,7 @@ class LawStatistics(Shown):
     mean_error: np.ndarray
     """Expected estimate minus truth: the bias."""
     covariance: np.ndarray
-    """Of the six components [(kg·m²)²]."""
+    """Covariance of the six components [(kg·m²)²]."""
     textbook_value: np.ndarray
     """The error of the estimate from the noise-free run: what the textbook's first order takes for the mean error."""
     textbook_mean_error: np.ndarray
@@ -36,9 +36,10 @@ class LawStatistics(Shown):
     """The textbook's ``J Σ Jᵀ`` about the noise-free run."""
 
     standard_uncertainty: np.ndarray
-    """The GUM's: less than the standard deviation where a source is Student's t, which enters with its scale."""
+    """Standard uncertainty of the GUM: less than the standard deviation where a source is Student's t, which enters
+    with its scale."""
     degrees_of_freedom: np.ndarray
-    """Effective, of that standard uncertainty (GUM G.4)."""
+    """Effective degrees of freedom of ``standard_uncertainty`` (GUM G.4)."""
 
     def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the ends of the estimate's error, ``mean error ± k u``, k from Student's t (GUM G.3)."""
@@ -97,9 +98,9 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
     nominal: np.ndarray
     """The true tensor, packed [kg·m²]."""
     breakdowns: Mapping[str, Mapping[str, Breakdown[LawStatistics]]]
-    """By trajectory, then by estimator."""
+    """Breakdown of each case, by trajectory, then by estimator."""
     warnings: tuple[str, ...]
-    """Among them every trajectory and estimator of which a mean error exceeds its 3σ."""
+    """Warnings, among them every trajectory and estimator of which a mean error exceeds its 3σ."""
     inputs: Callable[[], Mapping[str, Any]] = field(repr=False, compare=False)
     """Makes the provenance when it is asked for: it takes as long as the law of a changed figure."""
     adjustable: Callable[[], Mapping[str, Any]] | None = field(default=None, repr=False, compare=False)
@@ -107,12 +108,12 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
 
     @property
     def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[LawStatistics]]]:
-        """What there is, by trajectory, then by estimator."""
+        """Breakdown of each case, by trajectory, then by estimator."""
         return self.breakdowns
 
     @cached_property
     def provenance(self) -> Mapping[str, Any]:
-        """What it was made of."""
+        """Provenance of the result: inputs, versions, machine, time."""
         return self.inputs()
 
     def to_dict(self) -> dict[str, Any]:
@@ -208,7 +209,7 @@ def _figures(values: np.ndarray) -> list[str]:
 
 
 def _mean_errors(s: LawStatistics, beside: LawStatistics | None = None) -> list[str]:
-    """To the decimals that matter beside 3σ."""
+    """Return mean errors in text, with the decimals that matter beside 3σ."""
     places = finest(GRAM_METRE * (beside or s).three_sigma)
     return [fixed(GRAM_METRE * x, places) for x in s.mean_error]
 

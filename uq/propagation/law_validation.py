@@ -15,7 +15,7 @@ from uq.coverage.coverage_intervals import Verdict, numerical_tolerance, symmetr
 from uq.propagation.law_result import LawResult, LawStatistics, beside
 
 WRONG_FACTOR = 2.0
-"""By how much two standard deviations must differ to be named as the reason."""
+"""Ratio of two standard deviations from which their difference is named as the reason."""
 ROUNDING = 1e-12
 """kg·m² that rounding may leave where nothing acts."""
 
@@ -26,11 +26,11 @@ class LawVerdict(NamedTuple):
     trajectory: str
     estimator: str
     case: str
-    """``total``, a group or a source."""
+    """Name of the case: ``total``, a group or a source."""
     law: Verdict
     textbook: Verdict
     why: str
-    """Why the textbook's law is rejected; empty where it is not."""
+    """Reason why the textbook's law is rejected; empty where it is not."""
 
 
 def verdicts(

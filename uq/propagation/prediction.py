@@ -27,12 +27,12 @@ from uq.propagation.inputs import constants_of, inputs_of_cases
 
 
 class Predicted(NamedTuple):
-    """What a motion promises."""
+    """The prediction for a motion."""
 
     mean_error: Float[Array, "6"]
     """Expected estimate less the truth [kg·m²]."""
     covariance: Float[Array, "6 6"]
-    """Of the tensor [(kg·m²)²]."""
+    """Covariance of the packed tensor [(kg·m²)²]."""
 
 
 class Prediction(Pytree):
@@ -40,17 +40,17 @@ class Prediction(Pytree):
 
     body: Body
     platform: Platform
-    """What carries it, whatever the trajectory."""
+    """Platform that carries the body, whatever the trajectory."""
     expected: Float[Array, " e"]
     """Expectation of the errors that are drawn once, :class:`uq.sources.constant_errors.Errors` raveled."""
     directions: Float[Array, "e d"]
-    """What one standard deviation of each of d uncorrelated numbers does to these errors."""
+    """Change of these errors by one standard deviation of each of d uncorrelated numbers."""
     wrench: Float[Array, "6 6"]
     """Covariance of the white noise of force and moment at one sample."""
     gyro: Float[Array, "3"]
     """Variance of omega's white noise at one sample [rad²/s²]."""
     rate: float = static_field()
-    """Sample rate [Hz]."""
+    """Sample rate of the sensors [Hz]."""
     columns: Columns = static_field()
 
     @classmethod
@@ -129,7 +129,7 @@ class Prediction(Pytree):
         return jnp.einsum("n,nij,ik,nkl->jl", each, rows, self.moment_noise, rows)
 
     def _of_gyro(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 6"]:
-        """The same of omega's noise: what it does to ``Ω i``, the part through alpha by a summation by parts."""
+        """Return the covariance by omega's noise in ``Ω i``, the part through alpha by a summation by parts."""
         inertia, tensor = self.body.inertia, unpack(self.body.inertia)
 
         def of_instant(omega, alpha, jerk):

@@ -1,4 +1,4 @@
-"""What the law of propagation needs of a run, kept while a person changes figures.
+"""Sums of a run for the law of propagation, kept while a person changes figures.
 
 Sums over the samples depend on the motion, body, platform and estimators alone; expansions of the estimate, besides, on
 the errors' expectations and the gyro's noise. Both are kept, so that another figure of any other source costs a few
@@ -29,19 +29,19 @@ from uq.propagation.run_sums import run_sums
 from uq.sources.constant_errors import perturbed
 
 MOST_RUNS = 32
-"""Whose sums are kept."""
+"""Most runs whose sums are kept."""
 MOST_EXPANSIONS = 128
-"""Of each run."""
+"""Most expansions that are kept of each run."""
 
 
 class Scatter(NamedTuple):
-    """What omega's white noise does to sums and normal equations, every estimator's, which are the first axis."""
+    """Effect of omega's white noise on sums and normal equations; the estimators are the first axis."""
 
     mean: Float[Array | np.ndarray, "*estimators products"]
     noise_free: Float[Array | np.ndarray, "*estimators products"]
     covariance: Float[Array | np.ndarray, "*estimators 27 27"]
     linear: Float[Array | np.ndarray, "*estimators 27 27"]
-    """Of the terms linear in the noise alone."""
+    """Covariance of the normal equations from the terms that are linear in the noise."""
     change: Float[Array | np.ndarray, "*estimators 27"]
     """Second-order change of the normal equations' mean about the noise-free run."""
 

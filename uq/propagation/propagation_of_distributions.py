@@ -39,7 +39,7 @@ class Propagation(Result):
     estimate: np.ndarray
     """Average of the trials, of the measurand's shape."""
     covariance: np.ndarray
-    """Of the measurand's m components, flattened, (m, m)."""
+    """Covariance of the measurand's m components, flattened, (m, m)."""
     symmetric: CoverageInterval
     shortest: CoverageInterval
     stability: Stability
@@ -152,14 +152,14 @@ def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:
 
 
 class _Problem(Pytree):
-    """What a block of trials needs besides its number."""
+    """Data of a block of trials besides its number."""
 
     model: Model = static_field()
     inputs: Mapping[str, Distribution]
     size: int = static_field()
     """Trials in a block."""
     net: SobolPoints | None
-    """Of quasi-random trials: a block shifts them anew."""
+    """Points of quasi-random trials, which each block shifts anew; None: trials are random."""
 
 
 def _blocks(problem: _Problem, key: Array, numbers: Array, *, at_once: bool) -> Float[Array, "blocks trials *outputs"]:

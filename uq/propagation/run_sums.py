@@ -24,14 +24,14 @@ PIECE = 4096
 
 
 class _Sums(NamedTuple):
-    """Of some pieces."""
+    """Sums over some pieces of a run."""
 
     piece: PieceSums
     true: tuple[TrueSums, TrueSums, TrueSums]
     moved: Float[Array, "9"]
     """Squares of what force, moment and omega go from one sample to the next."""
     largest: Float[Array, "9"]
-    """How far these go from zero: not a sum."""
+    """Largest absolute value of force, moment and omega; it is a maximum, not a sum."""
 
 
 def _numbers(first: Array, margin: int) -> Array:

@@ -32,24 +32,24 @@ class Motion:
     """An angular velocity as an IMU's channel, and what is to be known of it."""
 
     imu: ImuChannel
-    """In the sensor's frame; acceleration zero where none was recorded."""
+    """Channel of the angular velocity in the sensor's frame; its acceleration is zero where none was recorded."""
     noise: ShapedNoise | None = None
     """The noise of an angular velocity that was differentiated; None: it is taken for white."""
     notes: tuple[str, ...] = ()
-    """What the result assumes of it."""
+    """Assumptions of the result about the angular velocity."""
     warnings: tuple[str, ...] = ()
 
 
 class Differentiated(NamedTuple):
-    """What uniform angles tell, without as many instants at either end as the differentiator takes."""
+    """Signals from uniform angles, without as many instants at either end as the differentiator takes."""
 
     omega: np.ndarray
-    """[rad/s], (m, 3)."""
+    """Angular velocity of the frame, (m, 3) [rad/s]."""
     sigma: np.ndarray
     """The white noise of the angles on each axis [rad]."""
     taps: np.ndarray
     specific_force: np.ndarray | None = None
-    """[m/s²], (m, 3); None: they tell none."""
+    """Specific force of the frame, (m, 3) [m/s²]; None: the angles do not give it."""
 
 
 def motion(bag: channels.Recording, declared: Recording, instants: np.ndarray, *, band: float | None = None) -> Motion:

@@ -1,4 +1,4 @@
-"""What a recorded run's channels mean: the experiment's declaration and the run's own metadata, brought together.
+"""Meaning of a recorded run's channels, from the experiment's declaration and the run's own metadata.
 
 What both say must agree; what one says is used; what neither says is an assumption of the result.
 """
@@ -25,7 +25,7 @@ EQUAL = 1e-9
 
 @dataclass(frozen=True)
 class Rig:
-    """How to turn a run's channels into the wrench on the body about Q and the motion, in B and in SI units."""
+    """Conventions by which a run's channels become wrench on the body about Q and motion, in B and in SI."""
 
     sign: float
     scales: dict[str, float]
@@ -104,7 +104,7 @@ def _check_wrench(bag: channels.Recording, recording: Recording, metadata: "_Met
 
 
 class _Metadata:
-    """What a run's metadata ``rig.run`` says of its channels."""
+    """Statements of a run's metadata ``rig.run`` on its channels."""
 
     def __init__(self, bag: channels.Recording) -> None:
         self.name = bag.path.name
@@ -127,7 +127,7 @@ class _Metadata:
             self.units = {"angular_velocity": "rad/s", "acceleration": "m/s^2"} | self.units
 
     def one_of(self, key: str, declared: Any, stated: Any) -> Any:
-        """What is declared, else what the metadata says, else None."""
+        """Return the declared value, otherwise that of the metadata, otherwise None."""
         if declared is not None and stated is not None and declared != stated:
             raise self.contradiction(f"its {key} is {stated}", key, str(declared))
         return stated if declared is None else declared
@@ -156,7 +156,7 @@ def _at_q(text: str) -> bool:
 
 
 def _scales(metadata: _Metadata, recording: Recording, assumed: list[str]) -> dict[str, float]:
-    """How many SI units one unit of each quantity is."""
+    """Return the factor from the unit of each quantity to SI."""
     scales, silent = {}, []
     for quantity, si in UNITS.items():
         declared, unit_name = recording.unit(quantity), metadata.units.get(quantity)

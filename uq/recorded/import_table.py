@@ -23,7 +23,7 @@ NANOSECONDS = 1_000_000_000
 
 
 class MapColumns(ColumnsTable, frozen=True, kw_only=True):
-    """``[columns]`` of a map: which columns hold time, wrench and motion."""
+    """``[columns]`` of a map: the columns of time, wrench and motion."""
 
     SIGNALS = ("time", "force", "moment", "angular_velocity", "acceleration")
     time: str | None = None
@@ -54,10 +54,10 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
 
 
 class MapConventions(SensorConventions, frozen=True, kw_only=True):
-    """``[recording]`` of a map: what changes numbers. A table says nothing of itself, so that the map must."""
+    """``[recording]`` of a map: the conventions of the table's numbers, which a table itself does not state."""
 
     wrench: Literal["on_body", "on_sensor"]
-    """Whether the wrench is that on the body, or the reaction on the sensor."""
+    """Sign of the wrench in the table: that on the body, or the reaction on the sensor."""
     force_unit: Annotated[str, unit_name("N")]
     """Name of the force's unit, such as ``lbf``."""
     moment_unit: Annotated[str, unit_name("N*m")]
@@ -67,16 +67,16 @@ class MapConventions(SensorConventions, frozen=True, kw_only=True):
 
 
 class Map(TomlTable, frozen=True, kw_only=True):
-    """What the columns of a table of samples mean."""
+    """Meaning of the columns in a table of samples."""
 
     columns: MapColumns
-    """Where the table's signals are."""
+    """Columns of the table's signals."""
     recording: MapConventions
-    """Signs, units and axes of its numbers."""
+    """Signs, units and axes of the table's numbers."""
 
     @property
     def conventions(self) -> Recording:
-        """The same as an experiment would declare it."""
+        """The conventions in the form in which an experiment declares them."""
         return Recording(**self.recording.to_dict())
 
     @classmethod
@@ -101,10 +101,10 @@ class Imported:
     """A table that was written as a run."""
 
     path: Path
-    """The MCAP file."""
+    """Path of the MCAP file."""
     samples: int
     assumptions: tuple[str, ...]
-    """What the map does not say."""
+    """Assumptions about what the map does not state."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as plain values."""

@@ -1,4 +1,4 @@
-"""What a recording says of the instruments that made it and of its day, for a report that does not say so itself."""
+"""Statements of a recording on its instruments and its day, for a report that has none of its own."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""How a link of a robot moves, from its joints: a URDF through the optional package Pinocchio."""
+"""Motion of a robot's link from that of its joints: a URDF through the optional package Pinocchio."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,13 +21,13 @@ class Chain:
     """The joints between a robot's base and a frame."""
 
     model: Any
-    """Pinocchio's model."""
+    """Pinocchio's model of the robot."""
     data: Any
-    """Its workspace."""
+    """Workspace of Pinocchio's algorithms for ``model``."""
     frame: int
     """Number of the frame in the model."""
     joints: tuple[tuple[int, int], ...]
-    """Number of each joint that moves the frame, in the model and among the recorded joints."""
+    """Numbers of each joint that moves the frame: in the model, and among the recorded joints."""
 
     @classmethod
     def load(cls, declared: Recording, names: tuple[str, ...], topic: str) -> "Chain":
@@ -147,7 +147,7 @@ class Chain:
 
     @property
     def _moving(self) -> list[int]:
-        """Where the model has the speeds of the joints that move the frame."""
+        """Return the indices of the model's speeds that belong to the joints that move the frame."""
         return [self.model.joints[number].idx_v for number, _ in self.joints]
 
     def _configuration(self, position: np.ndarray) -> np.ndarray:

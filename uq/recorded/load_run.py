@@ -28,9 +28,9 @@ class Recorded:
     marks: tuple[tuple[float, str], ...]
     """Seconds from the run's start, and name."""
     assumptions: tuple[str, ...]
-    """What neither the experiment nor the run's metadata says."""
+    """Assumptions about what neither the experiment nor the run's metadata states."""
     rig: Rig
-    """How its channels became force, moment and motion in B."""
+    """Conventions by which the channels became force, moment and motion in B."""
     attitude: tuple[np.ndarray, np.ndarray] | None = None
     """Instants [s] and upward direction in the sensor's frame (n, 3), where poses were recorded."""
 
@@ -127,7 +127,7 @@ class _Channels:
         self.wrench, self.motion = self.wrench[usable[0]], self.motion[usable[1]]
 
     def _sift(self, values: np.ndarray, t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which samples of a sensor to keep, and when those were taken near which nothing must be used."""
+        """Return the mask of the samples of a sensor to keep, and the instants near which nothing must be used."""
         slower, frozen = repeats(values)
         clipped = saturated(values)
         for reason, flags in (("held", slower | frozen), ("saturated", clipped), ("overrange", flagged)):

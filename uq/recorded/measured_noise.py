@@ -21,7 +21,7 @@ SEGMENTS = 8
 ABOVE = 3.0
 """The level is taken above the motion's band by this factor: products of the motion reach to twice it."""
 BELOW = 0.35
-"""And below this part of the Nyquist frequency: what brings unequal rates together leaves that as it is."""
+"""Part of the Nyquist frequency below which the level is taken: the filter that brings rates together ends above it."""
 FEWEST = 16
 """Frequencies that must be left."""
 

@@ -1,4 +1,4 @@
-"""Which of a message's two times is that of its measurement, and what becomes of times that jitter by arrival."""
+"""The time of a message that is that of its measurement, and the treatment of times that jitter by arrival."""
 
 from dataclasses import replace
 

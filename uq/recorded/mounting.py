@@ -1,4 +1,4 @@
-"""Which mounting of the body each run was made with: the runs' own word, or that of ``--mounting``."""
+"""The mounting of the body in each run: the runs' own word, or that of ``--mounting``."""
 
 from collections.abc import Sequence
 from dataclasses import replace

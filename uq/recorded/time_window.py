@@ -21,7 +21,7 @@ POINTS = 2000
 
 
 class TimeWindow(NamedTuple):
-    """From one limit to another; None: the run's start, or its end."""
+    """A window from one limit to another; None: the run's start, or its end."""
 
     start: Limit | None = None
     stop: Limit | None = None

@@ -26,20 +26,20 @@ INSTRUMENT_HEAD = ("instrument", "maker, model", "serial number", "certificate",
 
 @dataclass(frozen=True)
 class Front:
-    """What stands on a certificate beside tables and figures."""
+    """Texts of a certificate beside its tables and figures."""
 
     number: str | None
-    """Its unique number as stated; None: it is made of the result's content."""
+    """Number of the certificate as stated; None: it is made of the result's content."""
     laboratory: Sequence[str]
-    """Name, address, contact."""
+    """Name, address and contact of the laboratory."""
     items: Sequence[tuple[str, Sequence[str]]]
-    """Each heading with its lines."""
+    """Lines of the certificate below each heading."""
     statements: Sequence[str]
     approvals: Sequence[tuple[str, str]]
-    """Name and function of each who approves; none: nobody is stated."""
+    """Name and function of each person who approves; empty: nobody is stated."""
     issued: str
     made_up: str
-    """What the data are if they are no measurement: simulated or emulated; else empty."""
+    """Nature of data that are no measurement: simulated or emulated; otherwise empty."""
 
 
 def front(report: Report, provenance: Mapping[str, Any]) -> Front:

@@ -178,7 +178,7 @@ def _joined(parent: ElementTree.Element) -> None:
 
 
 def _look(element: ElementTree.Element) -> dict[str, str] | None:
-    """What a path that may be joined says beside its place: a line or a bar, of which none shows through another."""
+    """Return the style of a path that may be joined: a line or a bar, of which none shows through another."""
     look = {"tag": element.tag, **{name: value for name, value in element.attrib.items() if name != "d"}}
     simple = element.tag in (MARK, "path") and not len(element) and not {"id", "transform"} & set(look)
     opaque = "opacity" not in "".join(look) + "".join(look.values())

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 DPI = 300
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
 PAGE_DPI = 144
-"""Of the pixels that a page's figures hold [1/in]."""
+"""Resolution of the pixel images in a page's figures [1/in]."""
 VERDICTS = ("Nothing calls for attention.", "Read what calls for attention before you use the figures.")
-"""Where a result says none, without findings and with them."""
+"""Verdicts for a result that states none: without findings, and with findings."""
 NARROW = 44
 """Characters of a table's row that a phone shows."""
 ELSEWHERE = ("tare", "experiment", "resolved", "report", "inputs", "experiment_file", "centre", "others")
@@ -47,7 +47,7 @@ class Drawn(NamedTuple):
 
     @property
     def wide(self) -> bool:
-        """Whether it takes the width of a page rather than of a column."""
+        """Whether the figure takes the width of a page rather than of a column."""
         return bool(self.figure.get_figwidth() > COLUMN)
 
     @property

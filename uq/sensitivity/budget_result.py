@@ -24,20 +24,20 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
     """
 
     name = "budget"
-    """Stem of its own files, and its key in the result.json of a campaign."""
+    """Stem of the names of the result's files, and its key in the result.json of a campaign."""
     trials: int
-    """Pairs of trials."""
+    """Number of pairs of trials."""
     seed: int
     choices: int
-    """Choices of one draw or the other that each pair is solved with."""
+    """Number of choices between the two draws for which each pair is solved."""
     budgets: Mapping[str, Mapping[str, SourceBudget]]
-    """By trajectory, then by estimator."""
+    """Budget of each case, by trajectory, then by estimator."""
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
 
     @property
     def by_trajectory(self) -> Mapping[str, Mapping[str, SourceBudget]]:
-        """What there is, by trajectory, then by estimator."""
+        """Budget of each case, by trajectory, then by estimator."""
         return self.budgets
 
     def records(self) -> list[dict[str, Any]]:

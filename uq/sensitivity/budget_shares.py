@@ -17,22 +17,22 @@ TENSOR = "tensor"
 """Name of the whole tensor among the components."""
 COLUMNS = (*COMPONENTS, TENSOR)
 FEWEST_PAIRS, FEW_PAIRS = 4, 50
-"""Fewer pairs of trials than these have no standard errors, and standard errors that a finding calls too small: two of
-them hold the share 92 times in a hundred of 50 pairs, 87 of 10, 84 of 4."""
+"""Pairs of trials below which there are no standard errors, and below which a finding calls them too small: two of them
+hold the share 92 times in a hundred of 50 pairs, 87 of 10, 84 of 4."""
 CLOSURE_LIMIT = 4
 """Standard errors beyond which a budget's closure is reported as off."""
 
 
 class Effects(NamedTuple):
-    """What each player (a source or a group) does to each component and to the whole tensor."""
+    """Effects of each player (a source or a group) on each component and on the whole tensor."""
 
     players: tuple[str, ...]
     first: Indices
     """Share of the variance that the player causes by itself, ``Var E[I | X_p] / Var I``."""
     total: Indices
-    """The same with its interactions, ``E Var[I | all but X_p] / Var I``."""
+    """Share of the variance that the player causes with its interactions, ``E Var[I | all but X_p] / Var I``."""
     shapley: Indices
-    """Its fair share: interactions are divided in equal parts. The shares add up to one."""
+    """Shapley effect of the player: interactions are divided in equal parts, and the shares add up to one."""
     alone: Mapping[str, Statistics]
     """Mean error and 3σ with the others off, by player."""
 
@@ -41,16 +41,16 @@ class MeanSquare(NamedTuple):
     """All sources together: how much of the mean squared error is bias and how much dispersion."""
 
     mean_error: np.ndarray
-    """By component [kg·m²]."""
+    """Mean error by component [kg·m²]."""
     mean_error_standard_error: np.ndarray
     variance: np.ndarray
-    """By component [(kg·m²)²]."""
+    """Variance by component [(kg·m²)²]."""
     variance_standard_error: np.ndarray
     bias_share: np.ndarray
     """Square of the mean error over the mean squared error, by component; the rest is dispersion."""
     bias_share_standard_error: np.ndarray
     tensor_bias_share: float
-    """The same of the whole tensor."""
+    """Square of the mean error over the mean squared error, for the whole tensor."""
     tensor_bias_share_standard_error: float
 
 
@@ -66,7 +66,7 @@ class SourceBudget(Shown):
     closure: np.ndarray
     """Variance that the Shapley effects share out over the ordinary sample variance of the estimates, by component."""
     closure_standard_error: np.ndarray
-    """Of a closure of one: how far chance alone takes it from one."""
+    """Standard error of a closure of one: its distance from one by chance alone."""
     failed: int
     """Pairs of trials in which some case could not be solved; they are left out."""
 

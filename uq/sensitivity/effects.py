@@ -1,4 +1,4 @@
-"""From outputs of choices between two draws to first-order, total and Shapley effects: of any model, of an experiment.
+"""First-order, total and Shapley effects from a model's outputs with choices between two draws.
 
 A choice ``w`` takes the players ``w`` (a subset's number) from a pair's first draw and the others from its second.
 Which choices are evaluated depends on which effects are wanted and what they cost:
@@ -38,9 +38,10 @@ class PairEffects(NamedTuple):
     total: np.ndarray | None
     shapley: np.ndarray | None
     variance: np.ndarray
-    """(pairs, outputs)."""
+    """Sample variance of each output from each pair, (pairs, outputs)."""
     walks: np.ndarray | None = None
-    """Shapley effects by walk, (walks, pairs, players, outputs); None where every pair has its own, or every subset."""
+    """Shapley effects by walk, (walks, pairs, players, outputs); None where every pair has its own walk, or every
+    subset."""
 
     def averaged(self, average: Callable[[np.ndarray], np.ndarray]) -> "PairEffects":
         """Return the same with means over some pairs, as over a replicate's, in the place of pairs."""
@@ -112,7 +113,7 @@ def of_permutations(
 
 
 class Walk(NamedTuple):
-    """Where a walk starts, and in which order it swaps the players."""
+    """The start of a walk, and the order in which it swaps the players."""
 
     start: int
     order: tuple[int, ...]
@@ -123,9 +124,9 @@ class Design(NamedTuple):
 
     draws: int
     games: tuple[tuple[int, ...], ...]
-    """Who plays: partitions of the draws, as subsets' numbers; a player of nothing may be among them."""
+    """Partitions of the draws among players, as subsets' numbers; a player may hold no draw."""
     walks: tuple[tuple[Walk, ...], ...]
-    """By game; empty where every subset is visited."""
+    """Walks of each game; empty where every subset is visited."""
     choices: tuple[int, ...]
 
     @classmethod

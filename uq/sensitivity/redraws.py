@@ -32,7 +32,7 @@ class Joint(NamedTuple):
 
     names: tuple[str, ...]
     matrix: Float[Array, "k k"]
-    """Their correlation matrix."""
+    """Correlation matrix of the inputs."""
     root: Float[Array, "k k"]
     """``root @ root.T`` is the matrix."""
 
@@ -42,7 +42,7 @@ class Pair(NamedTuple):
 
     values: tuple[Values, Values]
     normals: tuple[Array, Array] | None
-    """Of the correlated inputs, standardised."""
+    """Two draws of the correlated inputs, standardised; None: no inputs are correlated."""
 
 
 def correlated(inputs: Mapping[str, Distribution], correlation: Correlation | None) -> Joint | None:
@@ -95,7 +95,7 @@ def _net(inputs: Mapping[str, Distribution], more: int, trials: int, seed: int, 
 
 
 def _options(trials: int, rows: int) -> dict[str, Any]:
-    """How the loop runs: on one device, since batches of LAPACK's on two of one processor wait for ever.
+    """Return options of the loop: one device, since batches of LAPACK's on two of one processor wait for ever.
 
     Models may call it (eigenvalues, solutions of equations), and so do the regressions of correlated inputs.
     """
@@ -104,15 +104,15 @@ def _options(trials: int, rows: int) -> dict[str, Any]:
 
 
 class _Redrawn(NamedTuple):
-    """What a trial needs besides its number."""
+    """Data of a trial besides its number."""
 
     model: Model
     inputs: Listed
     joint: Joint | None
     rows: Bool[Array, "rows inputs"]
-    """Which inputs each row keeps; of walks: which each player holds."""
+    """Mask of the inputs that each row keeps; with walks, the inputs that each player holds."""
     net: SobolPoints | None
-    """Of quasi-random trials."""
+    """Points of quasi-random trials; None: trials are random."""
 
 
 def _outputs(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> Float[Array, "trials rows outputs"]:

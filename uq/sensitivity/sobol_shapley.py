@@ -1,4 +1,4 @@
-"""Who causes the spread of a measurement model's output: Sobol indices and Shapley effects with standard errors.
+"""Causes of the spread of a measurement model's output: Sobol indices and Shapley effects with standard errors.
 
 A model is a function of one trial, ``model({name: value}) -> output``, of a scalar or an array; its inputs are
 distributions by name. Trials are points of scrambled Sobol sequences (:mod:`uq.sources.quasi_random`), or random. Every
@@ -48,9 +48,9 @@ class Sensitivity(Result):
     evaluations: int
     """Evaluations of the model."""
     first: Indices | None
-    """First order, ``Var E[Y | X_p] / Var Y``; None where random permutations give Shapley effects alone."""
+    """First-order indices, ``Var E[Y | X_p] / Var Y``; None where random permutations give Shapley effects alone."""
     total: Indices | None
-    """Total, ``E Var[Y | all but X_p] / Var Y``; None likewise."""
+    """Total indices, ``E Var[Y | all but X_p] / Var Y``; None where random permutations give Shapley effects alone."""
     shapley: Indices | None
     """Shapley effects, which add up to one also when inputs interact or are correlated; None from :func:`sobol`."""
     variance: np.ndarray
@@ -60,7 +60,7 @@ class Sensitivity(Result):
     """The variance that the effects share out over the ordinary sample variance of the outputs, (outputs,): about 1."""
     closure_standard_error: np.ndarray
     points: Points = "random"
-    """What the trials were drawn from."""
+    """Kind of points that the trials were drawn from: random or quasi-random."""
 
     @property
     def indices(self) -> dict[str, Indices]:
@@ -223,12 +223,12 @@ def _players(
 
 
 def _inputs_held(subsets: Sequence[int], count: int) -> np.ndarray:
-    """Which inputs each of these subsets holds, (subsets, inputs)."""
+    """Return the mask of the inputs that each of these subsets holds, (subsets, inputs)."""
     return np.array([[subset >> k & 1 for k in range(count)] for subset in subsets], bool)
 
 
 def _inputs_fixed(choices: Sequence[int], players: Sequence[int], count: int) -> np.ndarray:
-    """Which inputs each choice of players takes from the first draw, (choices, inputs)."""
+    """Return the mask of the inputs that each choice of players takes from the first draw, (choices, inputs)."""
     unions = [sum(player for p, player in enumerate(players) if choice >> p & 1) for choice in choices]
     return _inputs_held(unions, count)
 
@@ -247,7 +247,7 @@ def _result(
 
 
 def _average(numbers: np.ndarray, points: Points) -> Callable[[np.ndarray], np.ndarray]:
-    """From figures of the trials of these numbers to figures that are independent: means over each replicate."""
+    """Return independent figures from those of the trials of these numbers: means over each replicate."""
     if points == "random":
         return lambda figures: figures
     of = numbers % REPLICATES

@@ -31,8 +31,8 @@ from uq.trials.trial_loop import default_devices, finite_trials
 
 AnySetup = Setup | SampledSetup
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
-"""How often each packed component stands in the tensor: the sum of the variances of its nine entries, the trace of
-their covariance, does not depend on the body frame's axes."""
+"""Number of entries of the tensor that equal each packed component. The sum of the variances of its nine entries, the
+trace of their covariance, does not depend on the body frame's axes."""
 
 
 @explains_names
@@ -104,14 +104,15 @@ class Player(NamedTuple):
     name: str
     sources: frozenset[str]
     draws: int
-    """Which of the independent draws are theirs, as a subset's number; saturation and quantisation draw nothing."""
+    """Independent draws that belong to the player, as a subset's number; saturation and quantisation draw nothing."""
 
 
 class Twinned(NamedTuple):
     """A set-up with every source twice."""
 
     setup: AnySetup
-    """Its cases are none, each group's player alone, each source's alone, then the choices of one draw or the other."""
+    """Set-up whose cases are none, each group's player alone, each source's alone, then the choices between the two
+    draws."""
     sources: tuple[Player, ...]
     groups: tuple[Player, ...]
     design: Design

@@ -1,4 +1,4 @@
-"""From the variances that subsets of inputs cause to first-order, total and Shapley effects: the combinatorics.
+"""First-order, total and Shapley effects from the variances that subsets of inputs cause: the combinatorics.
 
 A subset of ``d`` inputs is a number from 0 to ``2**d - 1``, whose bit ``i`` says whether input ``i`` belongs to it. All
 effects are linear in the cost ``c(u) = E[Var(Y | X_-u)]``, the variance that redrawing the inputs ``u`` alone causes:

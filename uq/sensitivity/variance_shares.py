@@ -12,14 +12,14 @@ class Indices(NamedTuple):
     """Shares of the variance by player and output, and of all outputs together."""
 
     value: np.ndarray
-    """(players, outputs)."""
+    """Share of each player in the variance of each output, (players, outputs)."""
     standard_error: np.ndarray
-    """(players, outputs)."""
+    """Standard error of ``value``, (players, outputs)."""
     generalised: np.ndarray
     """Shares of the trace of the outputs' covariance, (players,): Lamboni, Monod, Makowski 2011,
     doi:10.1016/j.ress.2010.09.002; Gamboa, Janon, Klein, Lagnoux 2014, doi:10.1214/14-EJS895."""
     generalised_standard_error: np.ndarray
-    """(players,)."""
+    """Standard error of ``generalised``, (players,)."""
 
     @property
     def sum(self) -> tuple[np.ndarray, float]:

@@ -15,7 +15,7 @@ from identify.rigid_body.regressor import Array, library_of
 from uq.sources.source import Source
 
 CELL_CHANNELS = {"F": 0, "M": 3}
-"""Where force and moment begin among the load cell's channels."""
+"""Index of the first channel of force and of moment among the load cell's channels."""
 
 Vector = Float[Array, "*cases 3"]
 Wrench = Float[Array, "*cases 6"]
@@ -40,20 +40,20 @@ class Errors(NamedTuple):
     cell_misalignment: Vector
     """Rotation vector in B that takes the body's axes to the load cell's [rad]."""
     cell_cross_talk: Float[Array, "*cases 6 6"]
-    """What each channel (row) adds of each component (column)."""
+    """Cross-talk of the load cell: the part of each component (column) that each channel (row) adds."""
     cell_scale: Wrench
-    """Relative error of each channel's scale factor."""
+    """Relative error of the scale factor of each channel."""
     cell_bias: Wrench
     cell_drift: Wrench
-    """Slope, from the run's start [N/s, N·m/s]."""
+    """Slope of the load cell's drift, from the run's start [N/s, N·m/s]."""
     gyro_misalignment: Vector
     """Rotation vector in B that takes the body's axes to the gyro's [rad]."""
     gyro_scale: Vector
     gyro_bias: Vector
     gyro_drift: Vector
-    """Slope, from the run's start [rad/s²]."""
+    """Slope of the gyro's drift, from the run's start [rad/s²]."""
     gyro_delay: Float[Array, "*cases"]
-    """How much later than the wrench the angular velocity was taken [s] than the stamps say."""
+    """Delay of the angular velocity's samples against those of the wrench, beyond what the stamps say [s]."""
 
 
 def no_errors() -> Errors:

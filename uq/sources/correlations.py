@@ -14,20 +14,20 @@ from uq.sources.source import Source
 
 
 class Entry(NamedTuple):
-    """One ``[[source]]``."""
+    """One of the ``[[source]]`` tables, with the values that correlations need."""
 
     source: Source
     correlation: np.ndarray | None
-    """Between its axes."""
+    """Correlation matrix of the source's axes; None: they are independent."""
 
     @property
     def axes(self) -> int:
-        """How many numbers it draws."""
+        """Number of values that the source draws."""
         return int(np.size(self.source.sigma))
 
 
 class Link(NamedTuple):
-    """One ``[[correlation]]``: between the numbers that two sources draw."""
+    """A correlation between the numbers that two sources draw, from a ``[[correlation]]``."""
 
     names: tuple[str, str]
     coefficients: np.ndarray
@@ -43,7 +43,7 @@ TWO_NAMES = {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxIt
 
 
 class LinkTable(TomlTable, frozen=True, kw_only=True):
-    """``[[correlation]]``: between the numbers that two sources draw."""
+    """``[[correlation]]``: a correlation between the numbers that two sources draw."""
 
     sources: Annotated[tuple[str, str], written(_two_names, TWO_NAMES)]
     """Names of two sources."""

@@ -24,7 +24,7 @@ WORDS = (
     "expanded uncertainty", "accuracy", "uncertainty", "error", "within", "maximum", "max.", "max", "up to",
     "less than", "U =", "U=", "±", "+/-", "+-", "<=", "≤", "<",
 )  # fmt: skip
-"""What may stand before a figure without changing its meaning."""
+"""Words that may stand before a figure without changing its meaning."""
 FULL_SCALE = re.compile(rf"({NUMBER})\s*%\s*(?:of\s+)?(?:the\s+)?(?:full[ -]scale|F\.?S\.?O?\.?|range|span)", re.I)
 REMARKS = {
     "k": rf"k\s*=\s*({NUMBER})|(\d)\s*(?:σ|sigma)|rms|standard (?:uncertainty|deviation)",
@@ -111,7 +111,7 @@ def _meaning(text: str, half_width: float, remarks: list[str]) -> Distribution:
 
 
 def _understood(text: str, words: str) -> dict[str, Any]:
-    """What one remark beside the figure says."""
+    """Return the meaning of one remark beside the figure."""
     for name, pattern in REMARKS.items():
         if match := re.fullmatch(pattern, words, re.I):
             return {name: float(next(filter(None, match.groups()), 1.0))}

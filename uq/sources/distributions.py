@@ -31,15 +31,15 @@ class Distribution(Pytree):
 
         @property
         def mean(self) -> Value:
-            """Expectation: the best estimate."""
+            """Expectation of the value, its best estimate."""
 
         @property
         def standard_deviation(self) -> Value:
-            """Standard deviation: the standard uncertainty."""
+            """Standard deviation of the value, its standard uncertainty."""
 
         @property
         def degrees_of_freedom(self) -> Value:
-            """How well the standard uncertainty is known (GUM G.4.2); infinite unless stated."""
+            """Degrees of freedom of the standard uncertainty (GUM G.4.2); infinite unless stated."""
 
     @abstractmethod
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Float[Array, "..."]:
@@ -61,7 +61,7 @@ class Distribution(Pytree):
 
 
 class Normal(Distribution):
-    """Gaussian (JCGM 101, 6.4.7)."""
+    """Gaussian distribution (JCGM 101, 6.4.7)."""
 
     mean: Value
     standard_deviation: Value
@@ -95,7 +95,7 @@ class Bounded(Distribution):
 
     @property
     def mean(self) -> Value:
-        """The middle."""
+        """Middle of the interval."""
         return (self.low + self.high) / 2
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
@@ -177,7 +177,7 @@ class StudentT(Distribution):
 
     @property
     def standard_deviation(self) -> Value:
-        """Of the distribution; infinite for two degrees of freedom or fewer."""
+        """Standard deviation of the distribution; infinite for two degrees of freedom or fewer."""
         nu = jnp.asarray(self.degrees_of_freedom, _float(None))
         finite = nu > 2
         factor = jnp.sqrt(jnp.where(finite, nu / jnp.where(finite, nu - 2, 1), jnp.inf))
@@ -212,7 +212,7 @@ class CurvilinearTrapezoid(Bounded):
 
     @property
     def standard_deviation(self) -> Value:
-        """``√((b - a)²/12 + d²/9)``."""
+        """Standard deviation ``√((b - a)²/12 + d²/9)`` of the distribution."""
         return ((self.high - self.low) ** 2 / 12 + self.limit_half_width**2 / 9) ** 0.5
 
     def _of(self, uniform: Array) -> Array:
@@ -238,12 +238,12 @@ class Empirical(Distribution):
 
     @property
     def mean(self) -> Value:
-        """Of the values, axis by axis."""
+        """Mean of the values, axis by axis."""
         return jnp.mean(jnp.asarray(self.samples), axis=0)
 
     @property
     def standard_deviation(self) -> Value:
-        """Of the values, each with probability 1/n, axis by axis."""
+        """Standard deviation of the values, each with probability 1/n, axis by axis."""
         return jnp.std(jnp.asarray(self.samples), axis=0)
 
     @property
@@ -283,7 +283,7 @@ class MultivariateNormal(Distribution):
 
     @property
     def standard_deviation(self) -> Value:
-        """Of each value."""
+        """Standard deviation of each value."""
         return jnp.sqrt(jnp.diag(jnp.asarray(self.covariance)))
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:

@@ -28,9 +28,9 @@ class Mixing(Pytree):
 
     names: tuple[str, ...] = static_field()
     axes: tuple[int, ...] = static_field()
-    """How many numbers each source draws."""
+    """Number of values that each source draws."""
     correlation: Float[Array | np.ndarray, "k k"]
-    """Between all these numbers, in the order of the names."""
+    """Correlation of all drawn values, in the order of the names."""
 
     def mixed(self, drawn: Mapping[str, Inexact[Array, "..."]]) -> dict[str, Inexact[Array, "..."]]:
         """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are.

@@ -26,7 +26,7 @@ from uq.sources.random_normals import Index
 
 Points = Literal["quasi-random", "random"]
 REPLICATES = 8
-"""Independent shifts: more know the standard error better, fewer leave each of them more points."""
+"""Number of independent shifts: more give a better standard error, but fewer points to each shift."""
 BITS = 30
 """Binary digits of a coordinate."""
 

@@ -115,7 +115,7 @@ def _log(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 
 def _sine_and_cosine(angle: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Of ±45° for an angle of ±2³¹."""
+    """Return sine and cosine of ±45° for an angle of ±2³¹."""
     turn = angle * angle.dtype.type(math.pi / 2 * 2.0**-32)
     factorial = [(-1) ** (k // 2) / math.factorial(k) for k in range(2 * SERIES[angle.dtype.name])]
     square = turn * turn
@@ -123,7 +123,7 @@ def _sine_and_cosine(angle: Float[Array, "..."]) -> tuple[Float[Array, "..."], F
 
 
 def _polynomial(x: Float[Array, "..."], coefficients: Sequence[float]) -> Float[Array, "..."]:
-    """Of ascending powers."""
+    """Return the value of a polynomial, coefficients of ascending powers."""
     result = jnp.full_like(x, coefficients[-1])
     for coefficient in coefficients[-2::-1]:
         result = result * x + x.dtype.type(coefficient)

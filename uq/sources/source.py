@@ -23,32 +23,33 @@ from uq.sources.random_normals import Index
 from uq.sources.source_figures import figures, on_axes, part_of
 
 SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
-"""The measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
+"""Units of the measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
 SIGNALS = tuple(SIGNAL_UNITS)
 SIGNAL_NUMBERS = {name: number for number, name in enumerate(SIGNALS)}
 SENSOR: Mapping[str, str] = MappingProxyType({"F": "cell", "M": "cell", "wrench": "cell", "omega": "gyro"})
-"""Which sensor measures a target."""
+"""Sensor that measures each target."""
 
 
 Draw = Float[Array | np.ndarray, "..."] | float
-"""What a constant source draws, in SI."""
+"""Values that a constant source draws, in SI."""
 
 
 class Source(Pytree):
     """One error source. A constant's draw is ``mean + sigma * shape``; noise is ``sigma * shape`` at each sample."""
 
     name: str = static_field()
-    """Its name, from which its random stream is keyed."""
+    """Name of the source, from which its random stream is keyed."""
     target: str = static_field()
     """The quantity that errs."""
     kind: str = static_field()
-    """How: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see docs/reference/sources.md."""
+    """Kind of the error: ``precision`` is fresh at each sample, ``bias`` one draw an experiment; see
+    docs/reference/sources.md."""
     group: str = static_field()
-    """The group it counts in, such as ``load_cell``."""
+    """Group in which the source counts, such as ``load_cell``."""
     sigma: Float[Array | np.ndarray, "..."]
     """Scale of the draw on each axis, in SI: the standard deviation, but for Student's t."""
     reference: str = static_field(default="")
-    """Where the figure comes from."""
+    """Publication or document from which the figure comes."""
     mean: Float[Array | np.ndarray, "..."] | float = 0.0
     """Expectation of a constant's draw, in SI: a known effect that is not corrected."""
     shape: Distribution = Normal(0.0, 1.0)
@@ -63,7 +64,7 @@ class Source(Pytree):
 
     @property
     def size(self) -> str:
-        """How large it is, in words: standard deviation and settings in SI."""
+        """Size of the source in words: standard deviation and settings in SI."""
         unit = self.error_kind.targets[self.target]
         said = [f"{name.replace('_', ' ')} {on_axes(values)} (SI)" for name, values in self.settings.items()]
         sigma = np.asarray(self.standard_deviation) / part_of(unit)
@@ -75,12 +76,12 @@ class Source(Pytree):
 
     @property
     def error_kind(self) -> "ErrorKind":
-        """What its kind does on its target."""
+        """The kind of error that acts on the target."""
         return kind_of(self.target, self.kind)
 
     @property
     def acting_classes(self) -> tuple[type, ...]:
-        """Whose code acts on it, for :mod:`identify.compiled_program`: the kind's may be a user's own."""
+        """Classes whose code acts on the source, for :mod:`identify.compiled_program`: a kind's may be a user's own."""
         return (type(self.error_kind),)
 
     @property
@@ -95,22 +96,22 @@ class Source(Pytree):
 
     @property
     def constant(self) -> bool:
-        """Whether it is drawn once an experiment."""
+        """Whether the source is drawn once an experiment."""
         return self.error_kind.constant
 
     @property
     def noise(self) -> bool:
-        """Whether it is fresh at each sample."""
+        """Whether the source is drawn anew at each sample."""
         return self.error_kind.noise
 
     @property
     def white(self) -> bool:
-        """Whether it is noise whose samples are independent, of the source's distribution."""
+        """Whether the source is noise whose samples are independent, of the source's distribution."""
         return self.error_kind.white
 
     @property
     def drawn(self) -> bool:
-        """Whether anything of it is drawn: all but saturation and quantisation."""
+        """Whether anything of the source is drawn: true but for saturation and quantisation."""
         return self.constant or self.noise
 
     @property
@@ -120,37 +121,37 @@ class Source(Pytree):
 
     @property
     def signal(self) -> int | None:
-        """Which of :data:`SIGNALS` it acts on by itself; None: on the rig, the body or the whole load cell."""
+        """Index in :data:`SIGNALS` of the signal that errs; None: the rig, the body or the load cell does."""
         return SIGNAL_NUMBERS.get(self.target)
 
     @property
     def of_gyro(self) -> bool:
-        """Whether it is an error of the gyro."""
+        """Whether the source is an error of the gyro."""
         return SENSOR.get(self.target) == "gyro"
 
 
 class SignalRange(NamedTuple):
-    """What a kind may ask of the signal that its source acts on, axis by axis, to say whether the law takes it."""
+    """Range of the signal that a source acts on, axis by axis, by which a kind decides whether the law covers it."""
 
     largest: Float[np.ndarray, "3"]
-    """How far the noise-free signal goes from zero."""
+    """Largest absolute value of the noise-free signal."""
     moves: Float[np.ndarray, "3"]
-    """How far it goes from one sample to the next (rms)."""
+    """Root mean square of the signal's change from one sample to the next."""
     variance: Float[np.ndarray, "3"]
-    """Of noise and biases together."""
+    """Variance of the signal's noise and biases together."""
     correlated: bool
     """Whether the source's draws are correlated, among one another or with those of other sources."""
 
 
 class Beside(NamedTuple):
-    """What acts beside a source in one case, as far as a kind must know it to say what sums tell."""
+    """Other sources beside one source in a case, by which a kind decides what sums can simulate."""
 
     white: Float[np.ndarray, "3"]
     """Standard deviation of independent, normal, white noise on the source's signal, axis by axis [SI]."""
     alike: int
-    """Other sources of this kind on this signal."""
+    """Number of other sources of this kind on this signal."""
     remainder: float
-    """What the delayed angular velocity's polynomial leaves out, in parts of the delay's effect."""
+    """Remainder of the delayed angular velocity's polynomial, in parts of the delay's effect."""
 
 
 class ErrorKind:
@@ -161,30 +162,31 @@ class ErrorKind:
     """
 
     name: ClassVar[str] = ""
-    """``kind`` in ``[[source]]``."""
+    """Name of the kind, as ``kind`` in ``[[source]]``."""
     targets: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """What errs, and the unit in which the figures are read; of per cent the draw is in parts of one."""
+    """Unit in which the figures are read, by target; a draw in per cent is converted to parts of one."""
     shape: ClassVar[tuple[int, ...]] = (3,)
     """Shape of the draw."""
 
     constant: ClassVar[bool] = False
-    """Whether it is drawn once an experiment."""
+    """Whether an error of this kind is drawn once an experiment."""
     noise: ClassVar[bool] = False
-    """Whether it is fresh at each sample."""
+    """Whether an error of this kind is drawn anew at each sample."""
     white: ClassVar[bool] = False
-    """Whether it is noise whose samples are independent, of the source's distribution: what sums can tell of noise."""
+    """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
+    it."""
     needs_samples: ClassVar[bool] = False
-    """Whether sums over samples do not tell exactly what it does: only nearly so, or not at all (:meth:`in_sums`)."""
+    """Whether sums over samples give the error's effect only nearly, or not at all (:meth:`in_sums`)."""
     in_sums_as: ClassVar[str] = ""
-    """What stands for it where sums tell it nearly, in words."""
+    """Approximation of the error where sums give its effect nearly, in words."""
     averages_out: ClassVar[bool] = False
-    """Whether its effect falls with the length of the run, as noise does."""
+    """Whether the error's effect falls with the length of the run, as that of noise does."""
     sizes: ClassVar[tuple[str, ...]] = ()
     """Settings that say how large it is, each by its key in ``[[source]]``."""
     perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
     stage: ClassVar[int | None] = None
-    """Where in a sensor's chain, after noise, :meth:`sensed` changes its samples; None: it does not."""
+    """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
 
     def __init_subclass__(cls) -> None:
         """Freeze the kind's tables and register it on each of its targets."""
@@ -193,7 +195,7 @@ class ErrorKind:
             KINDS.update(dict.fromkeys(((target, cls.name) for target in cls.targets), cls()))
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
-        """Refuse: a kind has no state."""
+        """Refuse an attribute, as a kind has no state."""
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
     def keys(self, target: str) -> dict[str, Any]:

@@ -16,20 +16,20 @@ class SourceTable(TomlTable, frozen=True, kw_only=True):
     """``[[source]]``: a source of error; its other keys depend on target and kind."""
 
     name: Name
-    """By which results and correlations call it; its random stream is keyed by it."""
+    """Name of the source in results and correlations, by which its random stream is keyed."""
     group: Name
-    """In which it counts, such as load_cell."""
+    """Group in which the source counts, such as load_cell."""
     reference: str = ""
-    """Where its figures come from."""
+    """Publication or document from which the source's figures come."""
 
 
 class DrawTable(SourceTable, frozen=True, kw_only=True):
-    """Keys of a source that is drawn, whatever their units: what is added to it are sizes in the unit of the target."""
+    """Keys of a source that is drawn, to which each kind adds sizes in the unit of its target."""
 
     distribution: Literal["normal", "rectangular", "triangular", "u_shaped", "student_t", "samples"] | None = None
-    """Of the draw; missing: normal."""
+    """Distribution of the draw; missing: normal."""
     degrees_of_freedom: float | None = None
-    """Of the stated width; missing: infinite."""
+    """Degrees of freedom of the stated width; missing: infinite."""
     datasheet: str | tuple[str, ...] | None = None
     """A datasheet's statement, for all axes or one for each, such as "±0.5 % of full scale, k = 2"."""
     samples: str | None = None
@@ -42,11 +42,11 @@ SIZES = {
     "sigma": "Standard deviation of the draw.",
     "half_width": "Half the width of a distribution between limits.",
     "scale": "Scale of Student's t.",
-    "full_scale": "Of which a datasheet's per cent are.",
+    "full_scale": "Full scale to which the per cent of a datasheet refer.",
     "mean": "Expectation of the draw: a known effect that is not corrected.",
-    "correlation": "Between the axes.",
+    "correlation": "Correlation matrix of the draw's axes.",
 }
-"""What the keys mean that are in the unit of what errs."""
+"""Meaning of the keys that are in the unit of the erroneous quantity."""
 
 
 def draw_keys(kind: ErrorKind, target: str) -> list[tuple[str, Any, None]]:

@@ -1,4 +1,4 @@
-"""How a source's draw is distributed: from the keys of its ``[[source]]`` to scale, mean and shape."""
+"""Distribution of a source's draw: from the keys of its ``[[source]]`` to scale, mean and shape."""
 
 import math
 from collections.abc import Callable
@@ -29,7 +29,7 @@ MOST_ROWS = 100_000
 
 
 class Width(NamedTuple):
-    """How a source's draw is distributed: ``mean + sigma * shape``."""
+    """Distribution of a source's draw ``mean + sigma * shape``."""
 
     sigma: np.ndarray
     mean: np.ndarray

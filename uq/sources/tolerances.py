@@ -87,7 +87,7 @@ def _table(unit: str, above: float | int) -> Any:
 
         @property
         def distribution_of_value(self) -> Distribution:
-            """Between the limits of a tolerance; else normal, an expanded uncertainty being over its factor (2)."""
+            """Distribution between the limits of a tolerance; else normal, from an expanded uncertainty over k."""
             if self.tolerance is not None:
                 shape = WITHIN[self.distribution or "rectangular"]
                 low, high = self.tolerance if isinstance(self.tolerance, tuple) else (-self.tolerance, self.tolerance)
@@ -101,7 +101,7 @@ def _table(unit: str, above: float | int) -> Any:
 
 
 def _tolerance(unit: str) -> Any:
-    """What reads the half-width of a tolerance, or its two deviations."""
+    """Return the function that reads the half-width of a tolerance, or its two deviations."""
     deviation = Annotated[float, in_unit(unit)]
 
     def read(path: str, raw: Any) -> float | tuple[float, float]:

@@ -1,1 +1,1 @@
-"""What the commands share: start, end, output folder, progress, several processes."""
+"""Functions that the commands share: start, end, output folder, progress, several processes."""

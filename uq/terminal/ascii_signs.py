@@ -9,7 +9,7 @@ ASCII = {
     "ω": "omega", "Ω": "Omega", "α": "alpha", "χ": "chi", "ρ": "rho", "µ": "u", "μ": "u", "°": " deg", "…": "...",
     "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "→": "->", "∞": "inf", "’": "'", "“": '"', "”": '"',
 }  # fmt: skip
-"""What is printed in place of a sign."""
+"""Replacement in ASCII of each sign."""
 
 
 def print_ascii_where_needed() -> None:

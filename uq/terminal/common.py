@@ -1,4 +1,4 @@
-"""What the commands share: float64, devices, checks of the output folder, the progress bar."""
+"""Functions that the commands share: float64, devices, checks of the output folder, the progress bar."""
 
 import argparse
 import contextlib
@@ -22,7 +22,7 @@ from uq.trials.progress_bar import ProgressBar
 
 ERRORS = (ExperimentError, RunError, RigError)
 GOES_ON = "the same command goes on from there"
-"""What is said of an interrupted command that keeps what is done."""
+"""Advice for an interrupted command that keeps its results so far."""
 BETWEEN_LINES = 60.0
 """Seconds after which a line of progress follows another of the same step."""
 
@@ -83,10 +83,10 @@ class _Limit(argparse.Action):
 
 def add_window_options(parser: argparse.ArgumentParser, without: str = "the segments that move are found") -> None:
     """Add ``--from`` and ``--to``, repeatable; :mod:`uq.recorded.time_window` reads ``limits``."""
-    for option, what in (("--from", "begins"), ("--to", "ends")):
+    for option, what in (("--from", "start"), ("--to", "end")):
         parser.add_argument(
             option, dest="limits", action=_Limit, default=(), metavar="S",
-            help=f"where a part of the run that counts {what}: seconds from the run's start, or a mark's name; "
+            help=f"{what} of a part of the run that counts: seconds from the run's start, or a mark's name; "
             f"repeatable (without it, {without})",
         )  # fmt: skip
 

@@ -27,7 +27,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Interrupt:
-    """What Ctrl-C does to a command: in its imports it ends at once, then the exception is raised, then nothing."""
+    """Treatment of Ctrl-C by a command: in its imports it ends at once, then the exception is raised, then nothing."""
 
     def __init__(self) -> None:
         """Begin with the imports; nothing is heard before :meth:`listen`."""

@@ -1,4 +1,4 @@
-"""What the commands share that run on several processes: their options, who speaks, how they end."""
+"""Functions for commands that run on several processes: their options, who speaks, how they end."""
 
 import argparse
 import contextlib
@@ -19,9 +19,9 @@ def add_cluster_options(parser: argparse.ArgumentParser) -> None:
         "--distributed", action="store_true",
         help="one of several processes that share the trials; found by the cluster's own environment, or stated:",
     )  # fmt: skip
-    parser.add_argument("--coordinator", metavar="HOST:PORT", help="where the first process listens")
-    parser.add_argument("--processes", type=whole_number, metavar="N", help="how many processes there are")
-    parser.add_argument("--process", type=whole_number, metavar="I", help="which of them this is, from 0")
+    parser.add_argument("--coordinator", metavar="HOST:PORT", help="address at which the first process listens")
+    parser.add_argument("--processes", type=whole_number, metavar="N", help="number of processes")
+    parser.add_argument("--process", type=whole_number, metavar="I", help="number of this process, from 0")
     parser.add_argument(
         "--patience", type=whole_number, metavar="S",
         help=f"seconds to wait for the others at the start ({cluster.PATIENCE})",

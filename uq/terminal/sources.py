@@ -1,4 +1,4 @@
-"""Which sources count: ``--without``, and what an earlier result says of those that the law does not take."""
+"""Choice of the sources that count: ``--without``, and an earlier result's note of those beyond the law."""
 
 import argparse
 import contextlib
@@ -35,7 +35,7 @@ def shares_named(experiment: Experiment, folder: Path | None) -> Iterator[None]:
 
 
 def _shares(experiment: Experiment, folder: Path | None) -> dict[str, float]:
-    """What each source alone makes of the 3σ, on average over the components; the largest over the estimators."""
+    """Return each source's share of the 3σ by itself, averaged over components; the largest of all estimators."""
     shares: dict[str, float] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):  # no result, or another's
         content = json.loads((folder or Path()).joinpath("result.json").read_text("utf-8"))

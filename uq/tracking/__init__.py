@@ -1,1 +1,1 @@
-"""What a platform really ran, beside its plan."""
+"""The motion that a platform really ran, beside its plan."""

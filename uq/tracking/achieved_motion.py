@@ -1,4 +1,4 @@
-"""What a platform really did: a recorded run beside its plan, and the uncertainty of what was run.
+"""The achieved motion of a platform: a recorded run beside its plan, and the uncertainty of what was run.
 
 How the angular velocity follows the plan is in :mod:`uq.tracking.followed`. The centre of gravity's acceleration is the
 specific force there less gravity, turned along by the gyro. The prediction is the law of propagation with the measured
@@ -45,13 +45,13 @@ class Achieved(Result):
     run: str
     followed: Followed
     stillness: Stillness | None
-    """None: mass or centre of gravity are not stated."""
+    """Stillness of the centre of gravity; None: mass or centre of gravity are not stated."""
     planned_three_sigma: Float[np.ndarray, "6"]
-    """By the law, of the plan [kg·m²]."""
+    """Three standard deviations of each component that the law predicts for the plan [kg·m²]."""
     three_sigma: Float[np.ndarray, "6"]
-    """By the law, of what was run [kg·m²]."""
+    """Three standard deviations of each component that the law predicts for the recorded motion [kg·m²]."""
     sources: Mapping[str, np.ndarray]
-    """Of what was run, each source alone [kg·m²]."""
+    """Three standard deviations by each source alone for the recorded motion, by the source's name [kg·m²]."""
     estimator: str
     trace: tuple[np.ndarray, np.ndarray, np.ndarray]
     """Instants [s] from the plan's start, planned and measured angular velocity (n, 3) [rad/s], for a figure."""

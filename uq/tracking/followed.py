@@ -1,4 +1,4 @@
-"""How a measured angular velocity follows its plan: gain, lag and offset of each axis.
+"""Deviation of a measured angular velocity from its plan: gain, lag and offset of each axis.
 
 On each axis the plan is fitted, ``gain * plan(t - lag) + offset``: the lag is found by cross-correlation first and
 then, with gain and offset, by least squares on the plan's own derivative, to a small part of a sample.
@@ -21,21 +21,21 @@ from uq.experiment.experiment import TrajectorySpec
 ROUNDS = 6
 """Linear steps to lag, gain and offset."""
 ALIKE = 0.5
-"""Correlation with the plan below which a run is no run of it."""
+"""Correlation with the plan below which a run does not count as a run of this plan."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """How a measured signal follows its plan, one figure an axis."""
+    """Deviation of a measured signal from its plan, one figure an axis."""
 
     gain: Float[np.ndarray, "3"]
     """Amplitude over the planned one; not-a-number for an axis without a plan."""
     gain_standard_error: Float[np.ndarray, "3"]
     lag: Float[np.ndarray, "3"]
-    """Behind the plan, counted from the run's first sample [s]."""
+    """Delay behind the plan, counted from the run's first sample [s]."""
     lag_standard_error: Float[np.ndarray, "3"]
     offset: Float[np.ndarray, "3"]
-    """[rad/s]."""
+    """Offset of the angular velocity from the plan [rad/s]."""
     residual: Float[np.ndarray, "3"]
     """Root mean square of what is left [rad/s]."""
 

@@ -22,15 +22,15 @@ class MeasuredRotation(Trajectory):
     """A measured rotation: a cubic spline through its samples, at rest outside of them."""
 
     pieces: Float[Array | np.ndarray, "4 n 3"]
-    """Coefficients of each interval, the cube's first [rad/s]."""
+    """Coefficients of the cubic in each interval, that of the third power first [rad/s]."""
     interval: Scalar
-    """Between samples [s]."""
+    """Time between samples [s]."""
     duration: Scalar
-    """Duration [s]."""
+    """Duration of the motion [s]."""
     ramp: Scalar
-    """Of the plan [s]."""
+    """Ramp of the plan [s]."""
     plan: Trajectory
-    """Whose displacement it is taken to have."""
+    """Planned trajectory, whose displacement the measured motion is taken to have."""
 
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """Return the angular velocity in B at ``t``."""

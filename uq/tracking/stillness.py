@@ -1,4 +1,4 @@
-"""How still the centre of gravity was in a recorded run: its acceleration and displacement within the motion's band."""
+"""Stillness of the centre of gravity in a recorded run: its acceleration and displacement in the motion's band."""
 
 from dataclasses import dataclass
 
@@ -16,18 +16,18 @@ SLOWEST = 0.2
 
 @dataclass(frozen=True)
 class Stillness:
-    """How the centre of gravity moved, root mean square over the run, all axes together."""
+    """Motion of the centre of gravity, root mean square over the run, all axes together."""
 
     acceleration: float
-    """Measured, up to the motion's band [m/s²]."""
+    """Measured acceleration of the centre of gravity, up to the motion's band [m/s²]."""
     planned: float
-    """[m/s²]."""
+    """Planned acceleration of the centre of gravity [m/s²]."""
     apart: float
-    """Measured less planned [m/s²]."""
+    """Acceleration of the measured less the planned motion [m/s²]."""
     displacement: float
-    """Of the measured motion at ``SLOWEST`` and above [m]."""
+    """Displacement of the centre of gravity in the measured motion, at frequencies of ``SLOWEST`` and above [m]."""
     by: str
-    """Which sensor says so."""
+    """Name of the sensor that shows it."""
 
 
 def stillness_of(

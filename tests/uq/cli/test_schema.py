@@ -125,7 +125,7 @@ def test_what_the_loader_refuses_is_refused(mistakes, preset, path, value):
 def test_keys_are_explained_with_their_units():
     definitions = file_schema("experiment")["$defs"]
     body = definitions["BodyTable"]["properties"]
-    assert body["mass"]["description"] == 'Its mass. With its unit, such as "1 kg".'
+    assert body["mass"]["description"] == 'Mass of the body. With its unit, such as "1 kg".'
     assert body["mass"]["$ref"] == "#/$defs/quantity_in_kg"
     assert definitions["quantity_in_kg"]["format"] == "quantity kg"
     assert file_schema("rig")["$defs"]["DeviceTable"]["properties"]["wrench"]["enum"] == ["on_body", "on_sensor"]

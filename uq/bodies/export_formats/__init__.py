@@ -17,10 +17,10 @@ class ExportFormat(NamedTuple):
     """A file that others read."""
 
     file: str
-    """Its name."""
+    """Name of the file."""
     description: str
     text: Callable[[ExportedBody], str]
-    """What stands in it."""
+    """Function that writes the text of the file."""
 
 
 def names() -> tuple[str, ...]:

@@ -22,16 +22,16 @@ from uq.sources.source_figures import figures
 PARAMETERS = ("white", "flicker", "random_walk")
 """N, B and K: angle random walk, bias instability and rate random walk, when the signal is an angular velocity."""
 UNITS = ("{}*s**0.5", "{}", "{}/s**0.5")
-"""Of the parameters, from the signal's."""
+"""Units of the parameters, in terms of the signal's unit."""
 
 
 class Memory(NamedTuple):
-    """What the noise remembers from block to block."""
+    """Memory of the noise from block to block."""
 
     processes: Float[Array, "3 processes"]
-    """Of flicker: the first-order processes at the last sample."""
+    """Values of flicker's first-order processes at the last sample."""
     walk: Float[Array, "3"]
-    """Of the random walk: its sum."""
+    """Sum of the random walk at the last sample."""
 
 
 class Coloured(ErrorKind):

@@ -3,7 +3,8 @@
 from uq.sources.source import Beside, ErrorKind, Source
 
 LARGEST_REMAINDER = 1e-4
-"""Of the polynomial in the delay, in parts of the delay's own largest effect: beyond, the trajectory is evaluated."""
+"""Largest remainder of the polynomial in the delay, in parts of the delay's largest effect; beyond it, the trajectory
+is evaluated."""
 
 
 class Delay(ErrorKind):

@@ -1,4 +1,4 @@
-"""What carries the body differs from what is believed of it: gravity, the attitude, the point that keeps still.
+"""Deviations of the rig from what is believed of it: gravity, the attitude, the point that keeps still.
 
 These change the true wrench, which the load cell measures; alone they leave the estimate as it is.
 """

@@ -16,11 +16,9 @@ ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
 
 STEPS_OF_NOISE = 0.5
-"""Standard deviation of a signal's normal noise, in steps, from which its rounding is noise of its own.
-
-The mean rounding error at a given value of the signal is then at most ``exp(-2π² σ²/q²)/π`` = 0.0023 steps q, and its
-correlation with the noise below 0.015: Widrow & Kollár, Quantization Noise, 2008, chapter 4 and appendix G.
-"""
+"""Standard deviation of a signal's normal noise, in steps, from which its rounding acts as independent noise. The mean
+rounding error at a given value of the signal is then at most ``exp(-2π² σ²/q²)/π`` = 0.0023 steps q, and its
+correlation with the noise below 0.015: Widrow & Kollár, Quantization Noise, 2008, chapter 4 and appendix G."""
 
 
 class Quantisation(ErrorKind):
