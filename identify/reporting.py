@@ -17,7 +17,7 @@ import numpy as np
 
 from identify.exceptions import UnknownNameError
 from identify.figure_style import drawn_in
-from identify.text_tables import Table
+from identify.text_tables import Table, one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,7 +129,7 @@ class Shown:
 
     def __repr__(self) -> str:
         tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
-        return "\n".join(text for text in (self.title(), tables, *self.notes()) if text)
+        return "\n".join(text for text in (self.title(), tables, *map(one_line, self.notes())) if text)
 
     def _repr_html_(self) -> str:
         caption = self.title()

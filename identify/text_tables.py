@@ -45,7 +45,7 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int | 
     What is wider than ``width`` (None: :func:`terminal_width`) comes in several tables one below the other, each with
     the leading columns of text; where these leave no room, as one line a figure.
     """
-    lines = [list(head), *map(list, rows)]
+    head, *rows = lines = [[one_line(cell) for cell in row] for row in (head, *rows)]
     widths = [max(_width(line[k]) for line in lines) for k in range(len(head))]
     right = [all(is_figure(row[k]) for row in rows) for k in range(len(head))]
     labels = list(takewhile(lambda k: not right[k], range(len(head))))
@@ -101,6 +101,11 @@ def _one_a_line(head: Sequence[str], row: Sequence[str], labels: int, room: int)
         for indent, text in [("", first), *(("  ", text) for text in said[labels - blank :])]
         for line in textwrap.wrap(text, max(room, 20), initial_indent=indent, subsequent_indent=indent + "  ")
     ]
+
+
+def one_line(text: str) -> str:
+    """Return a text with the ends of its lines written out: a name in it must not begin a line of its own."""
+    return text.replace("\n", "\\n")
 
 
 def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:

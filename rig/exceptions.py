@@ -50,8 +50,20 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 
 def on_one_line(text: str) -> str:
-    """Return a text with control characters written out, such as a line feed in the name of a file."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    """Return a text with control characters written out, such as a line feed in the name of a file.
+
+    Those that turn the direction of text around are among them. They are written as JSON does, so that JSON stays JSON.
+    """
+    return text if text.isprintable() else "".join(c if c.isprintable() else _written_out(c) for c in text)
+
+
+def on_its_lines(text: str) -> str:
+    """Return a text with control characters written out, but for the ends of its lines."""
+    return "\n".join(map(on_one_line, text.split("\n")))
+
+
+def _written_out(character: str) -> str:
+    return {"\n": r"\n", "\r": r"\r", "\t": r"\t"}.get(character, f"\\u{ord(character):04x}")
 
 
 def _plain(name: str) -> bool:

@@ -1,4 +1,4 @@
-"""``python -m uq``: the command ``inertia`` where its folder is not on the PATH."""
+"""``python -P -m uq``: the command ``inertia`` where its folder is not on the PATH."""
 
 import sys
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from rig.bags.topics import load
 from rig.channels import ImuChannel, WrenchChannel, counted_together
+from rig.exceptions import on_one_line
 from rig.inspection.channel_health import Finding, SensorChannel, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH
 from rig.mcap.message_fields import MOTIONS, WRENCHES
@@ -56,7 +57,7 @@ class Inspection:
             for c in self.channels
         ]
         lines += [f"  suspicious {finding}" for finding in self.findings] or ["  nothing suspicious"]
-        return "\n".join(lines)
+        return "\n".join(map(on_one_line, lines))
 
 
 Judge = Callable[[Sequence[SensorChannel], list[Finding]], list[Finding]]

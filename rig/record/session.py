@@ -4,12 +4,12 @@ import json
 import math
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from rig.child_process import child_command
 from rig.devices.base import LEAST_RATE, MOST_RATE
 from rig.exceptions import RigError, quoted
 from rig.record.device_source import DeviceSource, Measurement
@@ -39,8 +39,8 @@ class Emulators:
         if not hasattr(os, "openpty"):
             raise RigError("no emulated sensors on this system, which has no pseudo-terminals: use Linux, macOS or WSL")
         specs = [_spec(entry, folder) for entry in entries]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "rig.emulation"],
+        self.process = subprocess.Popen(  # noqa: S603 - ourselves
+            child_command("rig.emulation"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,

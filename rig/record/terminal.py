@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from io import TextIOBase
 from typing import Any, TextIO
 
+from rig.exceptions import on_one_line
 from rig.record.recorder import Progress, Summary
 
 POSIX = hasattr(os, "tcgetpgrp")
@@ -31,14 +32,15 @@ class Terminal:
 
     def say(self, text: str) -> None:
         """One message on a line of its own."""
-        self._stream.write(f"{self._clear()}{text}\n" if self.live else f"{text}\n")
+        self._stream.write(f"{self._clear() if self.live else ''}{on_one_line(text)}\n")
         self._stream.flush()
 
     def progress(self, progress: Progress, more: Sequence[str] = ()) -> None:
         """The block that is always rewritten: a line of the recording, and more lines."""
         if self.live:
             columns, rows = self._size()
-            lines = [text[: columns - 1] for text in (self.line(progress), *more)][: max(rows - 1, 1)]
+            texts = [on_one_line(text) for text in (self.line(progress), *more)]
+            lines = [text[: columns - 1] for text in texts][: max(rows - 1, 1)]
             self._stream.write(self._clear() + "\n".join(lines))
             self._stream.flush()
             self._height = len(lines)

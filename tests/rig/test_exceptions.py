@@ -30,4 +30,4 @@ def test_of_many_names_the_first_are_listed():
 
 
 def test_control_characters_are_written_out():
-    assert on_one_line("ab\n\x07ü") == r"ab\n\x07ü"
+    assert on_one_line("ab\n\x07ü") == r"ab\n\u0007ü"

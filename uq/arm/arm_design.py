@@ -15,6 +15,7 @@ from uq.arm.arm_limits import ArmLimits
 from uq.arm.clearance import Clearance
 from uq.arm.common_practice import random_series, single_joints
 from uq.arm.joint_search import Candidate, Goal, JointSearch
+from uq.arm.mujoco_run import loaded_model
 from uq.arm.predicted_payload import Noise, declared_noise
 from uq.excitation.design_goal import GOALS, goal_of
 from uq.experiment.experiment import Experiment
@@ -96,7 +97,7 @@ def design_arm(
 
     Raises:
         ExperimentError: no arm, no noise, a limit that is missing or cannot be met, a goal or number that cannot be.
-        RigError: Pinocchio is not installed.
+        RigError: Pinocchio or MuJoCo is not installed.
     """
     _check(goal, starts, random, duration, period, ramp)
     tell = progress or (lambda *_: None)
@@ -104,6 +105,7 @@ def design_arm(
     noise = declared_noise(experiment, arm.declared.rate)
     tell("common practice", 0, 1)
     limits = ArmLimits(experiment, arm, Clearance.of(arm))
+    loaded_model(arm, experiment.body, experiment.gravity)  # before minutes of search: the motion will be simulated
     search = JointSearch(limits, noise, duration=duration, period=period, ramp=ramp)
     reference = random_series(search, random, seed)
     single = single_joints(limits, noise, duration, ramp)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from uq.arm.joint_export import joint_files
 from uq.arm.joint_search import Candidate
 from uq.arm.mujoco_run import SimulatedRun, simulated
 from uq.arm.predicted_payload import average_expanded
+from uq.files.output_folder import place
 from uq.files.provenance import provenance
 from uq.report.input_tables import source_tables
 
@@ -103,6 +105,8 @@ class ArmDesignReport(Result):
         """Return what a reader must not miss: contacts, exceeded limits, sources that do not count."""
         texts = [f"In the simulation {contact}: do not run this motion." for contact in self.run.contacts]
         texts += [f"In the simulation {peak}." for peak in self.run.peaks if peak.share > 1 + TOLERATED]
+        if self.run.unseen:
+            texts.append(f"The simulation sees no contact of {', '.join(self.run.unseen)}: MuJoCo reads no such mesh.")
         if self.design.noise.left_out:
             texts.append(
                 "The prediction holds the white noise of force and moment alone; left out: "
@@ -178,22 +182,26 @@ def _expanded(candidate: Candidate) -> np.ndarray:
     return np.asarray(GRAM_METRE * 3 * np.sqrt(np.diag(candidate.covariance)))
 
 
-def arm_report(design: ArmDesign, *, rehearsal: float | None = None) -> ArmDesignReport:
-    """Simulate a designed motion and write its files, a slower rehearsal among them if it is wanted.
+def arm_report(design: ArmDesign, *, rehearsal: float | None = None, out: Path | None = None) -> ArmDesignReport:
+    """Simulate a designed motion and make its files, a slower rehearsal among them if it is wanted.
 
     Args:
         design: by :func:`uq.arm.arm_design.design_arm`.
         rehearsal: part of the motion's own speed, above 0 and at most 1.
+        out: folder where the files are written before the simulation, which may fail; None: nowhere.
 
     Raises:
         ExperimentError: MuJoCo cannot read the URDF.
         RigError: MuJoCo is not installed.
+        OSError: the folder cannot be written.
     """
     arm, series, experiment = design.limits.arm, design.designed.series, design.experiment
-    run = simulated(arm, experiment.body, experiment.gravity, series)
     contents = joint_files(arm, series)
     if rehearsal is not None:
         contents |= joint_files(arm, series, "rehearsal", rehearsal)
+    if out is not None:
+        place(contents, out)
+    run = simulated(arm, experiment.body, experiment.gravity, series)
     return ArmDesignReport(design, run, contents, provenance(**experiment.inputs(), goal=design.goal))
 
 

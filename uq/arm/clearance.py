@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +18,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from identify.serial_arm.serial_chain import poses
+from rig.exceptions import reason
 from uq.arm.arm import Arm
+from uq.arm.collision_meshes import with_mesh_files
 from uq.files.document import ExperimentError
 from uq.recorded.urdf_model import silence
 
@@ -174,15 +177,14 @@ def _geometry(arm: Arm) -> Any:
     import pinocchio
 
     urdf = arm.declared.urdf
+    robot = ElementTree.tostring(with_mesh_files(urdf, "platform.urdf"), "unicode")
     try:
         with silence():
-            geometry = pinocchio.buildGeomFromUrdf(
-                arm.model, urdf, pinocchio.GeometryType.COLLISION, package_dirs=[str(Path(urdf).parent)]
-            )
+            geometry = pinocchio.buildGeomFromUrdfString(arm.model, robot, pinocchio.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise ExperimentError(
-            f"collision shapes of {Path(urdf).name} cannot be read ({str(error).strip().splitlines()[0][:60]}): "
-            "describe links by boxes, cylinders and spheres, or put the meshes beside it"
+            f"collision shapes of {Path(urdf).name} cannot be read ({reason(str(error).strip())}): "
+            "describe links by boxes, cylinders and spheres"
         ) from None
     geometry.removeAllCollisionPairs()
     links = [each.parentJoint for each in geometry.geometryObjects]

@@ -1,27 +1,32 @@
 """A joint motion simulated in MuJoCo before anything moves: limits, tracking and contacts of the arm of the URDF.
 
-MuJoCo reads the URDF itself. The arm's controller computes the torque of arm and payload, which it takes to be lighter
-than it is, with a proportional and derivative action on the error, and cuts it at the limits: joints track with error.
+MuJoCo reads the URDF itself, with those meshes of collision shapes whose format it knows. The arm's controller computes
+the torque of arm and payload, which it takes to be lighter than it is, with a proportional and derivative action on the
+error, and cuts it at the limits: joints track with error.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from identify.rigid_body.inertia import Body, unpack
 from identify.serial_arm.joint_series import JointSeries, JointStates
-from rig.exceptions import RigError
+from rig.exceptions import RigError, reason
 from uq.arm.arm import Arm
 from uq.arm.arm_limits import JointPeak
+from uq.arm.collision_meshes import with_mesh_files
 from uq.files.document import ExperimentError
 
 SERVO = 2 * np.pi * 12.0
 """Angular frequency of the controller's error [rad/s], which is damped critically."""
 ASSUMED = 0.8
 """Part of the payload's mass and tensor that the controller reckons with."""
+FORMATS = (".stl", ".obj", ".msh")
+"""File formats of the meshes that MuJoCo reads."""
 STEPS = 2
 """Steps of the simulation in a period of the command."""
 
@@ -42,6 +47,8 @@ class SimulatedRun:
     """Each limit's largest use by what was simulated, largest first."""
     contacts: tuple[str, ...]
     """Links that touched each other or the floor, with the first instant."""
+    unseen: tuple[str, ...] = ()
+    """Mesh files that the simulation leaves out."""
 
 
 def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> SimulatedRun:
@@ -90,7 +97,10 @@ def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> Simu
     error = np.abs(q - command.position[::STEPS]).max(axis=0)
     touched = tuple(f"{pair} touch at {when:.3f} s" for pair, when in contacts.items())
     peaks = sorted(_peaks(arm, at, joints, efforts), key=lambda peak: -peak.share)
-    return SimulatedRun(at, joints, efforts, read, error, tuple(peaks), touched)
+    return SimulatedRun(
+        t=at, joints=joints, effort=efforts, wrench=read, tracking_error=error, peaks=tuple(peaks), contacts=touched,
+        unseen=left_out(arm),
+    )  # fmt: skip
 
 
 def _mujoco() -> Any:
@@ -108,13 +118,46 @@ def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
         ExperimentError: MuJoCo cannot read the URDF.
         RigError: MuJoCo is not installed.
     """
-    mujoco = _mujoco()
     try:
-        spec = mujoco.MjSpec.from_file(arm.declared.urdf)
+        return _compiled(arm, body, gravity)
     except ValueError as error:
+        if isinstance(error, (ExperimentError, RigError)):
+            raise
         raise ExperimentError(
-            f"MuJoCo cannot read {Path(arm.declared.urdf).name} ({str(error).strip().splitlines()[0][:80]})"
+            f"MuJoCo cannot read {Path(arm.declared.urdf).name} ({reason(str(error).strip())}): correct it there"
         ) from None
+
+
+def left_out(arm: Arm) -> tuple[str, ...]:
+    """Return the meshes of collision shapes that MuJoCo cannot read, so that the simulation has no such contacts."""
+    robot = with_mesh_files(arm.declared.urdf, "platform.urdf")
+    files = (Path(mesh.get("filename", "")) for mesh in robot.iter("mesh"))
+    return tuple(dict.fromkeys(file.name for file in files if file.suffix.lower() not in FORMATS))
+
+
+def _robot(arm: Arm) -> tuple[str, dict[str, bytes]]:
+    """The URDF with its meshes under names without folders, and their content by these names."""
+    robot, meshes = with_mesh_files(arm.declared.urdf, "platform.urdf"), dict[str, bytes]()
+    for compiler in robot.iter("compiler"):  # of MuJoCo's own element: folders of the meshes
+        for key in ("meshdir", "assetdir"):
+            compiler.attrib.pop(key, None)
+    for link in robot.iter("link"):
+        for shape in link.findall("collision"):
+            for number, mesh in enumerate(shape.iter("mesh"), start=len(meshes)):
+                file = Path(mesh.get("filename", ""))
+                if file.suffix.lower() not in FORMATS:
+                    link.remove(shape)
+                    break
+                name = f"shape_{number}{file.suffix.lower()}"
+                meshes[name] = file.read_bytes()
+                mesh.set("filename", name)
+    return ElementTree.tostring(robot, "unicode"), meshes
+
+
+def _compiled(arm: Arm, body: Body, gravity: float) -> Any:
+    mujoco = _mujoco()
+    robot, meshes = _robot(arm)
+    spec = mujoco.MjSpec.from_string(robot, assets=meshes)
     spec.option.gravity = [0, 0, -gravity]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for geom in spec.geoms:

@@ -126,7 +126,7 @@ def _design_arm(
     given |= period if duration is None else period | {"duration": duration}
     with TerminalBar(unit="steps", lines=True) as bar:
         designed = design_arm(experiment, progress=bar, **given)
-    finish(arm_report(designed, rehearsal=arguments.rehearsal), out)
+    finish(arm_report(designed, rehearsal=arguments.rehearsal, out=out), out)
 
 
 def _check(arguments: argparse.Namespace) -> None:

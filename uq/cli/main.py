@@ -16,9 +16,9 @@ from typing import NoReturn
 
 from identify.rounding import concise
 from rig.exceptions import on_one_line, quoted
-from uq.terminal.ascii_signs import print_ascii_where_needed
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
+from uq.terminal.standard_streams import ShownText, shown_streams
 from uq.trials.watchdog import divide
 
 COMMANDS = {
@@ -73,9 +73,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if interrupt:
         _open_closed_streams()
         interrupt.listen()
-    print_ascii_where_needed()
+    with shown_streams(to_the_end=interrupt is not None):
+        return _status(list(sys.argv[1:] if argv is None else argv), interrupt)
+
+
+def _status(argv: list[str], interrupt: Interrupt | None) -> int:
+    """Run one command; what it meets is one line."""
     try:
-        status = _run(list(sys.argv[1:] if argv is None else argv), interrupt)
+        status = _run(argv, interrupt)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads has enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -128,6 +133,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         status = divide()
         if status is not None:
             return status
+        sys.stderr = ShownText(sys.stderr)  # divided, it is another one
     concisely = "--concise" in rest
     if concisely:
         rest.remove("--concise")

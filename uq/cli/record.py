@@ -100,10 +100,11 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
     from rig.record.recorder import Recorder
     from rig.record.recording_file import run_path
     from rig.record.terminal import Keys, Terminal, summary_lines
+    from uq.terminal.standard_streams import uncontrolled
 
     memory.share_one_arena()
     rig, path = rig_file.load_rig(arguments.rig), run_path(arguments.output)
-    terminal = Terminal(sys.stderr)
+    terminal = Terminal(uncontrolled(sys.stderr))
     recorder = Recorder(rig, path, note=arguments.note, say=terminal.say)
     with _beside(arguments, path, target, recorder.stop) as beside:
 
@@ -125,7 +126,7 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
             tell()
             at_terminal = sys.stdout is not None and sys.stdout.isatty()
             lines = summary_lines(summary) if at_terminal else [json.dumps(summary.to_dict())]
-            print(*lines, sep="\n", flush=True)
+            print(*map(on_one_line, lines), sep="\n", flush=True)
     identified = arguments.identify is None or _identified(path, arguments.identify, terminal.say)
     return 0 if summary.complete and identified else 1
 
@@ -173,7 +174,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     stop = Stop()
     with _on_signal(stop.set):
         for line in live_values.watch(rig_file.load_rig(arguments.rig), stop, seconds=arguments.seconds):
-            print(line, flush=True)
+            print(on_one_line(line), flush=True)
     return 0
 
 
@@ -182,5 +183,5 @@ def _list(ports: list[str]) -> int:
 
     answers = discover.discover(ports or None)
     for line in discover.table(answers):
-        print(line)
+        print(on_one_line(line))
     return 0

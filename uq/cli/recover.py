@@ -2,7 +2,7 @@
 
 import argparse
 
-from rig.exceptions import RigError
+from rig.exceptions import RigError, on_one_line
 
 ERRORS = (RigError,)
 
@@ -18,5 +18,5 @@ def run(arguments: argparse.Namespace) -> int:
     from rig.mcap.recover import recover
 
     result = recover(arguments.broken, arguments.output)
-    print(f"{arguments.output}: {result}")
+    print(on_one_line(f"{arguments.output}: {result}"))
     return 0 if result.intact else 1

@@ -2,6 +2,7 @@
 
 import argparse
 
+from rig.exceptions import on_one_line
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.terminal.common import ERRORS, start_jax, whole_number
@@ -29,5 +30,5 @@ def run(arguments: argparse.Namespace) -> int:
         Experiment.load(arguments.experiment), arguments.trajectory, seed=arguments.seed, trial=arguments.trial
     )
     simulated.write(arguments.output)
-    print(f"{simulated.run!r} written to {arguments.output}")
+    print(on_one_line(f"{simulated.run!r} written to {arguments.output}"))
     return 0

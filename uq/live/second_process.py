@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 import tempfile
 import threading
 from collections import deque
@@ -10,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
+from rig.child_process import child_command
 from rig.exceptions import RigError, on_one_line
 
 PATIENCE = 5.0
@@ -54,7 +54,7 @@ class SecondProcess:
         self._reached, self._over, self._line, self._next = reached, False, "", 0.0
         options = {"--target": target, "--live": live}
         given = [f"{name}={value!r}" for name, value in options.items() if value is not None]
-        command = [sys.executable, "-m", "uq.live", *given, "--", rig, experiment, run]
+        command = child_command("uq.live", *given, "--", rig, experiment, run)
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
         self._process = subprocess.Popen(  # noqa: S603 - ourselves
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True

@@ -11,6 +11,7 @@ from mcap.records import Channel, Schema
 from identify.rigid_body.inertia import COMPONENTS
 from rig.exceptions import RigError
 from uq.live.live_estimate import LiveEstimate
+from uq.live.loopback_gate import LoopbackGate, hidden_address
 
 TOPIC = "/estimate"
 BACKLOG = 2**14
@@ -48,15 +49,26 @@ class Viewer:
             raise RigError("--live needs foxglove-sdk: `pip install inertia-uq[live]` installs it") from None
         self._foxglove, self._context = foxglove, foxglove.Context()
         try:
-            self._server = foxglove.start_server(
-                name="inertia record", port=port, context=self._context, message_backlog_size=BACKLOG
-            )
-        except (RuntimeError, OSError) as error:
+            host = hidden_address()
+            self._server = self._started(host)
+        except (RuntimeError, OSError):  # of 127.0.0.0/8 the system has 127.0.0.1 alone
+            host = "127.0.0.1"
+            self._server = self._started(host)
+        try:
+            self._gate = LoopbackGate(port, (host, self._server.port))
+        except OSError as error:
+            self._server.stop()
             raise RigError(f"--live cannot listen on port {port} ({error}): name another, or 0 for any") from None
-        self.address = f"ws://127.0.0.1:{self._server.port}"
+        self.address = f"ws://127.0.0.1:{self._gate.port}"
         self._channels: dict[int, Any] = {}
         self._estimates = foxglove.Channel(TOPIC, schema=SCHEMA, context=self._context)
         self._last = 0
+
+    def _started(self, host: str) -> Any:
+        """The server, on any free port of an address that the gate alone knows."""
+        return self._foxglove.start_server(
+            name="inertia record", host=host, port=0, context=self._context, message_backlog_size=BACKLOG
+        )
 
     def pass_on(self, channel: Channel, schema: Schema, log_time: int, data: bytes) -> None:
         """Send a message as it was written."""

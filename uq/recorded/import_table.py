@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.signals.run import RunError
 from rig.channels import ImuChannel, WrenchChannel
+from rig.exceptions import on_one_line
 from rig.runs import write
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.experiment.recording_table import Recording, SensorConventions, unit_name
@@ -112,7 +113,7 @@ class Imported:
 
     def __repr__(self) -> str:
         notes = [f"assumed: {text}" for text in self.assumptions]
-        return "\n".join([f"{self.samples:,} samples written to {self.path}", *notes])
+        return "\n".join(map(on_one_line, [f"{self.samples:,} samples written to {self.path}", *notes]))
 
 
 def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrite: bool = False) -> Imported:

@@ -6,11 +6,99 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import numpy as np
 
 from rig.exceptions import RigError, listed, on_one_line, quoted, reason
+from rig.read_limits import require_file
 from uq.files.document import ExperimentError
+
+LARGEST = 2**24
+"""Bytes of a URDF."""
+MOST_LINKS, DEEPEST = 1000, 100
+"""Links of a robot, and links one behind the other: libraries follow them by recursion, which ends in a crash of the
+process at some thousands, and their time grows with the square. Humanoids with hands have some 150 and 40."""
+MOST_NESTED = 100
+"""Elements of XML inside one another; a URDF has some ten."""
+
+
+class _Outline:
+    """Counts what a URDF holds while an XML parser reads it, and refuses too much."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.links, self.nested = name, 0, 0
+        self.parents: dict[str, str] = {}
+        self.joint: dict[str, str] = {}
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        self.nested += 1
+        if self.nested > MOST_NESTED:
+            raise ExperimentError(f"over {MOST_NESTED} elements inside one another in {self.name}: give a plain URDF")
+        if self.nested == 2:  # children of the robot
+            self.links, self.joint = self.links + (tag == "link"), {}
+        elif self.nested == 3 and tag in ("parent", "child"):
+            self.joint[tag] = attributes.get("link", "")
+
+    def end(self, tag: str) -> None:
+        """An element ends."""
+        if self.nested == 2 and tag == "joint" and len(self.joint) == 2:
+            child = self.joint["child"]
+            if child in self.parents:
+                raise ExperimentError(f"two joints of {self.name} move link {quoted(child)}: remove one")
+            self.parents[child] = self.joint["parent"]
+        self.nested -= 1
+
+    def refuse_type(self, *_: object) -> None:
+        """A document type begins, whose entities may grow without limit."""
+        raise ExperimentError(f"a document type (<!DOCTYPE>) in {self.name}: remove it, no URDF needs one")
+
+    def check(self) -> None:
+        """Refuse too many links."""
+        if self.links > MOST_LINKS:
+            raise ExperimentError(f"{self.links} links in {self.name}: leave {MOST_LINKS} at most")
+        for link in self.parents:
+            depth, at = 1, link
+            while (at := self.parents.get(at, "")) and depth <= DEEPEST:
+                depth += 1
+            if depth > DEEPEST:
+                raise ExperimentError(
+                    f"over {DEEPEST} links one behind the other in {self.name}, or in a circle: leave {DEEPEST} at most"
+                )
+
+
+def urdf_text(urdf: str, key: str) -> str:
+    """Return the text of a URDF of a size that libraries can read.
+
+    Args:
+        urdf: its path.
+        key: which key of the experiment names it.
+
+    Raises:
+        ExperimentError: there is no such file, it is no XML, or it holds too much.
+    """
+    path = Path(urdf)
+    if not path.exists():
+        raise ExperimentError(f"no file {urdf} at {key}: give its path from the experiment's folder")
+    require_file(path)
+    if path.stat().st_size > LARGEST:
+        raise ExperimentError(f"{urdf} at {key} has over {LARGEST >> 20} MiB: give a robot's description")
+    outline, parser = _Outline(f"{path.name} at {key}"), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = outline.start, outline.end
+    parser.StartDoctypeDeclHandler = outline.refuse_type
+    try:
+        text = path.read_bytes().decode().lstrip("\ufeff \t\r\n")
+        parser.Parse(text, True)
+    except (UnicodeDecodeError, expat.ExpatError) as error:
+        raise _no_urdf(urdf, key, error) from None
+    outline.check()
+    return text
+
+
+def _no_urdf(urdf: str, key: str, error: Exception) -> ExperimentError:
+    first = on_one_line(str(error).strip().partition("\n")[0]) or "it cannot be parsed"
+    return ExperimentError(f"no URDF {urdf} at {key} ({reason(first)}): give a robot's description")
 
 
 def urdf_model(urdf: str, key: str, what: str) -> Any:
@@ -29,15 +117,13 @@ def urdf_model(urdf: str, key: str, what: str) -> Any:
         import pinocchio
     except ImportError:
         raise RigError(f"{what} need Pinocchio: `pip install inertia-uq[urdf]` installs it") from None
-    if not Path(urdf).is_file():
-        raise ExperimentError(f"no file {urdf} at {key}: give its path from the experiment's folder")
+    text = urdf_text(urdf, key)
     try:
         with silence():
-            model = pinocchio.buildModelFromXML(Path(urdf).read_bytes().decode())
+            model = pinocchio.buildModelFromXML(text)
         _ = list(model.names), [frame.name for frame in model.frames]
     except (ValueError, RuntimeError) as error:
-        first = on_one_line(str(error).strip().partition("\n")[0]) or "it cannot be parsed"
-        raise ExperimentError(f"no URDF {urdf} at {key} ({reason(first)}): give a robot's description") from None
+        raise _no_urdf(urdf, key, error) from None
     return model
 
 

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.text import Text
 
 from identify.figure_style import COLUMN
 from identify.reporting import Drawing, Section
 from identify.text_tables import Table
+from rig.exceptions import on_its_lines
 from uq.report.certificate_front import number_of
 from uq.report.inline_figure import colours, inline, styled
 from uq.report.input_tables import input_table
@@ -107,12 +109,13 @@ def html(section: Section, figures: list[Drawn], name: str) -> str:
     figures = [figure._replace(pictures=[next(left) for _ in figure.pictures]) for figure in figures]
     template = environment.get_template("certificate.html" if section.front else "report.html")
     script, numbers = _script(environment) if section.adjustable else "", map(_numbers, section.adjustable)
-    return template.render(
+    page = template.render(
         page=section, figures=figures, provenance=record, experiment=experiment, adjustable=list(numbers),
         inputs=input_table(section.provenance), number=name, footer=name or section.title, script=script,
         script_hash=_hash(script), colours=colours(), styles=styles,
         verdict=section.verdict or VERDICTS[bool(section.findings)],
     )  # fmt: skip
+    return on_its_lines(page)
 
 
 def _script(environment: Environment) -> Markup:
@@ -140,6 +143,9 @@ def rendered(figure: "Figure", kind: str) -> bytes:
         kind: ``svg``, ``png``, or ``page``: an SVG with texts for :func:`uq.report.inline_figure.inline`.
     """
     buffer, page = BytesIO(), kind == "page"
+    for text in figure.findobj(Text):  # a name, as of a run, may hold what no SVG may
+        if (shown := on_its_lines(text.get_text())) != text.get_text():
+            text.set_text(shown)
     with matplotlib.rc_context({
         "svg.hashsalt": "inertia-uq", "svg.fonttype": "none" if page else "path",
         "figure.autolayout": False, "figure.constrained_layout.use": False,
@@ -154,7 +160,7 @@ def rendered(figure: "Figure", kind: str) -> bytes:
 
 def json_text(content: object) -> str:
     """Return content as JSON for people to read, never with NaN."""
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return on_its_lines(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _css_text(text: str) -> Markup:

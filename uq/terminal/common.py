@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import jax
-from tqdm import tqdm
 
 from identify.signals.run import RunError
-from rig.exceptions import RigError, quoted
+from rig.exceptions import RigError, on_one_line, quoted
 from uq.experiment.experiment import ExperimentError
 from uq.files.compilation_cache import keep_compiled
+from uq.terminal.standard_streams import uncontrolled
 from uq.trials.progress_bar import ProgressBar
 
 ERRORS = (ExperimentError, RunError, RigError)
@@ -99,7 +99,7 @@ def finish(result: Any, out: Path | None, *more: Any, unsaid: Sequence[Any] = ()
 
         write(result, out, *more, *unsaid)
         name = getattr(result, "file_name", "result.json")
-        print(f"\n{name}, report.html and figures are in {out}")
+        print(f"\n{on_one_line(f'{name}, report.html and figures are in {out}')}")
 
 
 def whole_number(text: str) -> int:
@@ -115,7 +115,7 @@ def whole_number(text: str) -> int:
 
 def say(line: str) -> None:
     """Print a line that is no result."""
-    print(line, file=sys.stderr)
+    print(on_one_line(line), file=sys.stderr)
 
 
 class TerminalBar(ProgressBar):
@@ -123,7 +123,7 @@ class TerminalBar(ProgressBar):
 
     def __init__(self, *, silent: bool = False, unit: str = "trials", lines: bool = False) -> None:
         """Name what shows no bar, ``silent`` or no terminal; what is counted; whether ``lines`` stand for the bar."""
-        super().__init__(silent=silent or not sys.stderr.isatty(), unit=unit)
+        super().__init__(silent=silent or not sys.stderr.isatty(), unit=unit, stream=uncontrolled(sys.stderr))
         self.lines = lines and not silent and self.silent
         self.named, self.begin, self.last = "", time.monotonic(), 0.0
 
@@ -140,5 +140,8 @@ class TerminalBar(ProgressBar):
 
     def print(self, line: str) -> None:
         """Print a line of results above the bar, at once."""
-        tqdm.write(line, file=sys.stdout)
-        sys.stdout.flush()
+        if self.bar is not None:
+            self.bar.clear()
+        print(line, flush=True)
+        if self.bar is not None:
+            self.bar.refresh()

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from rig.exceptions import on_one_line
 from uq.experiment.experiment import ExperimentError
 from uq.terminal.common import ERRORS, whole_number
 from uq.trials import distributed as cluster
@@ -78,7 +79,7 @@ def _end(error: BaseException) -> None:
     else:
         sys.excepthook(type(error), error, error.__traceback__)
     if line:
-        print(line, file=sys.stderr)
+        print(on_one_line(line), file=sys.stderr)
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)

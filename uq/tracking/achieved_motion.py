@@ -19,7 +19,7 @@ from identify.reporting import Drawing, Result, Section
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import common, fixed, significant, with_uncertainty
 from identify.signals.run import Run
-from identify.text_tables import Table
+from identify.text_tables import Table, one_line
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
 from uq.planning.required_duration import average
@@ -157,7 +157,7 @@ class Achieved(Result):
 
     def title(self) -> str:
         """Return which run stands beside which plan."""
-        return f"{self.run} beside {self.trajectory}"
+        return one_line(f"{self.run} beside {self.trajectory}")
 
     def notes(self) -> list[str]:
         """Return the averages and the warnings, a line each."""

@@ -13,6 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import uq.arm.arm_design as arm_design
+import uq.arm.arm_report
 from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.joint_series import JointSeries
 from identify.serial_arm.payload_information import about_cg
@@ -20,6 +21,7 @@ from rig.exceptions import RigError
 from uq.arm.arm_design import design_arm, goal_function
 from uq.arm.arm_limits import JointPeak
 from uq.arm.arm_report import arm_report
+from uq.arm.joint_export import joint_files
 from uq.arm.largest_motion import largest_size
 from uq.arm.mujoco_run import simulated
 from uq.arm.predicted_payload import average_expanded
@@ -51,6 +53,22 @@ def design(experiment):
 @pytest.fixture(scope="module")
 def report(design):
     return arm_report(design, rehearsal=0.5)
+
+
+def test_a_motion_is_written_before_it_is_simulated(design, tmp_path, capsys, monkeypatch):
+    def fails(*_):
+        assert {path.suffix for path in (tmp_path / "out").iterdir()} >= {".csv", ".yaml"}
+        raise ExperimentError("the simulation fails")
+
+    monkeypatch.setattr(arm_design, "design_arm", lambda *_, **__: design)
+    monkeypatch.setattr(uq.arm.arm_report, "simulated", fails)
+    arguments = [str(EXPERIMENTS / "arm.toml"), "--rehearsal", "0.5", "--out", str(tmp_path / "out")]
+    assert main(["design", *arguments]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "error: the simulation fails"
+    assert (tmp_path / "out" / "motion.csv").read_bytes() == joint_files(design.limits.arm, design.designed.series)[
+        "motion.csv"
+    ]
+    assert (tmp_path / "out" / "rehearsal.joint_trajectory.yaml").exists()
 
 
 def test_no_limit_is_exceeded_on_a_finer_grid(design):

@@ -3,6 +3,9 @@
 import asyncio
 import json
 import re
+import socket
+import sys
+import time
 
 import pytest
 from mcap.records import Channel, Schema
@@ -10,6 +13,7 @@ from mcap.records import Channel, Schema
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from tests.foxglove_client import heard
+from uq.live.loopback_gate import HEAD, MOST
 from uq.live.second_process import LAYOUT
 from uq.live.viewer import FIGURES, TOPIC, Viewer
 
@@ -44,6 +48,70 @@ def test_a_port_that_is_taken_is_named():
     port = first.address.rpartition(":")[2]
     with pytest.raises(RigError, match=f"cannot listen on port {port}"):
         Viewer(int(port))
+
+
+HANDSHAKE = (
+    "GET / HTTP/1.1\r\nHost: {}\r\n{}Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+)
+
+
+def status(address, request):
+    """The first line of what a plain socket is answered."""
+    host, port = address.removeprefix("ws://").split(":")
+    with socket.create_connection((host, int(port)), 10) as plain:
+        plain.sendall(request)
+        answer = b""
+        while b"\r\n" not in answer and (data := plain.recv(4096)):
+            answer += data
+    return answer.partition(b"\r\n")[0].decode()
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    return Viewer(0)
+
+
+@pytest.mark.parametrize(
+    "origin", ["", *("https://app.foxglove.dev", "file://", "http://localhost:8080", "http://[::1]")]
+)
+@pytest.mark.parametrize("host", ["127.0.0.1:8765", "localhost", "[::1]:8765"])
+def test_programs_and_pages_of_this_machine_and_foxglove_connect(viewer, host, origin):
+    head = HANDSHAKE.format(host, origin and f"Origin: {origin}\r\n")
+    assert status(viewer.address, head.encode()) == "HTTP/1.1 101 Switching Protocols"
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [("localhost", "https://evil.example"), ("localhost", "null"), ("localhost", "https://app.foxglove.dev.evil.example"),
+     ("localhost", "https://localhost.evil.example"), ("localhost", "http://[::1"), ("localhost", "chrome-extension://x"),
+     ("localhost", "https://localhost@evil.example"), ("evil.example:8765", ""), ("evil.example", "http://evil.example"),
+     ("192.0.2.1", ""), ("", ""), ("localhost\r\nHost: evil.example", "")],
+)  # fmt: skip
+def test_other_pages_and_other_names_are_refused(viewer, host, origin):
+    """A page of another site (cross-site hijacking), and a name that leads here for a while (DNS rebinding)."""
+    head = HANDSHAKE.format(host, origin and f"Origin: {origin}\r\n")
+    assert status(viewer.address, head.encode()) == "HTTP/1.1 403 Forbidden"
+
+
+def test_what_is_no_request_is_dropped_and_others_still_connect(viewer):
+    assert status(viewer.address, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n") == "HTTP/1.1 403 Forbidden"
+    assert status(viewer.address, b"x" * 2 * HEAD) == ""
+    host, port = viewer.address.removeprefix("ws://").split(":")
+    idle = [socket.create_connection((host, int(port))) for _ in range(MOST + 4)]  # they say nothing
+    for plain in idle:
+        plain.close()
+    deadline = time.monotonic() + 10
+    while status(viewer.address, HANDSHAKE.format("localhost", "").encode()) != "HTTP/1.1 101 Switching Protocols":
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_the_server_behind_the_gate_is_where_no_page_looks(viewer):
+    if sys.platform != "linux":
+        pytest.skip("only 127.0.0.1 is an address of this machine")
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", viewer._server.port), 1).close()
 
 
 def test_the_layout_names_topics_and_fields_that_there_are():

@@ -15,7 +15,7 @@ def bars(monkeypatch):
     made = []
 
     class Bar:
-        def __init__(self, *, desc, total, unit, leave):
+        def __init__(self, *, desc, total, unit, leave, file):
             self.desc, self.total, self.unit, self.n, self.closed = desc, total, unit, 0, False
             assert not leave
             made.append(self)
