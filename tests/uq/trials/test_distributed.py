@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from uq.cli.main import main
 from uq.experiment.experiment import ExperimentError
@@ -190,13 +189,3 @@ FILES = Path(__file__).parents[3] / "docs" / "cluster"
 
 def test_the_script_for_slurm_parses():
     subprocess.run(["bash", "-n", str(FILES / "campaign.sbatch")], check=True)
-
-
-def test_the_job_for_kubernetes_parses():
-    service, job = YAML(typ="safe").load_all(FILES / "campaign.yaml")
-    assert (service["kind"], job["kind"]) == ("Service", "Job")
-    pod = job["spec"]["template"]["spec"]
-    command = pod["containers"][0]["command"][-1]
-    assert f"--processes {job['spec']['completions']} " in command
-    assert f"--coordinator {job['metadata']['name']}-0.{service['metadata']['name']}:" in command
-    assert pod["subdomain"] == service["metadata"]["name"]
