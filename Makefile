@@ -1,7 +1,9 @@
-# Every target sets up its own environment on first use. `make paper` and `make test` are all a fresh machine needs.
+# Every target sets up its environment on first use: `make paper` one with what the package needs (.venv-run,
+# requirements.lock), all others one with everything (.venv, requirements-dev.lock). Both have the same versions.
 PYTHON ?= python3
 ENV := .venv
 BIN := $(ENV)/bin
+RUN := .venv-run
 UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
@@ -14,19 +16,22 @@ MINUTES ?= 60
 env: $(ENV)/.ready
 	$(BIN)/python -m compileall -q uq identify rig
 
+paper: $(RUN)/.ready
+	$(RUN)/bin/python -m compileall -q uq identify rig
+	$(RUN)/bin/inertia paper --out $(OUT)
+
 $(UV): requirements-uv.lock
 	$(PYTHON) -m venv .uv
 	.uv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-uv.lock
 	touch $@
 
-$(ENV)/.ready: $(UV) requirements.lock pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv --without-pip $(ENV)
-	$(UV) pip sync --quiet --compile-bytecode --python $(BIN)/python --require-hashes requirements.lock
-	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+$(ENV)/.ready: requirements-dev.lock
+$(RUN)/.ready: requirements.lock
+$(ENV)/.ready $(RUN)/.ready: $(UV) pyproject.toml
+	test -x $(@D)/bin/python || $(PYTHON) -m venv --without-pip $(@D)
+	$(UV) pip sync --quiet --compile-bytecode --python $(@D)/bin/python --require-hashes $(filter %.lock,$^)
+	$(UV) pip install --quiet --python $(@D)/bin/python --no-deps --no-build-isolation --editable .
 	touch $@
-
-paper: env
-	$(BIN)/inertia paper --out $(OUT)
 
 # Lint, types, direction of imports, tests, notebooks: side by side, since some tests wait for clocks.
 test: env
@@ -78,11 +83,14 @@ fuzz: env
 study: env
 	$(BIN)/python -m pytest -m study -n 0 tests notebooks
 
-lock:
-	$(UV) pip compile --quiet --universal --generate-hashes --no-header --python-version 3.11 \
-	    --extra dev --upgrade pyproject.toml --output-file requirements.lock
-	printf 'uv\n' | $(UV) pip compile --quiet --universal --generate-hashes --no-header \
-	    --python-version 3.11 --upgrade - --output-file requirements-uv.lock
+# All that is installed, by hash and without an index's address. What the package needs is a part of everything, at the
+# same versions; with setuptools, which installs the checkout.
+lock: PIN = $(UV) pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url --python-version 3.11
+lock: $(UV)
+	$(PIN) --upgrade --extra dev pyproject.toml --output-file requirements-dev.lock
+	printf 'setuptools\n' | $(PIN) --upgrade --constraint requirements-dev.lock pyproject.toml - \
+	    --output-file requirements.lock
+	printf 'uv\n' | $(PIN) --upgrade - --output-file requirements-uv.lock
 
 # Wheel and source distribution in dist/, looked at by two tools from throw-away environments.
 dist: $(UV)
@@ -92,4 +100,4 @@ dist: $(UV)
 	$(UV) tool run --quiet check-wheel-contents dist/*.whl
 
 clean:
-	rm -rf .venv .uv out build dist *.egg-info
+	rm -rf .venv .venv-run .uv out build dist *.egg-info

@@ -1,10 +1,16 @@
-"""The wheel: what is in it, that it runs from an empty folder, and that it knows another package named `identify`."""
+"""The wheel: what is in it, that it runs from an empty folder, and that it knows another package named `identify`.
 
+What it needs: declared, and locked.
+"""
+
+import ast
+import re
 import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -98,10 +104,71 @@ def test_what_another_identify_has_taken_along_is_missed(site, tmp_path):
     assert complaint.endswith(CURE)
 
 
-def test_citation_and_conda_recipe_have_the_version_and_dependencies_of_the_package():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+NOT_FOR_USERS = {"dev", "docs"}
+IMPORTED_AS = {"coal": ["coal"], "pinocchio": ["pin"]}
+"""Where the metadata of an installed distribution do not say what is imported."""
+
+
+def distribution(requirement):
+    """Its name as the index writes it: ``Jinja2>=3.1`` is ``jinja2``."""
+    return re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", requirement)[0]).lower()
+
+
+def imports():
+    """The modules of others that the packages import anywhere, by the syntax tree."""
+    for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                yield from (alias.name.split(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                yield node.module.split(".")[0]
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
+    """Not what another dependency happens to bring; a name that several distributions share stands for any of them."""
+    extras = PROJECT["optional-dependencies"]
+    optional = [item for name, items in extras.items() if name not in NOT_FOR_USERS for item in items]
+    declared = {distribution(item) for item in [*PROJECT["dependencies"], *optional]} - {PROJECT["name"]}
+    known = {**packages_distributions(), **IMPORTED_AS}
+    others = set(imports()) - {*PACKAGES, *sys.stdlib_module_names}
+    needed = {name: set(map(distribution, known[name])) for name in others}
+    assert [name for name, any_of in needed.items() if not any_of & declared] == []
+    assert declared - set().union(*needed.values()) == set()
+
+
+def test_one_version_and_one_date():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
-    assert project["version"] == recipe["context"]["version"] == citation["version"]
-    conda = {line.replace(" ", "").replace("matplotlib-base", "matplotlib") for line in recipe["requirements"]["run"]}
-    assert conda == {*project["dependencies"], "python" + project["requires-python"]}
+    assert citation["version"] == PROJECT["version"]
+    assert citation["authors"] == PROJECT["authors"]
+    changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    date = re.search(rf"^## {re.escape(PROJECT['version'])} \((.*)\)$", changes, re.M)[1]
+    assert date in ("unreleased", str(citation["date-released"]))
+
+
+def locked(name):
+    """Each line of a lock file, as far as the hashes: ``jax==0.10.2 ; python_full_version < '3.12'``."""
+    text = (ROOT / name).read_text("utf-8")
+    assert "//" not in text, f"{name} has the address of an index"
+    entries = re.findall(r"^(\S+==.*?) \\\n    --hash=sha256:\w{64}", text, re.M)
+    assert len(entries) == len(re.findall(r"^[^\s#]", text, re.M)), f"{name} has a line without a hash"
+    return set(entries)
+
+
+def test_the_paper_needs_a_part_of_what_is_locked_for_tests():
+    run = locked("requirements.lock")
+    assert run < locked("requirements-dev.lock")
+    names = {distribution(entry) for entry in run}
+    tests_alone = {distribution(item) for item in PROJECT["optional-dependencies"]["dev"]} - {"setuptools"}
+    assert {distribution(item) for item in PROJECT["dependencies"]} | {"setuptools"} <= names
+    assert not names & (tests_alone - {"equinox"}), "equinox is what optimistix needs"
+
+
+@pytest.mark.parametrize(
+    ("target", "lock"),
+    [("paper", "requirements.lock"), *((name, "requirements-dev.lock") for name in ("env", "test", "check", "bench", "docs"))],
+)  # fmt: skip
+def test_a_target_installs_one_lock_file(target, lock):
+    command = ["make", "--dry-run", "--always-make", target]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert set(re.findall(r"pip sync .* (\S+)", printed)) == {lock}

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pwd
 import re
 import signal
 import socket
@@ -13,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from uq.cli.main import main
 from uq.experiment.experiment import ExperimentError
@@ -185,18 +185,17 @@ def test_a_folder_that_is_not_shared_is_refused(tmp_path):
         Checkpoint(tmp_path, processes=2, process=1).open({"seed": 0})
 
 
-FILES = Path(__file__).parents[3] / "docs" / "cluster"
-
-
-def test_the_script_for_slurm_parses():
-    subprocess.run(["bash", "-n", str(FILES / "campaign.sbatch")], check=True)
-
-
-def test_the_job_for_kubernetes_parses():
-    service, job = YAML(typ="safe").load_all(FILES / "campaign.yaml")
-    assert (service["kind"], job["kind"]) == ("Service", "Job")
-    pod = job["spec"]["template"]["spec"]
-    command = pod["containers"][0]["command"][-1]
-    assert f"--processes {job['spec']['completions']} " in command
-    assert f"--coordinator {job['metadata']['name']}-0.{service['metadata']['name']}:" in command
-    assert pod["subdomain"] == service["metadata"]["name"]
+def test_the_script_for_slurm_gives_each_process_all_its_processors(tmp_path):
+    """Since 22.05 srun no longer takes --cpus-per-task from sbatch. Here it prints its arguments; no USER is set."""
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "activate").write_text(f"export PATH={tmp_path}/bin:$PATH\n")
+    (tmp_path / "bin" / "srun").write_text('#!/bin/sh\necho "$INERTIA_CACHE" "$@"\n')
+    (tmp_path / "bin" / "srun").chmod(0o755)
+    script = Path(__file__).parents[3] / "docs" / "cluster" / "campaign.sbatch"
+    environment = {"PATH": os.environ["PATH"], "INERTIA_ENV": str(tmp_path), "SLURM_CPUS_PER_TASK": "32"}
+    command = ["bash", script, "e.toml", "out", "--trials", "9"]
+    printed = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True).stdout
+    cache, *arguments = printed.split()
+    assert cache == f"/tmp/inertia-cache-{pwd.getpwuid(os.getuid()).pw_name}"
+    assert "--cpus-per-task=32" in arguments
+    assert printed.endswith(" inertia montecarlo e.toml --out out --distributed --trials 9\n")
