@@ -176,7 +176,7 @@ def main() -> None:
     parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
     parser.add_argument("--duration", type=float, default=60.0)
     parser.add_argument("--runs", type=int, default=500)
-    parser.add_argument("--sysid-runs", type=int, default=40)
+    parser.add_argument("--sysid-runs", type=int, default=20)
     parser.add_argument("--designed", action="store_true")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
