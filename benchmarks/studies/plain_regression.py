@@ -1,9 +1,10 @@
-"""Plain least squares on Pinocchio's regressor beside ``identify``: what their intervals cover, on the same samples.
+"""Plain least squares and ``mujoco.sysid`` beside ``identify``: what their intervals cover, on the same samples.
 
-``python -m benchmarks.studies.plain_regression [EXPERIMENT] [--duration S] [--runs N] [--designed]`` runs the best of
-20 random Fourier series, or the designed motion, in MuJoCo once. N times it draws what is measured: joint angles in
-steps of their encoders, force and moment with noise and an offset. Plain is what a user writes: angles differentiated
-numerically, Pinocchio's regressor, ``numpy.linalg.lstsq`` and the covariance ``s² (AᵀA)⁻¹``.
+``python -m benchmarks.studies.plain_regression [EXPERIMENT] [--duration S] [--runs N] [--sysid-runs K] [--designed]``
+runs the best of 20 random Fourier series, or the designed motion, in MuJoCo once. N times it draws what is measured:
+joint angles in steps of their encoders, force and moment with noise and an offset. Plain is what a user writes: angles
+differentiated numerically, Pinocchio's regressor, ``numpy.linalg.lstsq`` and the covariance ``s² (AᵀA)⁻¹``. The first K
+draws go to ``mujoco.sysid`` too: with the joints as ``identify`` has them, and as plain has them.
 """
 
 import argparse
@@ -15,8 +16,10 @@ import numpy as np
 import pinocchio
 from scipy import signal
 
+from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, payload_by_sysid
 from identify import Run, identify
 from identify.joint.alignment_prior import Alignment
+from identify.rigid_body.inertia import Body
 from identify.serial_arm.joint_series import JointSeries, JointStates
 from identify.serial_arm.payload_information import about_cg, about_q
 from uq.arm.arm import Arm
@@ -25,7 +28,7 @@ from uq.arm.arm_limits import ArmLimits
 from uq.arm.clearance import Clearance
 from uq.arm.common_practice import random_series
 from uq.arm.joint_search import JointSearch
-from uq.arm.mujoco_run import SimulatedRun, simulated
+from uq.arm.mujoco_run import ASSUMED, SimulatedRun, simulated
 from uq.arm.predicted_payload import Noise, declared_noise
 from uq.experiment.experiment import Experiment
 
@@ -77,12 +80,11 @@ def plain(arm: Arm, gravity: float, log: Measured, *, offsets: bool, lowpass: fl
     if lowpass is not None:
         filter_ = signal.butter(4, lowpass, fs=1 / step, output="sos")
         angles, wrench = (signal.sosfiltfilt(filter_, each, axis=0) for each in (angles, wrench))
-    speed = np.gradient(angles, step, axis=0)
-    acceleration = np.gradient(speed, step, axis=0)
+    joints = differentiated(angles, step)
     arm.model.gravity.linear = np.array([0.0, 0.0, -gravity])
     data, frame = arm.model.createData(), arm.model.getFrameId(arm.declared.tool)
     rows = np.zeros((len(t), 6, 16 if offsets else 10))
-    for row, *state in zip(rows, angles, speed, acceleration, strict=True):
+    for row, *state in zip(rows, *joints, strict=True):
         pinocchio.rnea(arm.model, data, *state)
         row[:, :10] = pinocchio.frameBodyRegressor(arm.model, data, frame)
     rows[:, :, 10:] = np.eye(6)[:, : rows.shape[2] - 10]
@@ -99,12 +101,23 @@ def _about_cg(parameters: np.ndarray, covariance: np.ndarray) -> Stated:
     return Stated(values, 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope)))
 
 
-def identified(limits: ArmLimits, gravity: float, log: Measured) -> Stated:
-    """Return what ``identify`` states of the same samples; its motion is that of the smoothed joints."""
+def differentiated(angles: np.ndarray, step: float) -> JointStates:
+    """Return angles with their central differences."""
+    speed = np.gradient(angles, step, axis=0)
+    return JointStates(angles, speed, np.gradient(speed, step, axis=0))
+
+
+def smoothed(log: Measured) -> JointStates:
+    """Return angles, speeds and accelerations of a Savitzky–Golay filter."""
     step = log.t[1] - log.t[0]
     length = 2 * round(WINDOW / step / 2) + 1
-    smoothed = (signal.savgol_filter(log.angles, length, ORDER, deriv=order, delta=step, axis=0) for order in range(3))
-    tool = limits.tool_of(JointStates(*smoothed))
+    orders = (signal.savgol_filter(log.angles, length, ORDER, deriv=order, delta=step, axis=0) for order in range(3))
+    return JointStates(*orders)
+
+
+def identified(limits: ArmLimits, gravity: float, log: Measured) -> Stated:
+    """Return what ``identify`` states of the same samples; its motion is that of the smoothed joints."""
+    tool = limits.tool_of(smoothed(log))
     run = Run.from_channels(
         log.t, log.wrench[:, :3], log.wrench[:, 3:], log.t, tool.omega, specific_force=tool.specific_force
     )
@@ -114,8 +127,17 @@ def identified(limits: ArmLimits, gravity: float, log: Measured) -> Stated:
     return Stated(values, result.coverage_factors * result.parameters.standard_uncertainty)
 
 
-def beside_plain(limits: ArmLimits, noise: Noise, series: JointSeries, runs: int, seed: int) -> dict[str, Stated]:
-    """Return what each way states of so many draws of one run in MuJoCo, (runs, 10)."""
+def by_sysid(limits: ArmLimits, log: Measured, joints: JointStates) -> Stated:
+    """Return what ``mujoco.sysid`` states; its model has the payload that the arm's controller reckons with."""
+    mass, centre, inertia = limits.body
+    nominal = Body(np.asarray(ASSUMED * mass), centre, np.asarray(ASSUMED * inertia))
+    return _about_cg(*payload_by_sysid(limits.arm, nominal, limits.gravity, log.t, joints, log.wrench))
+
+
+def beside_plain(
+    limits: ArmLimits, noise: Noise, series: JointSeries, runs: int, seed: int, sysid_runs: int = 0
+) -> dict[str, Stated]:
+    """Return what each way states of so many draws of one run in MuJoCo, (runs, 10) or (sysid_runs, 10)."""
     gravity, lowpass = limits.gravity, LOWPASS * limits.bandwidth
     run = simulated(limits.arm, limits.body, gravity, series)
     ways: dict[str, Any] = {
@@ -124,11 +146,16 @@ def beside_plain(limits: ArmLimits, noise: Noise, series: JointSeries, runs: int
         "plain, offsets": lambda log: plain(limits.arm, gravity, log, offsets=True),
         "plain, offsets, low-pass": lambda log: plain(limits.arm, gravity, log, offsets=True, lowpass=lowpass),
     }
-    generator = np.random.default_rng([32, seed])
-    stated = [
-        {name: way(log) for name, way in ways.items()} for log in (measured(run, noise, generator) for _ in range(runs))
-    ]
-    return {name: Stated(*(np.array(each) for each in zip(*(of[name] for of in stated), strict=True))) for name in ways}
+    slow: dict[str, Any] = {
+        "mujoco.sysid": lambda log: by_sysid(limits, log, smoothed(log)),
+        "mujoco.sysid, differences": lambda log: by_sysid(limits, log, differentiated(log.angles, log.t[1] - log.t[0])),
+    }
+    generator, stated = np.random.default_rng([32, seed]), dict[str, list[Stated]]()
+    for run_number in range(runs):
+        log = measured(run, noise, generator)
+        for name, way in (ways | slow if run_number < sysid_runs else ways).items():
+            stated.setdefault(name, []).append(way(log))
+    return {name: Stated(*(np.array(part) for part in zip(*results, strict=True))) for name, results in stated.items()}
 
 
 def coverage_lines(limits: ArmLimits, stated: dict[str, Stated]) -> list[str]:
@@ -139,7 +166,7 @@ def coverage_lines(limits: ArmLimits, stated: dict[str, Stated]) -> list[str]:
         covered = 100 * (np.abs(values - truth) <= half).mean(axis=0)
         width = half.mean(axis=0) / (1.96 * values.std(axis=0, ddof=1))
         cells = [f"{part} {covered[of].mean():.1f} % (×{width[of].mean():.2g})" for part, of in PARTS.items()]
-        lines.append(f"{name:25}  covers {covered.mean():5.1f} %:  {'  '.join(cells)}")
+        lines.append(f"{name:25}  {len(values):4} runs  covers {covered.mean():5.1f} %:  {'  '.join(cells)}")
     return lines
 
 
@@ -149,6 +176,7 @@ def main() -> None:
     parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
     parser.add_argument("--duration", type=float, default=60.0)
     parser.add_argument("--runs", type=int, default=500)
+    parser.add_argument("--sysid-runs", type=int, default=20)
     parser.add_argument("--designed", action="store_true")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
@@ -160,7 +188,10 @@ def main() -> None:
     else:
         search = JointSearch(limits, noise, duration=arguments.duration, period=PERIOD, ramp=RAMP)
         series = random_series(search, RANDOM, 0).series
-    print(*coverage_lines(limits, beside_plain(limits, noise, series, arguments.runs, 0)), sep="\n")
+    if not AVAILABLE:
+        print(INSTALL)
+    sysid_runs = arguments.sysid_runs if AVAILABLE else 0
+    print(*coverage_lines(limits, beside_plain(limits, noise, series, arguments.runs, 0, sysid_runs)), sep="\n")
 
 
 if __name__ == "__main__":

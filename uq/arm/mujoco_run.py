@@ -112,7 +112,12 @@ def _mujoco() -> Any:
 
 
 def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
-    """Return MuJoCo's model of the arm of the URDF, with a payload and the wrist's sensors at Q.
+    """Return the compiled model of :func:`loaded_spec`."""
+    return loaded_spec(arm, body, gravity).compile()
+
+
+def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
+    """Return MuJoCo's specification of the arm of the URDF, with a payload and the wrist's sensors at Q.
 
     Raises:
         ExperimentError: MuJoCo cannot read the URDF.
@@ -176,9 +181,9 @@ def _compiled(arm: Arm, body: Body, gravity: float) -> Any:
     tensor = np.asarray(unpack(np.asarray(body.inertia)))
     load.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     load.add_site(name="Q")
-    for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
-        spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="Q")
-    return spec.compile()
+    for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="Q")
+    return spec
 
 
 def _touching(model: Any, data: Any) -> Iterator[str]:
