@@ -112,19 +112,14 @@ def _mujoco() -> Any:
 
 
 def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
-    """Return the compiled model of :func:`loaded_spec`."""
-    return loaded_spec(arm, body, gravity).compile()
-
-
-def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
-    """Return MuJoCo's specification of the arm of the URDF, with a payload and the wrist's sensors at Q.
+    """Return the compiled model of :func:`loaded_spec`.
 
     Raises:
         ExperimentError: MuJoCo cannot read the URDF.
         RigError: MuJoCo is not installed.
     """
     try:
-        return _compiled(arm, body, gravity)
+        return loaded_spec(arm, body, gravity).compile()
     except ValueError as error:
         if isinstance(error, (ExperimentError, RigError)):
             raise
@@ -159,7 +154,14 @@ def _robot(arm: Arm) -> tuple[str, dict[str, bytes]]:
     return ElementTree.tostring(robot, "unicode"), meshes
 
 
-def _compiled(arm: Arm, body: Body, gravity: float) -> Any:
+def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
+    """Return MuJoCo's specification of the arm of the URDF, with a payload and the wrist's sensors at Q.
+
+    Raises:
+        ExperimentError: the URDF or a mesh cannot be read.
+        RigError: MuJoCo is not installed.
+        ValueError: MuJoCo cannot read it.
+    """
     mujoco = _mujoco()
     robot, meshes = _robot(arm)
     spec = mujoco.MjSpec.from_string(robot, assets=meshes)
