@@ -25,6 +25,7 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
+from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.not_included import with_not_included
@@ -81,6 +82,7 @@ def identify_files(
     declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
     if centre is not None:
         prior = load_centre(centre)
+        check_declared(experiment, prior, Path(centre).name)
         experiment, differing = with_centre_prior(experiment, prior)
         declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:
