@@ -167,6 +167,10 @@ class ErrorKind:
     shape: ClassVar[tuple[int, ...]] = (3,)
     """Shape of the draw."""
 
+    absence: ClassVar[str] = ""
+    """What a result assumes where no source does the same, a clause with ``{}`` for what errs; empty: nothing.
+
+    A clause that two kinds have falls with a source of either (:mod:`uq.report.assumptions`)."""
     constant: ClassVar[bool] = False
     """Whether it is drawn once an experiment."""
     noise: ClassVar[bool] = False
