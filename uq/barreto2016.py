@@ -13,8 +13,9 @@ from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from identify.rounding import exact, significant
 from identify.text_tables import Table
 from uq.campaign.campaign import GRAM_METRE, MonteCarloResult, Shown, Statistics, montecarlo
-from uq.campaign.campaign_result import ASSUMPTIONS, INDEX
+from uq.campaign.campaign_result import INDEX, METHOD
 from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.report.assumptions import source_assumptions
 from uq.trials.checkpoint import Checkpoint
 from uq.trials.progress_bar import Progress
 
@@ -224,7 +225,7 @@ class PaperResult(Result):
             self._comparisons(),
             self.drawings(),
             [*self.campaign.tables(), *self.campaign.details()],
-            [*ASSUMPTIONS, *PAPER_ASSUMPTIONS],
+            [*METHOD, *source_assumptions(self.campaign.provenance), *PAPER_ASSUMPTIONS],
             self.campaign.provenance,
             verdict=f"{self._agreement()} {self.campaign.verdict()}",
             headline=len(self.estimators),

@@ -17,6 +17,9 @@ from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.static.centre_covariance import with_centre
 
+ALIGNED = "load cell and IMU are aligned"
+NO_OFFSETS = "force and moment are free of constant offsets"
+
 
 class SourceEstimator(Estimator):
     """Least squares on Omega_R (10), each run weighted by the inverse of its residual variance."""
@@ -119,10 +122,10 @@ def _warnings(informations: Sequence[Information], pooled: Pooled) -> list[str]:
 
 
 def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:
-    zero = ("force and moment are free of constant offsets",) if offsets == "none" else ()
+    zero = (NO_OFFSETS,) if offsets == "none" else ()
     return (
         *zero,
-        "load cell and IMU are aligned in time and in frame",
+        f"{ALIGNED} in time and in frame",
         "the gyro's noise is white",
         "the platform is rigid",
     )

@@ -56,6 +56,8 @@ QUANTITIES = (
 """The ten parameters as they are said: name, unit, that unit's number in one of SI."""
 PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
 """Parts of an interval's half-width above which an effect is compared with it, and the words for it."""
+LARGEST_SHARE = 1 / 3
+"""Undeclared errors over u above which nothing passes: a third makes u 5 % larger, which two digits hardly show."""
 
 
 class Effect(NamedTuple):
@@ -83,6 +85,29 @@ class NotIncluded:
     """Errors that a result's intervals do not hold."""
 
     effects: tuple[Effect, ...]
+
+    @property
+    def together(self) -> Float[np.ndarray, "10"]:
+        """Root sum of squares of the effects, a standard uncertainty of mass, r_CG and tensor [kg, m, kg·m²]."""
+        return np.sqrt(np.sum([effect.parameters**2 for effect in self.effects], axis=0) + np.zeros(10))
+
+    def share(self, u: Float[np.ndarray, "10"]) -> tuple[float, int]:
+        """Return the largest of them together over u, and which of the ten parameters that is.
+
+        Args:
+            u: standard uncertainty of mass, r_CG and tensor [kg, m, kg·m²]; not finite: the parameter does not count.
+        """
+        together = self.together
+        ratio = np.where((together > 0) & np.isfinite(u), together / np.maximum(u, 1e-300), 0.0)
+        worst = int(np.argmax(ratio))
+        return float(ratio[worst]), worst
+
+    def beside(self, u: Float[np.ndarray, "10"]) -> str:
+        """Return in words what they would add together, where that is most beside u; ``u`` as for :meth:`share`."""
+        _, worst = self.share(u)
+        name, unit, factor = QUANTITIES[worst]
+        added, own = (_two_digits(factor * value) for value in (self.together[worst], u[worst]))
+        return f"{added} {unit} in {name} beside u = {own}"
 
     def to_dict(self) -> list[dict[str, Any]]:
         """Return the content of result.json, in SI."""

@@ -103,7 +103,7 @@ class Identification(Result):
     """Derivatives of the ten parameters by errors of the rig that count as zero; None: not computed. See
     :func:`identify.model_check.held_errors.by_held_errors`."""
     not_included: NotIncluded | None = None
-    """Errors that the intervals do not hold, at typical figures; None: it was not looked at."""
+    """Errors that the intervals do not hold, at typical figures; None: it was not looked at, or cannot be known."""
     validation: HeldOut | None = None
     """Prediction of each run, or half of one, from the others; None: it was not asked for."""
 
@@ -245,7 +245,11 @@ class Identification(Result):
             *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
             *warnings,
             *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
-            *([] if self.not_included is None else [self.not_included.line(self.interval95, self._centre_half)]),
+            *(
+                [self.not_included.line(self.interval95, self._centre_half)]
+                if self.not_included and self.not_included.effects
+                else []
+            ),
             *([f"held out: {self.validation.text}"] if self.validation and self.validation.explained else []),
             *([] if axes is None else [f"principal axes: {axes}"]),
             *(f"assumed: {text}" for text in self.assumptions),
@@ -260,7 +264,7 @@ class Identification(Result):
 
     def not_included_tables(self) -> list[Table]:
         """Return what the intervals do not hold, where that is known."""
-        return [] if self.not_included is None else [self.not_included.table()]
+        return [self.not_included.table()] if self.not_included and self.not_included.effects else []
 
     def run_table(self) -> Table:
         """Return each run's own estimate, samples, rate, residuals."""

@@ -16,6 +16,7 @@ from uq.campaign.result_coverage import coverage_record, stability_record
 from uq.campaign.statistics import Breakdown, Statistics, large_mean_error, verdict_on_mean_errors
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
+from uq.report.assumptions import source_assumptions
 from uq.report.input_tables import source_tables
 from uq.sources.quasi_random import Points
 
@@ -226,7 +227,7 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
             [*(pairs if few else tables[:1]), *tables[2:]],
             self.drawings(),
             details,
-            ASSUMPTIONS,
+            [*METHOD, *source_assumptions(self.provenance)],
             self.provenance,
             verdict=self.verdict(),
             headline=len(pairs) if few else 1,
@@ -300,14 +301,11 @@ INDEX = (
     "contain the mean error (mean of estimate minus truth), which therefore stands beside it everywhere. The figure "
     "after ± is a standard error, from the finite number of trials."
 )
-ASSUMPTIONS = (
-    "The body is rigid. Its mass, the attitude of the load cell's axes and of the gyroscope's, the common clock and "
-    "the sensors' scale factors are exact.",
-    "Every error source is normal, with zero mean, and independent of the others and from axis to axis. A precision "
-    "error is drawn afresh at each sample, white in time; a bias is drawn once an experiment.",
-    "The platform runs the trajectory exactly. The error of the centre of gravity enters through the moment of the "
-    "force that the estimator removes, not through the motion.",
+METHOD = (
+    "The body is rigid, and turns exactly as the trajectory says. The error of the believed centre of gravity enters "
+    "through the moment of the force that the estimator removes, not through the motion.",
     "The tensor is estimated by ordinary least squares over all samples; the angular acceleration is the numerical "
     "derivative of the measured angular velocity.",
-    "“Load cell”, “CG” and “IMU” alone are computed from the same draws as the total; shares need not add up to one.",
+    "Groups and sources alone are computed from the same draws as the total; shares need not add up to one.",
 )
+"""Assumptions of every campaign, whatever sources are declared."""

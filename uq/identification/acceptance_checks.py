@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
+from identify.results.contributions import LARGEST_SHARE
 from identify.results.identification_result import Identification
 from identify.rigid_body.principal_axes import principal
 from identify.rounding import fixed, significant
@@ -10,6 +11,8 @@ from identify.rounding import fixed, significant
 HEAD = ("check", "found", "limit", "verdict")
 WITHIN = "within"
 """The verdict on a check that is passed."""
+UNDECLARED = "errors neither declared nor estimated, at typical size together, over u, largest"
+"""Name of the check of what U leaves out."""
 
 
 def rows(result: Identification) -> list[list[str]]:
@@ -30,6 +33,7 @@ def rows(result: Identification) -> list[list[str]]:
     causes = sorted({verdict.cause for verdict in result.consistency})
     what = f"residuals that follow something{': ' if causes else ''}{', '.join(causes)}"
     checks.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
+    checks.append(undeclared(result))
     checks.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
     return checks
 
@@ -46,6 +50,15 @@ def _admissible(result: Identification) -> list[str]:
     slack = 2e3 * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
     what = "a mass distribution has this tensor: least margin of moments and triangle inequality, g·m²"
     return [what, fixed(margin, 2), f"≥ {fixed(-slack, 2)}", _verdict(margin >= -slack)]
+
+
+def undeclared(result: Identification) -> list[str]:
+    """Return the check of errors that are neither declared nor estimated; unless they are known it is not passed."""
+    share, limit = None, f"≤ {LARGEST_SHARE:.2g}"
+    if result.not_included is not None:
+        share, _ = result.not_included.share(result.parameters.standard_uncertainty)
+    within = share is not None and share <= LARGEST_SHARE
+    return [UNDECLARED, "not known" if share is None else significant(share, 2), limit, _verdict(within)]
 
 
 def _verdict(within: bool) -> str:

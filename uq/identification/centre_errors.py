@@ -6,18 +6,27 @@ first axis of the source ``F_gain``, one standard uncertainty of it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from identify.exceptions import RunError
 from identify.joint.priors import axes_of
 from identify.results.covariances import positive
 from identify.results.identification_result import Identification
+from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
 from uq.identification.estimated_errors import draw_root, estimated_errors
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
+
+FIGURES = ("target", "kind", "sigma", "shape", "settings")
+"""Fields of a source that decide its effect on static poses, beside the correlation of its axes."""
+ATTITUDE_AXIS = "attitude axis "
+"""Prefix of the names of an attitude sensor's lasting errors; a source's name has no space."""
+ATTITUDE = ("sigma_attitude", "sigma_alignment", "sigma_accelerometer")
+"""Keys of the table ``[poses]`` that decide the effect of its errors."""
 
 
 def weight_errors(
@@ -38,6 +47,55 @@ def weight_errors(
             effects.append(weight * axis[0] / experiment.gravity)
             names.append(name)
     return np.stack(effects, axis=2) if effects else np.zeros((*weight.shape, 0)), tuple(names)
+
+
+def check_declared(experiment: Experiment, centre: Centre, name: str) -> None:
+    """Refuse a centre whose covariance holds other errors than those that the experiment declares.
+
+    The runs would count an error in the wrench that mass and centre of gravity are free of, or the other way about.
+
+    Args:
+        experiment: its sources, and its table ``[poses]`` where it has one.
+        centre: of static poses.
+        name: what the message calls it.
+
+    Raises:
+        RunError: a source that acts on static poses, or an uncertainty of the attitudes, was declared, changed or
+            removed since.
+    """
+    now, then = experiment.inputs()["resolved"], centre.provenance.get("resolved")
+    _, labels = weight_errors(experiment, np.zeros((1, 6)))
+    declared, held = (
+        dict.fromkeys(label.rpartition(" ")[0] for label in axes if not label.startswith(ATTITUDE_AXIS))
+        for axes in (labels, centre.lasting_names)
+    )
+    changed = [source for source in declared if source in held and _figures(now, source) != _figures(then, source)]
+    poses = then.get("poses") if isinstance(then, Mapping) else None
+    if experiment.poses is not None:
+        stated = poses if isinstance(poses, Mapping) else {}
+        changed += [f"poses.{key}" for key in ATTITUDE if getattr(experiment.poses, key) != stated.get(key, 0.0)]
+    differences = {
+        "without": [source for source in declared if source not in held],
+        "with other figures of": changed,
+        "with": [f"{source}, which is no longer declared" for source in held if source not in declared],
+    }
+    made = "; ".join(f"{how} {', '.join(names)}" for how, names in differences.items() if names)
+    if made:
+        raise RunError(f"{name} was made {made}: run `inertia centre` again with what is declared now")
+
+
+def _figures(resolved: Any, name: str) -> list[Any]:
+    """The figures of a source, and the correlation of its axes, as the provenance of a result has them."""
+    try:
+        figures = [[source[key] for key in FIGURES] for source in resolved["sources"] if source["name"] == name]
+        for mix in resolved["mixing"]:
+            if name in mix["names"]:
+                number = mix["names"].index(name)
+                first, end = sum(mix["axes"][:number]), sum(mix["axes"][: number + 1])
+                figures.append([row[first:end] for row in mix["correlation"][first:end]])
+    except (AttributeError, KeyError, TypeError, ValueError):  # a file that was changed by hand
+        return []
+    return figures
 
 
 class Shared(NamedTuple):

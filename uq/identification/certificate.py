@@ -1,15 +1,17 @@
 """The certificate of an identified tensor, as far as the table ``[report]`` makes its report one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section
 from identify.results.identification_result import Identification
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
-from uq.experiment.conformity import RULES, decide
+from uq.experiment.conformity import RULES, Decision, decide
 from uq.experiment.report_table import Report, read
 from uq.identification import acceptance_checks, certificate_tables
 from uq.report.certificate_front import front
@@ -38,24 +40,51 @@ class Certificate(Result):
         report = self.report
         return of_tensor(self.identification, factor=report.coverage_factor, probability=report.coverage_probability)
 
+    @cached_property
+    def checks(self) -> list[list[str]]:
+        """The checks, a row each; the last counts the warnings."""
+        return acceptance_checks.rows(self.identification)
+
+    @cached_property
+    def left_out(self) -> str:
+        """Sentence on what U leaves out, where that is too much to pass anything; else empty."""
+        if acceptance_checks.undeclared(self.identification)[-1] == acceptance_checks.WITHIN:
+            return ""
+        effects = self.identification.not_included
+        if effects is None:
+            return "What undeclared errors would add to U is not known."
+        beside = effects.beside(self.identification.parameters.standard_uncertainty)
+        return f"U leaves out undeclared errors, typically {beside}."
+
+    @cached_property
+    def decisions(self) -> list[Decision]:
+        """Decision on each component with limits; none is passed while U leaves out too much."""
+        rule, t = self.report.conformity, self.tensor
+        decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
+        return [
+            replace(decision, outcome="undecided", probability=np.nan)
+            if self.left_out and decision.outcome == "conforms"
+            else decision
+            for decision in decisions
+        ]
+
     def title(self) -> str:
         """Return the identification's."""
         return self.identification.title()
 
     def tables(self) -> list[Table]:
-        """Return tensor, mass and centre, principal moments, conformity, instruments."""
+        """Return tensor, mass and centre, principal moments, conformity."""
         result, report = self.identification, self.report
         return [
             certificate_tables.tensor(result, self.tensor),
             certificate_tables.mass_and_centre(result, report),
             *certificate_tables.principal(result, report),
-            *certificate_tables.conformity(report, self.tensor),
-            certificate_tables.instruments(report),
+            *certificate_tables.conformity(report, self.decisions),
         ]
 
     def overview(self) -> list[Table]:
         """Return the identification's, and conformity with a specification."""
-        return [*self.identification.overview(), *certificate_tables.conformity(self.report, self.tensor)]
+        return [*self.identification.overview(), *certificate_tables.conformity(self.report, self.decisions)]
 
     def notes(self) -> list[str]:
         """Return the identification's."""
@@ -85,7 +114,7 @@ class Certificate(Result):
             *certificate_tables.bodies(result),
             *certificate_tables.alignment(result),
             *certificate_tables.tare(result),
-            certificate_tables.checked(result),
+            certificate_tables.checked(self.checks),
             *certificate_tables.elsewhere(result),
             result.run_table(),
             *source_tables(result.provenance),
@@ -103,35 +132,40 @@ class Certificate(Result):
             self.details(),
             list(map(sentence, result.assumptions)),
             result.provenance if result.tare is None else {**result.provenance, "tare": result.tare.provenance},
-            front(report, result.provenance),
+            front(report, result.provenance, len(self.tables())),
             verdict=self.verdict(),
         )
 
     def verdict(self) -> str:
-        """Return the statement of conformity, if one is asked for, and whether the checks are passed."""
-        rule, outcomes = self.report.conformity, self._outcomes()
-        said = []
+        """Return what U leaves out, the statement of conformity, if one is asked for, and whether checks are passed."""
+        rule, outcomes = self.report.conformity, {decision.component: decision.outcome for decision in self.decisions}
+        said = [self.left_out] if self.left_out else []
         if rule is not None and set(outcomes.values()) == {"conforms"}:
             said.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:
             said.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
-        rows = acceptance_checks.rows(self.identification)
-        failed = sum(row[-1] != acceptance_checks.WITHIN for row in rows)
-        said.append(f"{failed} of {len(rows)} checks call for attention." if failed else "Every check is passed.")
+        failed = sum(row[-1] != acceptance_checks.WITHIN for row in self.checks)
+        if not failed:
+            said.append("Every check is passed.")
+        elif failed > bool(self.left_out):
+            said.append(f"{failed} of {len(self.checks)} checks call{'s' if failed == 1 else ''} for attention.")
         return " ".join(said)
 
     def findings(self) -> list[str]:
-        """Return what a reader must not miss: warnings, checks beyond their limit, components that may not conform."""
-        rows = acceptance_checks.rows(self.identification)[:-1]  # the last counts the warnings
-        failed = [f"{row[0]}: {row[1]}, limit {row[2]}." for row in rows if row[-1] != acceptance_checks.WITHIN]
-        others = [f"{k}: {v} by the decision rule." for k, v in self._outcomes().items() if v != "conforms"]
-        return [*others, *self.identification.warnings, *([] if self.identification.warnings else failed)]
-
-    def _outcomes(self) -> dict[str, str]:
-        """Return the outcome of the decision rule for each component with limits."""
-        rule, t = self.report.conformity, self.tensor
-        decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
-        return {decision.component: decision.outcome for decision in decisions}
+        """Return what a reader must not miss: what U leaves out, warnings, checks beyond their limit, conformity."""
+        failed = [
+            f"{row[0]}: {row[1]}, limit {row[2]}."
+            for row in self.checks[:-1]
+            if row[-1] != acceptance_checks.WITHIN and row[0] != acceptance_checks.UNDECLARED
+        ]
+        why = {"undecided": UNDECIDED} if self.left_out else {}
+        others = [
+            f"{decision.component}: {decision.outcome} {why.get(decision.outcome, 'by the decision rule')}."
+            for decision in self.decisions
+            if decision.outcome != "conforms"
+        ]
+        left_out = [f"{self.left_out} {CURE}"] if self.left_out else []
+        return [*left_out, *others, *self.identification.warnings, *([] if self.identification.warnings else failed)]
 
 
 def _decision_rule(report: Report) -> list[str]:
@@ -139,6 +173,8 @@ def _decision_rule(report: Report) -> list[str]:
     return [] if rule is None else [f"Decision rule for conformity with {rule.specification}: {RULES[rule.rule]}."]
 
 
+CURE = "Declare them as [[source]], or state your own figures in [not_included], false for none."
+UNDECIDED = "while U leaves out undeclared errors"
 UNCERTAINTY = (
     "What is declared or known beforehand, the centre of gravity among it, is type B (GUM 4.2, 4.3, 5.1). The coverage "
     "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs tell the "

@@ -14,10 +14,10 @@ from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
 from identify.rounding import decimals, exact, fixed, rounded
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
-from uq.experiment.conformity import decide
+from uq.experiment.conformity import Decision
 from uq.experiment.report_table import Report
 from uq.identification import acceptance_checks
-from uq.report.certificate_front import INSTRUMENT_HEAD, MISSING, instrument_rows
+from uq.report.certificate_front import MISSING
 
 DEGREE = float(np.degrees(1.0))
 AXES = ("b1", "b2", "b3")
@@ -30,7 +30,11 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
         rows.append([*_interval_first(row), fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
-    return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, TENSOR_NOTE)
+    effects, note = result.not_included, TENSOR_NOTE
+    if effects is not None and effects.effects:
+        added = zip(_two_digits(effects.together[4:]), COMPONENTS, strict=True)
+        note += f" {NOT_IN_U} {', '.join(f'{figure} ({name})' for figure, name in added)} g·m²."
+    return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, note)
 
 
 def _interval_first(row: Sequence[str]) -> list[str]:
@@ -74,23 +78,17 @@ def _degrees(angle: float) -> str:
     return fixed(degrees, decimals(degrees))
 
 
-def conformity(report: Report, expanded: Expanded) -> list[Table]:
+def conformity(report: Report, decisions: Sequence[Decision]) -> list[Table]:
     """Return what the decision rule says, where a statement of conformity is asked for."""
     if report.conformity is None:
         return []
     rows = []
-    for decision in decide(report.conformity, expanded.value, expanded.standard, expanded.expanded):
+    for decision in decisions:
         low, high = exact(GRAM_METRE * end for end in decision.limits)
-        within = fixed(100 * decision.probability, 2)
+        within = fixed(100 * decision.probability, 2) if np.isfinite(decision.probability) else "–"
         rows.append([decision.component, f"{low} … {high}", decision.outcome, within])
     head = ["", "limits, g·m²", "outcome", "probability within, %"]
     return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
-
-
-def instruments(report: Report) -> Table:
-    """Return the instruments with their calibration."""
-    rows = instrument_rows(report.instruments) or [[MISSING, *[""] * 5]]
-    return Table("Instruments and their calibration", list(INSTRUMENT_HEAD), rows, wrap=True)
 
 
 def budget(result: Identification) -> list[Table]:
@@ -217,9 +215,9 @@ def elsewhere(result: Identification) -> Iterator[Table]:
         yield Table(f"Tensor {where}, g·m²", ["", *COMPONENTS], rows)
 
 
-def checked(result: Identification) -> Table:
+def checked(rows: Sequence[Sequence[str]]) -> Table:
     """Return the checks: figure, limit, verdict."""
-    return Table("Checks", list(acceptance_checks.HEAD), acceptance_checks.rows(result), wrap=True)
+    return Table("Checks", list(acceptance_checks.HEAD), [list(row) for row in rows], wrap=True)
 
 
 def _two_digits(values: np.ndarray) -> list[str]:
@@ -230,8 +228,15 @@ TENSOR_NOTE = (
     "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; p: coverage probability; u: "
     "standard uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
 )
+NOT_IN_U = (
+    "Not in U: errors that are neither declared nor estimated. At typical size (Details) they have, together, standard "
+    "uncertainties of"
+)
 PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
-CONFORMITY_NOTE = "probability within: that the value lies within the limits, from a normal distribution of its u."
+CONFORMITY_NOTE = (
+    "probability within: that the value lies within the limits, from a normal distribution of its u; –: u leaves out "
+    "too much to say."
+)
 PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data say nothing."
 DISCORDANCE_NOTE = (
     "The component that departs most. Runs that all belong are named with a chance of 1 %. With a fixture: all that "

@@ -15,6 +15,7 @@ from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
 from identify.methods.base import estimator_of
+from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import checked
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
@@ -25,6 +26,7 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import Recording
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
+from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.not_included import with_not_included
@@ -36,7 +38,9 @@ from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
 from uq.recorded.mounting import check_count, labelled
 from uq.recorded.time_window import TimeWindow, cut
+from uq.report.assumptions import is_declared
 from uq.sources.constant_errors import declared_sigma
+from uq.sources.source import KINDS
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
@@ -81,6 +85,7 @@ def identify_files(
     declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
     if centre is not None:
         prior = load_centre(centre)
+        check_declared(experiment, prior, Path(centre).name)
         experiment, differing = with_centre_prior(experiment, prior)
         declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:
@@ -107,10 +112,25 @@ def identify_files(
         result,
         warnings=(*whole, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
-        assumptions=(*assumed, *result.assumptions),
+        assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment)),
         provenance=provenance(**declared_inputs, inputs=inputs),
         datum=experiment.datum,
     )
+
+
+def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[str]:
+    """Return the estimator's assumptions, without those that declared sources contradict."""
+    declared = [(source.target, source.kind) for source in experiment.sources]
+
+    def acts(kind: str, *targets: str) -> bool:
+        return any(is_declared(target, KINDS[target, kind], declared) for target in targets)
+
+    turned, late = acts("misalignment", "wrench", "omega"), acts("delay", "omega")
+    aligned = " and ".join(how for how, errs in (("in time", late), ("in frame", turned)) if not errs)
+    instead = {f"{ALIGNED} in time and in frame": f"{ALIGNED} {aligned}" if aligned else ""}
+    if acts("bias", "F", "M"):
+        instead[NO_OFFSETS] = ""
+    return [text for text in (instead.get(text, text) for text in assumptions) if text]
 
 
 def _after(suspicious: list[str], result: Identification) -> list[str]:

@@ -93,7 +93,7 @@ def with_not_included(result: Identification, runs: Sequence[Run], experiment: E
         Effect(name, kind.text, _figure(kind, getattr(table, name)), added[name], name == "mounting_frequency")
         for name, kind in KINDS.items() if name in added and np.abs(added[name]).max() > least
     )  # fmt: skip
-    return replace(result, not_included=NotIncluded(effects)) if effects else result
+    return replace(result, not_included=NotIncluded(effects))
 
 
 def _figure(kind: Kind, value: float) -> str:
@@ -150,6 +150,8 @@ def _of_least_squares(
     open_to = replace(experiment, sources=tuple(sources), mixing=())
     as_stated = replace(result, sigma_r_cg=open_to.sigma_r_cg, cg_covariance=None)
     problem = problem_of(as_stated, runs, open_to, slopes=True)
+    if not problem.sources:  # gravity alone is open, to which least squares are blind
+        return {}
     estimates = estimator_of(result.method).estimates
     slopes = _slopes(problem)
     ends = np.cumsum([np.size(source.sigma) for source in problem.sources])[:-1]

@@ -19,7 +19,7 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncertain, up
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
-from uq.identification.centre_errors import weight_errors
+from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
 from uq.inspection.rotation_findings import axes_text
 from uq.recorded.declared_channels import Rig, declared
 from uq.recorded.load_run import Recorded, load
@@ -83,7 +83,7 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
     )  # fmt: skip
     return replace(
         result,
-        lasting_names=(*(f"attitude axis {k + 1}" for k in range(attitudes.lasting)), *names),
+        lasting_names=(*(f"{ATTITUDE_AXIS}{k + 1}" for k in range(attitudes.lasting)), *names),
         zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig),
         warnings=(*_turned(wrenches, experiment.poses), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),

@@ -26,6 +26,7 @@ from uq.planning.required_duration import (
 )
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth, signed_tenth
 from uq.propagation.experiment_law import law
+from uq.report.assumptions import source_assumptions
 from uq.report.input_tables import source_tables
 from uq.trials.progress_bar import Progress, progress_of
 
@@ -114,7 +115,7 @@ class MeasurementPlan(Result):
             self.tables(),
             self.drawings(),
             [replace(by_component, caption=caption, note=DERIVATIVE_NOTE), *source_tables(self.provenance)],
-            [ASSUMPTION],
+            [ASSUMPTION, *source_assumptions(self.provenance)],
             self.provenance,
             verdict=best,
             headline=2,
@@ -176,4 +177,4 @@ SENSOR_NOTE = "The average 3σ with this source's sigma halved, all others as th
 DERIVATIVE_NOTE = (
     "By component: derivative of ln 3σ by ln sigma. 0.8 says that 1 % less of this sigma leaves 0.8 % less of the 3σ."
 )
-ASSUMPTION = "Every error source is as declared; the body is rigid and runs the trajectory as stated."
+ASSUMPTION = "Every error source is as declared; the body is rigid and turns exactly as the trajectory says."

@@ -17,6 +17,7 @@ from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.campaign_result import MonteCarloResult, breakdown_drawings
 from uq.campaign.result_coverage import by_component
 from uq.campaign.statistics import Breakdown, Statistics, verdict_on_mean_errors
+from uq.report.assumptions import source_assumptions
 from uq.report.input_tables import source_tables
 
 
@@ -170,7 +171,8 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
         details = [replace(alone, caption="Each group and source alone, by the law"), *source_tables(self.provenance)]
         return Section(
             self.title(), [COMPUTED], [f"By the law of propagation: {text}" for text in self.warnings],
-            [replace(summary, caption=self.title())], self.drawings(), details, [ASSUMPTION], self.provenance,
+            [replace(summary, caption=self.title())], self.drawings(), details,
+            [ASSUMPTION, *source_assumptions(self.provenance)], self.provenance,
             adjustable=[] if self.adjustable is None else [self.adjustable()],
             verdict=verdict_on_mean_errors({pair: self[pair].total for pair in self.pairs()}),
         )  # fmt: skip
@@ -200,7 +202,8 @@ COMPUTED = (
 )
 
 ASSUMPTION = (
-    "Errors are normal where their squares matter; products of a constant error's and the noise's effects are left out."
+    "The law takes errors for normal where their squares matter; it leaves out products of a constant error's and the "
+    "noise's effects."
 )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from identify.text_tables import Table
 from uq.experiment.report_table import Instrument, Report
 
 MISSING = "not stated"
@@ -34,25 +35,37 @@ class Front:
     """Name, address and contact of the laboratory."""
     items: Sequence[tuple[str, Sequence[str]]]
     """Lines of the certificate below each heading."""
+    instruments: Table
+    """Instruments with their calibration."""
     statements: Sequence[str]
     approvals: Sequence[tuple[str, str]]
     """Name and function of each person who approves; empty: nobody is stated."""
     issued: str
+    values: int
+    """Number of the section's tables, the first, that stand with the signature on one page."""
     made_up: str
     """Nature of data that are no measurement: simulated or emulated; otherwise empty."""
 
 
-def front(report: Report, provenance: Mapping[str, Any]) -> Front:
-    """Return the particulars in words; what is missing says so."""
+def front(report: Report, provenance: Mapping[str, Any], values: int) -> Front:
+    """Return the particulars in words; what is missing says so.
+
+    Args:
+        report: what ``[report]`` states.
+        provenance: of the result.
+        values: how many of the section's tables, the first, hold what is signed.
+    """
     stated = report.texts
     made_up = {entry["made_up"] for entry in provenance.get("inputs", ()) if "made_up" in entry}
     return Front(
         stated.get("number"),
         _party(report.laboratory.texts),
         [*_items(report), *((label, [stated[key]]) for key, label in WHERE_RELEVANT.items() if key in stated)],
+        _instruments(report.instruments),
         [ONLY, f"Reproduction: {stated['reproduction']}" if "reproduction" in stated else REPRODUCTION, NO_CLAIM],
         [(person.get("name", MISSING), person.get("function", "")) for person in report.approvers],
         str(report.issued or MISSING),
+        values,
         " and ".join(sorted(made_up)),
     )
 
@@ -88,9 +101,9 @@ def _performed(report: Report) -> str:
     return f"{days} {FROM_RECORDING}" if report.performed and report.performed_recorded else days
 
 
-def instrument_rows(instruments: Sequence[Instrument]) -> list[list[str]]:
-    """Return a row of ``INSTRUMENT_HEAD`` for each instrument."""
-    return [_instrument(one) for one in instruments]
+def _instruments(instruments: Sequence[Instrument]) -> Table:
+    rows = list(map(_instrument, instruments)) or [[MISSING, *[""] * 5]]
+    return Table("Instruments and their calibration", list(INSTRUMENT_HEAD), rows, wrap=True)
 
 
 def _instrument(one: Instrument) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from identify.reporting import Drawing, Result, Section, plain, stem
 from identify.text_tables import Table
 from uq.campaign.by_trajectory import ByTrajectory
+from uq.report.assumptions import source_assumptions
 from uq.report.input_tables import source_tables
 from uq.sensitivity.budget_shares import FEW_PAIRS, SourceBudget
 
@@ -162,7 +163,7 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
             self.tables(),
             self.drawings(),
             self.details(),
-            [ASSUMPTION],
+            [ASSUMPTION, *source_assumptions(self.provenance)],
             self.provenance,
         )
 

@@ -168,6 +168,10 @@ class ErrorKind:
     shape: ClassVar[tuple[int, ...]] = (3,)
     """Shape of the draw."""
 
+    absence: ClassVar[str] = ""
+    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none.
+
+    A clause that two kinds have falls with a source of either (:mod:`uq.report.assumptions`)."""
     constant: ClassVar[bool] = False
     """Whether an error of this kind is drawn once an experiment."""
     noise: ClassVar[bool] = False

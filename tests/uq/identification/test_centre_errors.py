@@ -7,14 +7,18 @@ import json
 from dataclasses import replace
 from functools import cache
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from identify.exceptions import RunError
 from tests.laboratory import FULL_SCALE, measure
 from tests.laboratory_mechanics import GRAVITY, MASS, R_CG
 from tests.laboratory_runs import document, source, write
 from uq.experiment.experiment import Experiment
+from uq.identification.centre_errors import check_declared
+from uq.identification.centre_prior import load_centre
 from uq.identification.identify_files import identify_files
 from uq.identification.static_centre import centre_file
 
@@ -99,6 +103,11 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("laboratories")
 
 
+def saved(path, centre):
+    path.write_text(json.dumps(centre.to_dict()))
+    return path
+
+
 @cache
 def identified(tmp_path, seed, method, *, shared=True):
     """A laboratory whose load cell has gains of the declared size, in poses and run, and zeros that are those of the poses."""
@@ -107,11 +116,13 @@ def identified(tmp_path, seed, method, *, shared=True):
     measured = measure(seed, cell_gain=tuple(gain), drawn=0.0, **SHORT)
     experiment = experiment_of(measured, method)
     centre = centre_file(poses_file(tmp_path / "p.csv", matrix=np.diag(1 + gain), noise=1.0, seed=seed), experiment)
-    if not shared:
-        centre = replace(centre, lasting=None, lasting_names=())
-    (tmp_path / "c.json").write_text(json.dumps(centre.to_dict()))
     path = write(tmp_path / f"run{seed}.mcap", measured)
-    return measured, identify_files([path], experiment, centre=tmp_path / "c.json")
+    with pytest.MonkeyPatch.context() as patch:
+        if not shared:
+            centre = replace(centre, lasting=None, lasting_names=())
+            patch.setattr("uq.identification.identify_files.check_declared", lambda *_: None)
+        saved(tmp_path / "c.json", centre)
+        return measured, identify_files([path], experiment, centre=tmp_path / "c.json")
 
 
 @pytest.mark.parametrize(("method", "runs"), [("source", 2), ("joint", 2), pytest.param("gls", 2, marks=pytest.mark.study),
@@ -136,3 +147,55 @@ def test_a_gain_of_both_is_not_counted_twice(folder):
     assert linked.standard_uncertainty[3] < 0.7 * apart.standard_uncertainty[3]
     assert {"f 1", "m 3"} <= set(linked.lasting)
     assert apart.lasting == {}
+
+
+AXES = [source("a", "wrench", "misalignment", [1e-3] * 3)]
+GRAVITY_ERROR = [{"name": "g", "target": "gravity", "kind": "bias", "group": "rig", "sigma": "0.005 m/s^2"}]
+CORRELATED = [{**DECLARED[0], "correlation": [[1, 0.9, 0], [0.9, 1, 0], [0, 0, 1]]}, DECLARED[1]]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "made"),
+    [
+        ([], DECLARED, "without f, m"),
+        (DECLARED, DECLARED + AXES, "without a"),
+        (DECLARED, DECLARED + GRAVITY_ERROR, "without g"),
+        (DECLARED, [source("f", "F", "scale", [0.5] * 3), DECLARED[1]], "with other figures of f"),
+        (DECLARED, CORRELATED, "with other figures of f"),
+        (DECLARED, [{**DECLARED[0], "distribution": "student_t", "degrees_of_freedom": 4, "scale": "0.25 %", "sigma": None},
+                    DECLARED[1]], "with other figures of f"),
+        (DECLARED + AXES, DECLARED[:1], "with m, which is no longer declared, a, which is no longer declared"),
+    ],
+)  # fmt: skip
+def test_a_centre_of_other_declared_errors_is_refused(folder, clean, before, after, made):
+    """Nothing tells what an error that is declared later does to the poses; the cure is a new centre."""
+    after = [{key: value for key, value in table.items() if value is not None} for table in after]
+    stale, new = (
+        saved(folder / f"{name}.json", centre_file(poses_file(folder / "s.csv", noise=1.0), experiment_of(clean, sources=s)))
+        for name, s in (("stale", before), ("new", after))
+    )  # fmt: skip
+    experiment = experiment_of(clean, sources=after)
+    with pytest.raises(RunError, match=f"^stale.json was made {made}: run `inertia centre` again with what"):
+        identify_files(["run.mcap"], experiment, centre=stale)
+    check_declared(experiment, load_centre(new), "new.json")
+
+
+def test_a_centre_of_other_attitudes_is_refused_and_what_does_not_act_on_it_is_not_asked(folder, clean):
+    """Biases, words and the experiment's table of poses left out change nothing in the centre."""
+    path, declared = write(folder / "attitudes.mcap", clean), experiment_of(clean)
+    centre = saved(folder / "attitudes.json", centre_file(poses_file(folder / "s.csv", noise=1.0), declared))
+    turned = replace(declared, poses=msgspec.structs.replace(declared.poses, sigma_alignment=0.01))
+    with pytest.raises(RunError, match=r"with other figures of poses\.sigma_alignment"):
+        identify_files([path], turned, centre=centre)
+    words = [{**table, "reference": "a certificate", "group": "another"} for table in DECLARED]
+    others = experiment_of(clean, sources=[*words, source("F_zero", "F", "bias", [9.0] * 3)])
+    plain, other = (identify_files([path], e, centre=centre) for e in (replace(declared, poses=None), others))
+    np.testing.assert_allclose(plain.parameters.covariance[:4, :4], other.parameters.covariance[:4, :4])
+
+
+@pytest.mark.parametrize("provenance", [{}, {"resolved": 3}, {"resolved": {"sources": [3], "mixing": "a"}}])
+def test_a_centre_whose_provenance_does_not_tell_its_errors_is_refused(tmp_path, clean, provenance):
+    experiment = experiment_of(clean)
+    centre = replace(centre_file(poses_file(tmp_path / "s.csv", noise=1.0), experiment), provenance=provenance)
+    with pytest.raises(RunError, match="with other figures of f, m"):
+        check_declared(experiment, centre, "centre.json")

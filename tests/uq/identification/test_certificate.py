@@ -16,6 +16,7 @@ from identify.estimators.admissible_tensor import Admissible
 from identify.estimators.residual_trace import trace
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
+from identify.results.contributions import Effect, NotIncluded
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise, decimals, fixed
 from tests.browser import Reader, drawn
@@ -62,6 +63,13 @@ def plain(runs):
 @pytest.fixture(scope="module")
 def full(runs):
     return identify_files(sorted(runs.glob("*.mcap")), Experiment.load(runs / "experiment.toml"))
+
+
+def declared(result, part=0.0):
+    """The result as if all errors were declared, but for one that has this part of u in each of the ten parameters."""
+    added = part * np.nan_to_num(result.parameters.standard_uncertainty)
+    effects = (Effect("gyro_scale", "scale of the gyro", "0.5 %", added, False),) if part else ()
+    return dataclasses.replace(result, not_included=NotIncluded(effects))
 
 
 def reported(result, **table):
@@ -261,12 +269,46 @@ def test_mass_and_centre_of_gravity_have_intervals_of_their_own(plain):
 
 def test_conformity_stands_in_the_terminal_too(plain):
     limits = {"specification": "Drawing 4711", "rule": "simple", "limits": {"I11": ["0.3 kg*m^2", "0.4 kg*m^2"]}}
-    shown = repr(Certificate(reported(plain, conformity=limits)))
+    shown = repr(Certificate(reported(declared(plain), conformity=limits)))
     assert "Conformity with Drawing 4711" in shown
     value, u = 1e3 * plain.inertia[0], 1e3 * plain.standard_uncertainty[0]
     within = NormalDist(value, u).cdf(400) - NormalDist(value, u).cdf(300)
     assert re.search(rf"I11 +300 … 400 +conforms +{100 * within:.2f}", shown)
     assert "Conformity" not in repr(Certificate(plain))
+
+
+NAMES = ("I11", "I12", "I13", "I22", "I23", "I33")
+LIMITS = {"specification": "drawing 4", "rule": "simple", "limits": {"I11": ["0.3 kg*m^2", "0.4 kg*m^2"]}}
+PASSES = re.compile(r"conforms|is passed|verdict\">")
+
+
+def result_of(html):
+    """The first part of the page, to the particulars."""
+    return html[html.index('id="result"') : html.index('class="particulars"')]
+
+
+@pytest.mark.parametrize(("part", "passes"), [(0.0, True), (0.333, True), (0.334, False), (np.nan, False)])
+def test_nothing_passes_while_u_leaves_out_more_than_a_third_of_itself(plain, part, passes):
+    """No tick (that of a verdict without attention) and no sentence; nan: it is not known what undeclared errors do."""
+    sound = dataclasses.replace(plain, warnings=(), pooling=None)
+    result = dataclasses.replace(sound, not_included=None) if np.isnan(part) else declared(sound, part)
+    page = result_of(report(reported(result, conformity=LIMITS)))
+    assert len(set(PASSES.findall(page))) == (3 if passes else 0)
+    assert ("U leaves out undeclared errors" in page or "is not known" in page) is not passes
+    assert ("I11: undecided while U leaves out undeclared errors." in page) is not passes
+
+
+def test_what_u_leaves_out_stands_beside_it(plain):
+    """Root sum of squares of the rows of result.json, component by component, over u: the worst is named."""
+    rows = [list(row["inertia"].values()) for row in plain.to_dict()["not_included"]]
+    together = np.linalg.norm(rows, axis=0)
+    worst = int(np.argmax(together / plain.standard_uncertainty))
+    name = NAMES[worst]
+    figures = [fixed(1e3 * x[worst], decimals(1e3 * x[worst])) for x in (together, plain.standard_uncertainty)]
+    text = " ".join(Reader(result_of(report(plain))).text)
+    assert f"U leaves out undeclared errors, typically {figures[0]} g·m² in {name} beside u = {figures[1]}." in text
+    listed = re.search(r"Not in U: .* standard uncertainties of (.*\(I33\)) g·m²", text)[1].split(", ")
+    assert listed == [f"{fixed(1e3 * x, decimals(1e3 * x))} ({k})" for k, x in zip(NAMES, together, strict=True)]
 
 
 def test_in_concise_notation_each_value_has_its_standard_uncertainty(plain):
@@ -342,6 +384,23 @@ def test_warnings_of_dates_reach_result_and_page(runs):
     assert checks.rows(result)[-1][3] == "see Attention"
 
 
+TURNED = """
+[[source]]
+name = "KIND"
+target = "omega"
+kind = "KIND"
+sigma = "1e-3 UNIT"
+group = "imu"
+"""
+
+
+@pytest.mark.parametrize(("kind", "unit", "left"), [("misalignment", "rad", "in time"), ("delay", "s", "in frame")])
+def test_what_is_declared_is_not_assumed_away(runs, kind, unit, left):
+    source = TURNED.replace("KIND", kind).replace("UNIT", unit)
+    result = identify_files([runs / "run-0.mcap"], Experiment.from_dict(tomllib.loads(T1 + source)))
+    assert [text for text in result.assumptions if "aligned" in text] == [f"load cell and IMU are aligned {left}"]
+
+
 def test_the_number_is_that_of_the_content(plain):
     content = files(Certificate(plain))
     number = json.loads(content["result.json"])["certificate"]
@@ -384,6 +443,14 @@ def test_it_prints_as_a_numbered_a4_document_without_complaint(full, tmp_path):
             assert "2026-0173" in text
             assert f"page {k} of {len(pages)}" in text
             assert len(text.split()) > 20  # no empty page
+        for values in (
+            "Inertia tensor about",
+            "Mass and centre of gravity",
+            "Principal moments",
+            "Conformity with",
+            "Approved by A. Person",
+        ):
+            assert values in pages[0]
         assert "End of 2026-0173" in pages[-1]
         about = subprocess.run(["pdfinfo", printed], check=True, capture_output=True).stdout.decode()
         assert "(A4)" in about

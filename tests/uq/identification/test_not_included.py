@@ -177,6 +177,31 @@ def test_the_experiment_has_its_own_figures(by_source, measured):
     np.testing.assert_allclose(ours["centre_of_gravity"][4:], off, atol=0.03 * off.max())
 
 
+def test_where_all_is_declared_nothing_is_left_out(by_source, measured):
+    """But gravity, to which least squares are blind: nothing is left to be computed."""
+    names = {"gyro_axes": ("omega", "misalignment"), "load_cell_axes": ("wrench", "misalignment"), "gyro_scale": ("omega", "scale"),
+             "force_gain": ("F", "scale"), "moment_gain": ("M", "scale")}  # fmt: skip
+    declared = [source(name, *pair, [0.3] * 3) for name, pair in names.items()]
+    declared += [source("talk", "wrench", "cross_talk", 5e-3), source("late", "omega", "delay", 1e-3)]
+    content = document(measured, sources=declared) | {"not_included": {"mounting_frequency": False}}
+    result = with_not_included(by_source, [run_of(measured)], Experiment.from_dict(content))
+    assert result.not_included.effects == ()
+    assert result.not_included_tables() == []
+    assert not any(note.startswith("not included") for note in result.notes())
+
+
+def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
+    one, other = (Effect(name, name, "1", 1e-3 * np.array(values), signed) for name, values, signed in
+                  (("a", [3.0, 0, 0, 0, 3, 0, 0, 0, 0, 0], False), ("b", [-4.0, 0, 0, 0, 4, 0, 0, 0, 0, 0], True)))  # fmt: skip
+    both, u = NotIncluded((one, other)), 1e-3 * np.array([1.0, 1, 1, 1, 50, 1, 1, 1, 1, 1])
+    np.testing.assert_allclose(both.together, 1e-3 * np.array([5.0, 0, 0, 0, 5, 0, 0, 0, 0, 0]))
+    assert both.share(u) == (pytest.approx(5.0), 0)
+    assert both.beside(u) == "5.0 g in the mass beside u = 1.0"
+    u[0] = np.nan
+    assert both.share(u) == (pytest.approx(0.1), 4)
+    assert NotIncluded(()).share(u)[0] == 0
+
+
 def test_it_is_said_in_a_line_in_result_json_and_on_the_certificate(by_source):
     (line,) = (note for note in by_source.notes() if note.startswith("not included"))
     assert "more than the half-width of its interval" in line

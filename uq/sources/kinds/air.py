@@ -34,6 +34,7 @@ class DisplacedAir(Air):
 
     name = "bias"
     targets = {"displaced_air": "kg"}
+    absence = "the air has no buoyancy"
     perturbs = {"displaced_air": "displaced_air"}
 
     def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "4"]:
@@ -47,6 +48,7 @@ class EntrainedAir(Air):
 
     name = "bias"
     targets = {"entrained_air": "kg"}
+    absence = "no air moves along with the body"
     perturbs = {"entrained_air": "entrained_air"}
 
     def keys(self, target: str) -> dict[str, Any]:

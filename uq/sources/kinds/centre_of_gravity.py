@@ -8,5 +8,6 @@ class CentreOfGravity(ErrorKind):
 
     name = "bias"
     targets = {"r_cg": "m"}
+    absence = "the centre of gravity is exact"
     constant = True
     perturbs = {"r_cg": "r_cg"}

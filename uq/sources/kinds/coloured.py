@@ -39,6 +39,7 @@ class Coloured(ErrorKind):
 
     name = "coloured"
     targets = SIGNAL_UNITS
+    absence = "the noise of {} has neither flicker nor a random walk"
     noise = True
     averages_out = True
     sizes = PARAMETERS

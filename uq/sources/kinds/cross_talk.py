@@ -31,6 +31,7 @@ class CrossTalk(ErrorKind):
 
     name = "cross_talk"
     targets = {"wrench": "%"}
+    absence = "the {} has no cross-talk"
     shape = (6, 6)
     constant = True
     perturbs = {"wrench": "cell_cross_talk"}

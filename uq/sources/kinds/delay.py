@@ -16,6 +16,7 @@ class Delay(ErrorKind):
 
     name = "delay"
     targets = {"omega": "s"}
+    absence = "load cell and gyro have one clock"
     shape = ()
     constant = True
     needs_samples = True

@@ -11,6 +11,7 @@ class Gravity(ErrorKind):
 
     name = "bias"
     targets = {"gravity": "m/s^2"}
+    absence = "gravity is as stated"
     shape = ()
     constant = True
     perturbs = {"gravity": "gravity"}
@@ -21,6 +22,7 @@ class StillPoint(ErrorKind):
 
     name = "bias"
     targets = {"r_cg_from_omb": "m"}
+    absence = "the point that keeps still is as stated"
     constant = True
     perturbs = {"r_cg_from_omb": "r_cg_from_omb"}
 
@@ -30,5 +32,6 @@ class Tilt(ErrorKind):
 
     name = "bias"
     targets = {"tilt": "rad"}
+    absence = "the platform starts level"
     constant = True
     perturbs = {"tilt": "tilt"}

@@ -14,6 +14,7 @@ class Precision(ErrorKind):
 
     name = "precision"
     targets = SIGNAL_UNITS
+    absence = "there is no noise in {}"
     noise = True
     white = True
     averages_out = True

@@ -26,6 +26,7 @@ class Quantisation(ErrorKind):
 
     name = "quantisation"
     targets = SIGNAL_UNITS
+    absence = "the resolution of {} is unlimited"
     needs_samples = True
     in_sums_as = "white noise of variance step²/12"
     averages_out = True

@@ -19,6 +19,7 @@ class Saturation(ErrorKind):
 
     name = "saturation"
     targets = SIGNAL_UNITS
+    absence = "the range of {} is unlimited"
     needs_samples = True
     sizes = ("limit",)
     stage = 10

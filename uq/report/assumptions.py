@@ -1,0 +1,101 @@
+"""Assumptions of a result about errors, from the declared sources and from the kinds that none of them is of."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from identify.figure_style import display_name
+from uq.sources.source import KINDS, SIGNALS, ErrorKind
+
+NOUNS = {"F": "force", "M": "moment", "omega": "gyro", "wrench": "load cell"}
+"""Words for the targets of kinds that act on several."""
+DISTRIBUTIONS = {
+    "Rectangular": "rectangular",
+    "Triangular": "triangular",
+    "UShaped": "arcsine",
+    "StudentT": "Student's t",
+    "CurvilinearTrapezoid": "rectangular between uncertain limits",
+    "Empirical": "from samples",
+}
+"""Words for distributions by their class; all but the normal."""
+
+
+def source_assumptions(provenance: Mapping[str, Any]) -> list[str]:
+    """Return what holds since no error of a kind is declared, and how those that are declared are drawn.
+
+    Args:
+        provenance: of a result, with the experiment's values in SI under ``resolved``; without them nothing is said.
+    """
+    resolved = provenance.get("resolved")
+    if resolved is None:
+        return []
+    sources = resolved["sources"]
+    absent = absences([(source["target"], source["kind"]) for source in sources])
+    exact = [f"No declared source says otherwise: {'; '.join(absent)}."] if absent else []
+    return [*exact, *_drawn(sources, resolved["mixing"])]
+
+
+def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a clause for each kind of error on the targets where nothing that is declared does the same.
+
+    Args:
+        declared: target and kind of each source.
+    """
+    targets: dict[str, list[str]] = {}
+    for (target, _), kind in KINDS.items():
+        if kind.absence and not is_declared(target, kind, declared):
+            targets.setdefault(kind.absence, []).append(NOUNS.get(target, target))
+    return [absence.format(_listed(names)) for absence, names in targets.items()]
+
+
+def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
+    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
+    return any(
+        _same(kind, target, KINDS[pair], pair[0])
+        for pair in declared
+        if pair[0] == target or not {pair[0], target} <= set(SIGNALS)
+    )
+
+
+def _same(kind: ErrorKind, target: str, other: ErrorKind, other_target: str) -> bool:
+    field = kind.perturbs.get(target)
+    if field is not None and field == other.perturbs.get(other_target):
+        return True
+    if target != other_target:
+        return False
+    # white noise is denied by any noise, noise with a memory by such noise alone
+    noisy = kind.noise and other.noise and (kind.white or not other.white)
+    return noisy or kind is other or kind.absence == other.absence
+
+
+def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, Any]]) -> list[str]:
+    kinds = {source["name"]: KINDS[source["target"], source["kind"]] for source in sources}
+    drawn = [source for source in sources if kinds[source["name"]].constant or kinds[source["name"]].noise]
+    if not drawn:
+        return ["Nothing is drawn: no declared source is random."]
+    shapes = {source["name"]: DISTRIBUTIONS.get(source["shape"]["class"]) for source in drawn}
+    others = [f"{display_name(name)} ({shape})" for name, shape in shapes.items() if shape]
+    shifted = [
+        display_name(source["name"]) for source in drawn
+        if kinds[source["name"]].constant and np.any(np.asarray(source["mean"], float))
+    ]  # fmt: skip
+    in_rows = [source["name"] for source in drawn if np.ndim(source["shape"].get("samples", 0)) == 2]
+    together = [
+        " with ".join(map(display_name, names)) for names in (*(m["names"] for m in mixing), *([n] for n in in_rows))
+    ]
+    memory = [display_name(name) for name, kind in kinds.items() if kind.noise and not kind.white]
+    return [
+        f"Declared errors are drawn from normal distributions{_but(others)}.",
+        f"Their mean is zero{_but(shifted)}; they are independent of one another and axis by axis{_but(together)}.",
+        f"Noise is drawn anew at each sample, white{_but(memory)}; every other error is drawn once an experiment.",
+    ]
+
+
+def _but(names: Sequence[str]) -> str:
+    return f", but for {_listed(names)}" if names else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
