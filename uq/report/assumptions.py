@@ -49,20 +49,20 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
     return [absence.format(_listed(names)) for absence, names in targets.items()]
 
 
-def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
-    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
+def is_declared(quantity: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
+    """Return whether a source does what a kind does to the quantity that errs: of this kind, or of another to the same effect."""
     return any(
-        _same(kind, target, KINDS[pair], pair[0])
+        _same(kind, quantity, KINDS[pair], pair[0])
         for pair in declared
-        if pair[0] == target or not {pair[0], target} <= set(SIGNALS)
+        if pair[0] == quantity or not {pair[0], quantity} <= set(SIGNALS)
     )
 
 
-def _same(kind: ErrorKind, target: str, other: ErrorKind, other_target: str) -> bool:
-    field = kind.perturbs.get(target)
-    if field is not None and field == other.perturbs.get(other_target):
+def _same(kind: ErrorKind, quantity: str, other: ErrorKind, other_quantity: str) -> bool:
+    field = kind.perturbs.get(quantity)
+    if field is not None and field == other.perturbs.get(other_quantity):
         return True
-    if target != other_target:
+    if quantity != other_quantity:
         return False
     # white noise is denied by any noise, noise with a memory by such noise alone
     noisy = kind.noise and other.noise and (kind.white or not other.white)

@@ -167,6 +167,7 @@ def test_a_campaign_of_kept_programs_gives_the_same_bits(brief, monkeypatch, tmp
     """On two devices; the second time its programs are loaded, for which none is compiled."""
     options = {"trials": 60, "trajectories": "T1", "estimators": "central", "devices": jax.devices()}
     plain = montecarlo(brief, **options)
+    jax.clear_caches()  # what JAX's own cache folder gave lacks functions when it is serialized
     monkeypatch.setattr(CompiledProgram, "store", ProgramFolder(tmp_path))
     for program in (_sampled, _sharded):
         monkeypatch.setattr(program, "loaded", {})
