@@ -50,7 +50,7 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
 
 
 def is_declared(quantity: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
-    """Return whether a source does what a kind does to the quantity that errs: of this kind, or of another to the same effect."""
+    """Return whether a source does what a kind does to the quantity that errs, be it of another kind."""
     return any(
         _same(kind, quantity, KINDS[pair], pair[0])
         for pair in declared
