@@ -18,11 +18,11 @@ ROOT = Path(__file__).parent.parent
 
 def test_no_module_is_long():
     paths = [path for room in house.rooms() for path in room.glob("*.py")]
-    assert not {str(path.relative_to(ROOT)) for path in paths if house.lines(path) > 350}
+    assert not {str(path.relative_to(ROOT)) for path in paths if house.lines(path) > 500}
 
 
 def test_no_room_is_crowded():
-    assert not {str(room) for room in house.rooms() if len(house.modules(room)) > 14}
+    assert not {str(room) for room in house.rooms() if len(house.modules(room)) > 16}
 
 
 def test_every_room_says_what_it_is_for():

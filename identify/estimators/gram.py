@@ -41,11 +41,11 @@ class Sums(NamedTuple):
 class Estimate(NamedTuple):
     """A least-squares estimate of the tensor from sums."""
 
-    inertia: Float[Array, "6"]
+    inertia: Float[Array, "6 *#trials"]
     """Packed tensor about the centre of gravity [kg·m²]; NaN where the normal equations cannot be solved."""
-    condition: Float[Array, ""]
+    condition: Float[Array, "*#trials"]
     """Condition number of ``ΩᵀΩ`` in the Frobenius norm: at most six times the square of the regressor's own."""
-    ok: Bool[Array, ""]
+    ok: Bool[Array, "*#trials"]
     """Whether the estimate is finite and its condition number below ``CONDITION_LIMIT``."""
 
 
@@ -143,34 +143,92 @@ def solve(sums: Sums, r_cg: Float[Array, "3"]) -> Estimate:
     return solve_normal(*normal_equations(sums, r_cg))
 
 
-def solve_normal(matrix: Float[Array, "6 6"], right: Float[Array, "6"]) -> Estimate:
-    """Return the tensor from its normal equations; what cannot be solved is NaN and ``ok`` is False."""
-    inverse, inertia = _inverse_and_solution(matrix, right)
-    condition = jnp.linalg.norm(matrix) * jnp.linalg.norm(inverse)
-    ok = jnp.all(jnp.isfinite(inertia)) & (condition < CONDITION_LIMIT)
+def solve_normal(matrix: Float[Array, "6 6 *#trials"], right: Float[Array, "6 *#trials"]) -> Estimate:
+    """Return the tensor from its normal equations; what cannot be solved is NaN and ``ok`` is False.
+
+    Equations of many trials may stand side by side on trailing axes, or be mapped over by ``jax.vmap``: the arithmetic
+    is written out entry by entry, so that each entry is a vector over trials, which fills a processor's vector units
+    where LAPACK would take one small matrix after another.
+    """
+    inertia, size_of_inverse = _solution(matrix, right)
+    condition = jnp.sqrt(jnp.sum(matrix * matrix, axis=(0, 1)) * size_of_inverse)
+    ok = jnp.all(jnp.isfinite(inertia), axis=0) & (condition < CONDITION_LIMIT)
     return Estimate(jnp.where(ok, inertia, jnp.nan), condition, ok)
 
 
 @jax.custom_jvp
-def _inverse_and_solution(
-    matrix: Float[Array, "6 6"], right: Float[Array, "6"]
-) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
-    """Return inverse and solution by elimination: a positive definite matrix needs no pivots; NaN for any other."""
-    table = jnp.concatenate([matrix, jnp.eye(6, dtype=matrix.dtype), right[:, None]], axis=1)
-    here, pivots = np.eye(6, dtype=bool)[:, :, None], []
-    for k in range(6):
-        column = jax.lax.slice_in_dim(table, k, k + 1, axis=1)
-        pivot = jax.lax.slice_in_dim(column, k, k + 1)
-        pivots.append(pivot)
-        row = jax.lax.slice_in_dim(table, k, k + 1) / pivot
-        table = jnp.where(here[k], row, table - column * row)
-    table = jnp.where(jnp.min(jnp.concatenate(pivots)) > 0, table, jnp.nan)
-    return table[:, 6:12], table[:, 12]
+def _solution(
+    matrix: Float[Array, "6 6 *#trials"], right: Float[Array, "6 *#trials"]
+) -> tuple[Float[Array, "6 *#trials"], Float[Array, "*#trials"]]:
+    """Return the solution, and the inverse's sum of squares; NaN where the matrix is not positive definite."""
+    # the barrier: XLA would compute the root again for each of the entries that are made of it
+    root, scale = jax.lax.optimization_barrier(triangular_root(matrix))
+    half: list[Array] = []
+    for i in range(6):
+        half.append(scale[i] * (right[i] - sum(root[i, k] * half[k] for k in range(i))))
+    inertia: dict[int, Array] = {}
+    for i in reversed(range(6)):
+        inertia[i] = scale[i] * (half[i] - sum(root[k, i] * inertia[k] for k in range(i + 1, 6)))
+    size = sum((1 if i == j else 2) * entry * entry for (i, j), entry in _inverse_of(root, scale).items())
+    definite = jnp.all(jnp.stack(scale) > 0, axis=0)
+    solution = jnp.stack([inertia[i] for i in range(6)])
+    return jnp.where(definite, solution, jnp.nan), jnp.where(definite, size, jnp.nan)
 
 
-@_inverse_and_solution.defjvp
-def _of_changes(primals, tangents):
-    """Derivatives of every order are products of the solution's own parts, cheaper than those of the factorisation."""
-    inverse, inertia = _inverse_and_solution(*primals)
-    matrix, right = tangents
-    return (inverse, inertia), (-inverse @ matrix @ inverse, inverse @ (right - matrix @ inertia))
+@_solution.defjvp
+def _change_of_solution(primals, tangents):
+    """Derivatives of every order are products of the inverse and the solution, cheaper than those of the root."""
+    (inertia, size), inverse = _solution(*primals), _inverse(primals[0])
+    changed = tangents[1] - _product(tangents[0], inertia[:, None])[:, 0]
+    change_of_inverse = -_product(_product(inverse, tangents[0]), inverse)
+    change_of_size = 2 * jnp.sum(inverse * change_of_inverse, axis=(0, 1))
+    return (inertia, size), (_product(inverse, changed[:, None])[:, 0], change_of_size)
+
+
+@jax.custom_jvp
+def _inverse(matrix: Float[Array, "6 6 *trials"]) -> Float[Array, "6 6 *trials"]:
+    """Return the inverse of a positive definite matrix."""
+    lower = jax.lax.optimization_barrier(_inverse_of(*triangular_root(matrix)))
+    return jnp.stack([jnp.stack([lower[max(i, j), min(i, j)] for j in range(6)]) for i in range(6)])
+
+
+@_inverse.defjvp
+def _change_of_inverse(primals, tangents):
+    inverse = _inverse(*primals)
+    return inverse, -_product(_product(inverse, *tangents), inverse)
+
+
+def _product(first: Float[Array, "i j *trials"], second: Float[Array, "j k *trials"]) -> Float[Array, "i k *trials"]:
+    return jnp.einsum("ij...,jk...->ik...", first, second)
+
+
+Root = dict[tuple[int, int], Array]
+"""A lower triangular matrix entry by entry, each an array over trials."""
+
+
+def triangular_root(matrix: Float[Array, "k k *trials"]) -> tuple[Root, list[Array]]:
+    """Return Cholesky's L with ``L Lᵀ`` the matrix, and the reciprocals of its diagonal.
+
+    A column whose pivot is not positive is zero, and so is its reciprocal: a covariance that is singular has its root.
+    """
+    root: Root = {}
+    scale = []
+    for j in range(len(matrix)):
+        pivot = matrix[j, j] - sum(root[j, k] * root[j, k] for k in range(j))
+        positive = pivot > 0
+        # a safe denominator: the branch that is not taken must have no NaN in its derivative
+        scale.append(jnp.where(positive, jax.lax.rsqrt(jnp.where(positive, pivot, 1.0)), 0.0))
+        root[j, j] = pivot * scale[j]
+        for i in range(j + 1, len(matrix)):
+            root[i, j] = scale[j] * (matrix[i, j] - sum(root[i, k] * root[j, k] for k in range(j)))
+    return root, scale
+
+
+def _inverse_of(root: Root, scale: list[Array]) -> Root:
+    """Return the lower triangle of the inverse of ``L Lᵀ``."""
+    inverse: Root = {}
+    for j in range(6):
+        inverse[j, j] = scale[j]
+        for i in range(j + 1, 6):
+            inverse[i, j] = -scale[i] * sum(root[i, k] * inverse[k, j] for k in range(j, i))
+    return {(i, j): sum(inverse[k, i] * inverse[k, j] for k in range(i, 6)) for i in range(6) for j in range(i + 1)}

@@ -89,7 +89,7 @@ def montecarlo(
             Cases that sums do not tell (:mod:`uq.trials.split`) are computed sample by sample; with ``"samples"`` all
             are where a source is of a kind that sums tell only nearly (delay, quantisation). ``"collapsed"`` draws the
             sums that the gyro's noise leaves, too, an approximation that costs nothing per sample
-            (:mod:`uq.trials.collapsed`).
+            (:mod:`uq.trials.sums_engine`).
         points: ``"quasi-random"`` (:mod:`uq.sources.quasi_random`), for sums that are drawn (collapsed) in a number of
             trials that is given, best 8 × 2^k; or ``"random"``. None for quasi-random where they can be.
         adaptive: run blocks of trials until estimate, standard uncertainty and 95 % coverage interval of every

@@ -41,6 +41,11 @@ class Distribution(Pytree):
         def degrees_of_freedom(self) -> Value:
             """Degrees of freedom of the standard uncertainty (GUM G.4.2); infinite unless stated."""
 
+    skewness: ClassVar[Any] = 0.0
+    """Third central moment over the cube of the standard deviation; zero of a symmetric distribution."""
+    excess_kurtosis: ClassVar[Any] = 0.0
+    """Fourth central moment over the fourth power of the standard deviation, less the 3 of a normal distribution."""
+
     @abstractmethod
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Float[Array, "..."]:
         """Return independent draws.
@@ -119,6 +124,7 @@ class Bounded(Distribution):
 class Rectangular(Bounded):
     """All values between two limits are equally probable (JCGM 101, 6.4.2)."""
 
+    excess_kurtosis = -1.2
     degrees_of_freedom: Value = np.inf
 
     @property
@@ -134,6 +140,7 @@ class Triangular(Bounded):
     """Symmetric triangle between two limits (JCGM 101, 6.4.5): the average of two rectangular ones."""
 
     uniforms: ClassVar[int] = 2
+    excess_kurtosis = -0.6
     degrees_of_freedom: Value = np.inf
 
     @property
@@ -148,6 +155,7 @@ class Triangular(Bounded):
 class UShaped(Bounded):
     """Arc sine between two limits: a quantity that cycles sinusoidally, seen at a random instant (JCGM 101, 6.4.6)."""
 
+    excess_kurtosis = -1.5
     degrees_of_freedom: Value = np.inf
 
     @property
@@ -183,6 +191,12 @@ class StudentT(Distribution):
         factor = jnp.sqrt(jnp.where(finite, nu / jnp.where(finite, nu - 2, 1), jnp.inf))
         return self.scale * jnp.where(jnp.isinf(nu), 1, factor)
 
+    @property
+    def excess_kurtosis(self) -> Value:
+        """Excess kurtosis 6/(ν - 4) of ν degrees of freedom; infinite for four or fewer."""
+        nu = np.asarray(self.degrees_of_freedom, float)
+        return np.where(nu > 4, 6 / np.where(nu > 4, nu - 4, 1), np.inf)
+
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``."""
         dtype = _float(dtype)
@@ -214,6 +228,12 @@ class CurvilinearTrapezoid(Bounded):
     def standard_deviation(self) -> Value:
         """Standard deviation ``√((b - a)²/12 + d²/9)`` of the distribution."""
         return ((self.high - self.low) ** 2 / 12 + self.limit_half_width**2 / 9) ** 0.5
+
+    @property
+    def excess_kurtosis(self) -> Value:
+        """Excess kurtosis with a half-width rectangular in w ± d: ``(w⁴ + 2 w² d² + d⁴/5)/5`` over σ⁴, less 3."""
+        w, d = (self.high - self.low) / 2, self.limit_half_width
+        return (w**4 + 2 * w**2 * d**2 + d**4 / 5) / 5 / self.standard_deviation**4 - 3
 
     def _of(self, uniform: Array) -> Array:
         limits, inside = uniform
@@ -250,6 +270,21 @@ class Empirical(Distribution):
     def degrees_of_freedom(self) -> Value:
         """One less than there are samples."""
         return len(self.samples) - 1
+
+    @property
+    def skewness(self) -> Value:
+        """Skewness of the values, axis by axis."""
+        return self._moment(3)
+
+    @property
+    def excess_kurtosis(self) -> Value:
+        """Excess kurtosis of the values, axis by axis."""
+        return self._moment(4) - 3
+
+    def _moment(self, order: int) -> np.ndarray:
+        samples = np.asarray(self.samples)
+        away = samples - samples.mean(axis=0)
+        return np.mean((away / samples.std(axis=0)) ** order, axis=0)
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``; of rows, ``shape`` ends with their length."""

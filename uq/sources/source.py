@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Key
 
 from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
+from uq.sources.noise_filters import NoisePart
 from uq.sources.random_normals import Index
 from uq.sources.source_figures import figures, on_axes, part_of
 
@@ -143,6 +144,10 @@ class SignalRange(NamedTuple):
     """Whether the source's draws are correlated, among one another or with those of other sources."""
 
 
+MANY_SIGMA = 6.0
+"""Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
+
+
 class Beside(NamedTuple):
     """Other sources beside one source in a case, by which a kind decides what sums can simulate."""
 
@@ -152,6 +157,8 @@ class Beside(NamedTuple):
     """Number of other sources of this kind on this signal."""
     remainder: float
     """Remainder of the delayed angular velocity's polynomial, in parts of the delay's effect."""
+    reach: Float[np.ndarray, "3"]
+    """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added [SI]."""
 
 
 class ErrorKind:
@@ -289,6 +296,10 @@ class ErrorKind:
         What stands for a source is the same in every case for which there is something.
         """
         return None if self.needs_samples else source
+
+    def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
+        """Return noise as white noises behind filters, at a sample rate [Hz]: what trials on sums need of it."""
+        raise NotImplementedError(f"{self.name} states no filters of its noise")
 
     def white_variance(self, source: Source, rate: float) -> Float[np.ndarray, "3"] | None:
         """Return the variance of the white noise that the law takes it for, at a sample rate [Hz]; None: for none."""

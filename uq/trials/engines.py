@@ -1,7 +1,7 @@
 """The engines of a trial behind one interface: by sums over blocks, sample by sample, or on Gram sums.
 
 :mod:`uq.trials.trial` is the usual one, :mod:`uq.trials.samplewise` takes the cases that sums over samples cannot
-express (:mod:`uq.trials.split`), :mod:`uq.trials.collapsed` is for white normal noise and offsets alone. Each is held
+express (:mod:`uq.trials.split`), `uq.trials.sums_engine` draws the sums themselves. Each is held
 against the trial that ``docs/reference_trial.py`` spells out.
 """
 
@@ -14,19 +14,19 @@ from jaxtyping import Array, Int, Key
 
 from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
-from uq.files.document import ExperimentError
 from uq.gram_sums.error_maps import Platform
 from uq.gram_sums.setup import EqualRotations, Estimator, Sampling, Setup, cases_of
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.trials.collapsed import INSTEAD, REFUSED, CollapsedSetup, collapse, collapsed_trials, with_points
 from uq.trials.samplewise import SampledSetup, needs_samples, prepare_samples, sampled_trial
 from uq.trials.split import SplitSetup, first_trial, in_sums
+from uq.trials.sums_engine import SumsEngine, sums_trials, with_points
+from uq.trials.sums_setup import prepare_sums
 from uq.trials.trial import TrialEstimates, prepare, trials, trials_of_equal_rotations
 from uq.trials.trial_loop import SEGMENT, Progress, all_trials
 
-AnySetup = Setup | SampledSetup | CollapsedSetup | SplitSetup
-COLLAPSED_BATCH, COLLAPSED_SEGMENT = 1000, 5000
+AnySetup = Setup | SampledSetup | SumsEngine | SplitSetup
+COLLAPSED_BATCH, COLLAPSED_SEGMENT = 250, 5000
 """Trials that a device computes at a time, and between two reports of progress, when they hold no samples."""
 
 
@@ -42,22 +42,21 @@ def prepare_any(
     dtype: str = "float64",
     sampling: Sampling = "conditioned",
 ) -> AnySetup:
-    """Return what a trial needs: sums in the cases where they tell what the sources do, else every sample.
-
-    Raises:
-        ExperimentError: the sums are to be drawn, and their moments do not hold the effect of a source.
-    """
+    """Return what a trial needs: sums in the cases where they tell what the sources do, else every sample."""
     usual: dict[str, Any] = {"mixing": mixing, "dtype": dtype}
     if sampling == "samples":
         if needs_samples(sources, mixing):
             return prepare_samples(motion, body, platform, sources, estimators, trajectory=trajectory, **usual)
         return prepare(motion, body, platform, sources, estimators, sampling=sampling, **usual)
-    split = in_sums(motion, trajectory, sources, mixing)
-    if sampling == "collapsed" and split.sampled:
-        raise ExperimentError(f"{REFUSED}, since a source needs every sample: {INSTEAD}")
+    split = in_sums(motion, trajectory, body, sources, mixing, drawn=sampling == "collapsed")
     parts: list[Any] = []
     if split.summed and sampling == "collapsed":
-        parts.append(collapse(motion, body, split.sources, estimators, mixing=mixing, cases=split.summed))
+        parts.append(
+            prepare_sums(
+                motion, body, platform, split.sources, estimators,
+                trajectory=trajectory, mixing=mixing, cases=split.summed,
+            )
+        )  # fmt: skip
     elif split.summed:
         parts.append(
             prepare(
@@ -79,10 +78,10 @@ def prepare_any(
 
 
 def with_sobol_points(setup: AnySetup, trials: int, seed: int) -> AnySetup:
-    """Return the set-up with so many quasi-random trials of what is drawn as sums (:mod:`uq.trials.collapsed`)."""
+    """Return the set-up with so many quasi-random trials of what is drawn as sums (:mod:`uq.trials.sums_engine`)."""
     if isinstance(setup, SplitSetup):
         return replace(setup, parts=tuple(with_sobol_points(part, trials, seed) for part in setup.parts))
-    return with_points(setup, trials, seed) if isinstance(setup, CollapsedSetup) else setup
+    return with_points(setup, trials, seed) if isinstance(setup, SumsEngine) else setup
 
 
 def any_trials(
@@ -93,8 +92,8 @@ def any_trials(
         return trials_of_equal_rotations(setup, key, indices, at_once=at_once)
     if isinstance(setup, SplitSetup):
         return setup.joined([any_trials(part, key, indices, at_once=at_once) for part in setup.parts], len(indices))
-    if isinstance(setup, CollapsedSetup):
-        return collapsed_trials(setup, key, indices)
+    if isinstance(setup, SumsEngine):
+        return sums_trials(setup, key, indices)
     if isinstance(setup, Setup):
         return trials(setup, key, indices, at_once=at_once)
     by_number = lambda index: sampled_trial(setup, key, index)  # noqa: E731
@@ -122,7 +121,7 @@ def how_computed(setup: AnySetup, sources: Sequence[Source]) -> dict[str, Any]:
 def segment_for(setup: AnySetup) -> int:
     """Return about how many trials a device does between two reports of progress."""
     parts = setup.parts if isinstance(setup, SplitSetup) else [setup]
-    return COLLAPSED_SEGMENT if all(isinstance(part, CollapsedSetup) for part in parts) else SEGMENT
+    return COLLAPSED_SEGMENT if all(isinstance(part, SumsEngine) for part in parts) else SEGMENT
 
 
 def default_batch(device: jax.Device, sampling: Sampling = "conditioned") -> int:

@@ -12,7 +12,7 @@ sums are normal with a known covariance. ``sampling="conditioned"`` draws them f
 every sample. A case has the same distribution either way; cases with and without noise of the gyro draw from the same
 normal numbers. Noise of other distributions is always drawn sample by sample.
 
-``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.collapsed`. Coloured noise is drawn by sample. A
+``sampling="collapsed"`` draws the gyro's sums, too: :mod:`uq.trials.sums_engine`. Coloured noise is drawn by sample. A
 delay of the gyro changes its samples as noise does, by a polynomial in the delay (:mod:`uq.gram_sums.delayed_omega`).
 Cases that sums cannot express (saturation, a coarse quantisation) need every sample: :mod:`uq.trials.samplewise`.
 """

@@ -228,7 +228,7 @@ def both_ways(e, trial_number, **options):
     motion = true_motion(e, spec)
     usual = {"mixing": e.mixing, "dtype": options.get("dtype", "float64")}
     given = motion, e.body, platform_of(e, spec), e.sources, fitted_estimators(e.estimators[1:], spec, len(motion.t))
-    delayed = in_sums(motion, spec.trajectory, e.sources, e.mixing).delayed
+    delayed = in_sums(motion, spec.trajectory, e.body, e.sources, e.mixing).delayed
     setup = prepare(*given, sampling=options.get("sampling", "samples"), delayed=delayed, **usual)
     plain = prepare_samples(*given, trajectory=spec.trajectory, **usual)
     number = jnp.asarray(trial_number)

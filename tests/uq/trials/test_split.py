@@ -13,7 +13,7 @@ import pytest
 from tests.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.campaign.trial_setup import prepare_setup, true_motion
-from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.experiment import Experiment
 from uq.gram_sums.delayed_omega import delayed_omega, displacement
 from uq.sources.kinds.delay import LARGEST_REMAINDER
 from uq.trials.engines import how_computed
@@ -113,8 +113,7 @@ def test_a_coarse_step_gets_samples_and_a_step_alone_is_computed_once():
     assert how(experiment(NOISE[0], fine)) == words
     assert how(experiment(NOISE[0], coarse)) == {"by_samples": ["total"], "once": words["once"]}
     assert how(experiment(NOISE[0], fine), sampling="collapsed") == words
-    with pytest.raises(ExperimentError, match="needs every sample"):
-        montecarlo(experiment(NOISE[0], coarse), trials=2, sampling="collapsed")
+    assert how(experiment(NOISE[0], coarse), sampling="collapsed") == how(experiment(NOISE[0], coarse))
     result = montecarlo(experiment(NOISE[0], fine), trials=2, estimators="smoothed")
     assert result.provenance["computed"] == {"T": words}
     samples = how(experiment(NOISE[0], fine), sampling="samples")
@@ -133,6 +132,16 @@ def test_noise_that_does_not_round_independently_gets_samples():
         assert how(experiment(*sources))["by_samples"] == ["total"]
     white = source("F_noise", "F", "coloured", white=["1 N*s**0.5"] * 3)
     assert "by_samples" not in how(experiment(white, step))
+
+
+def test_a_range_that_is_far_needs_no_samples():
+    """The force goes to 195 N, and its noise to 6 × 10 N beyond."""
+    near, far = (source("limit", "F", "saturation", limit=[limit] * 3) for limit in ("250 N", "256 N"))
+    assert how(experiment(NOISE[0], near))["by_samples"] == ["total"]
+    once = ["group:group of limit", "source:limit"]
+    words = {"limit": "nothing: the signal stays within its range"}
+    assert how(experiment(NOISE[0], far)) == {"in_sums": words}
+    assert once
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Key
 
 from rig.toml_tables import WrongKeyError
 from uq.sources.draws import BLOCK
+from uq.sources.noise_filters import WALK, WHITE, NoiseFilter, NoisePart
 from uq.sources.random_normals import Index, drawn_in_turn, normal_pairs
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
 from uq.sources.source_figures import figures
@@ -80,6 +81,12 @@ class Coloured(ErrorKind):
             total, walk = total + (figure["random_walk"] / jnp.sqrt(rate)).astype(dtype) * sums, sums[:, -1]
         return total, Memory(processes, walk)
 
+    def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
+        """Return white noise, flicker and a running sum, those that are stated."""
+        filters = {"white": (WHITE, np.sqrt(rate)), "flicker": (FLICKER, 1.0), "random_walk": (WALK, 1 / np.sqrt(rate))}
+        stated = [(filters[name], np.asarray(figure)) for name, figure in source.settings.items() if np.any(figure)]
+        return [NoisePart(filter_, factor * figure) for (filter_, factor), figure in stated]
+
     def white_variance(self, source: Source, rate: float) -> np.ndarray:
         """Return the variance of its white part."""
         return np.square(source.settings.get("white", np.zeros(3))) * rate
@@ -106,6 +113,8 @@ def pink_response(lags: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
     """
     return np.exp([math.lgamma(k + 0.5) - math.lgamma(k + 1) - math.lgamma(0.5) for k in lags])
 
+
+FLICKER = NoiseFilter("flicker", pink_response)
 
 LONGEST = 2**24
 """Lag up to which the first-order processes stand for the response: 11 hours at 400 Hz."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from uq.sources.noise_filters import WHITE, NoisePart
 from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
 
 
@@ -18,6 +19,10 @@ class Precision(ErrorKind):
     noise = True
     white = True
     averages_out = True
+
+    def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
+        """Return it as white noise."""
+        return [NoisePart(WHITE, np.sqrt(source.variance))]
 
     def white_variance(self, source: Source, rate: float) -> np.ndarray:
         """Return its variance: a figure of each sample, whatever the rate."""

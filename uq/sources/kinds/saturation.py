@@ -7,11 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
+from uq.sources.source import MANY_SIGMA, SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source
 from uq.sources.source_figures import strictest
-
-MANY_SIGMA = 6.0
-"""Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
 
 
 class Saturation(ErrorKind):
@@ -21,6 +18,7 @@ class Saturation(ErrorKind):
     targets = SIGNAL_UNITS
     absence = "the range of {} is unlimited"
     needs_samples = True
+    in_sums_as = "nothing: the signal stays within its range"
     sizes = ("limit",)
     stage = 10
 
@@ -39,6 +37,10 @@ class Saturation(ErrorKind):
         limits = [source.settings["limit"] for source in sources]
         limit = strictest(limits, acting, jnp.minimum, jnp.full((3, 1), jnp.inf, signal.dtype))
         return jnp.clip(signal, -limit, limit)
+
+    def in_sums(self, source: Source, beside: Beside) -> Source | None:
+        """Return the source, which sums do not feel, where the signal stays well within its range."""
+        return None if np.any(beside.reach > np.asarray(source.settings["limit"])) else source
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that it cuts its signal off, unless the signal stays well within the range."""

@@ -1,0 +1,85 @@
+"""Normal equations of many trials at a time, against samples with the same errors, trial by trial."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from identify.estimators.gram import normal_equations
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
+from tests.gram_lab import accumulate
+from uq.gram_sums.case_equations import (
+    OF_OMEGA_R,
+    FeatureSums,
+    NoiseExpectation,
+    equations_of,
+    feature_map,
+    noise_of_right_side,
+    sums_by_axes,
+    symmetric,
+    weighted_sums,
+)
+from uq.gram_sums.error_maps import true_elements
+
+TRIALS, SAMPLES = 3, 40
+NOTHING = NoiseExpectation(np.zeros((45, 13)), np.zeros(9))
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Time, omega, alpha, wrench of one run."""
+    generator = np.random.default_rng(31)
+    return np.linspace(0, 2, SAMPLES), *generator.normal(size=(2, 3, SAMPLES)), generator.normal(size=(6, SAMPLES))
+
+
+@pytest.fixture(scope="module")
+def errors():
+    """Errors of three trials, the trials last."""
+    generator = np.random.default_rng(32)
+    shapes = {"gyro": (3, 3), "bias": (3,), "drift": (3,), "cell": (6, 6), "cell_bias": (6,), "r_cg": (3,)}
+    return {name: generator.normal(size=(*shape, TRIALS)) for name, shape in shapes.items()}
+
+
+@pytest.mark.parametrize("drifts", [False, True])
+def test_mapped_sums_are_those_of_samples_with_the_errors(run, errors, drifts):
+    t, omega, alpha, wrench = run
+    phi = np.concatenate([true_elements(omega, alpha, t)[: 15 if drifts else 10], alpha])
+    sums = FeatureSums(jnp.asarray(phi @ phi.T)[..., None], jnp.asarray(phi @ wrench.T)[..., None])
+    e = {name: jnp.asarray(values) for name, values in errors.items()}
+    mapped = feature_map(e["gyro"], e["bias"], e["drift"] if drifts else None)
+    equations = equations_of(sums, mapped, NOTHING, e["cell"], e["cell_bias"], e["r_cg"])
+    matrix = symmetric(equations.by_axes[:3].sum(axis=0))
+    for k in range(TRIALS):
+        own = {name: values[..., k] for name, values in errors.items()}
+        slope = own["drift"] if drifts else np.zeros(3)
+        sensed = own["gyro"] @ omega + own["bias"][:, None] + np.outer(slope, t)
+        turned = own["gyro"] @ alpha + slope[:, None]
+        seen = own["cell"] @ wrench + own["cell_bias"][:, None]
+        expected = normal_equations(accumulate(sensed, turned, seen[:3], seen[3:]), jnp.asarray(own["r_cg"]))
+        np.testing.assert_allclose(matrix[..., k], expected[0], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(equations.right[:, k], expected[1], rtol=1e-9, atol=1e-9)
+
+
+def test_noise_of_the_right_side_has_the_covariance_of_independent_samples(run, errors):
+    """Oracle: ``Σ Ωᵀ S Ω`` sample by sample, S the covariance of ``M - r × F``; the root's columns give it back."""
+    _, omega, alpha, _ = run
+    phi, r = features(omega, alpha), errors["r_cg"]
+    cell = np.random.default_rng(33).normal(size=(6, 6))
+    cell = cell @ cell.T
+    by_axes = sums_by_axes(jnp.asarray((phi @ phi.T)[OF_OMEGA_R, OF_OMEGA_R])[..., None])
+    covariance = weighted_sums(by_axes, jnp.asarray(cell), jnp.asarray(r))
+    columns = [noise_of_right_side(covariance, jnp.broadcast_to(unit[:, None], (6, TRIALS))) for unit in jnp.eye(6)]
+    for k in range(TRIALS):
+        r1, r2, r3 = r[:, k]
+        residual = np.hstack([-np.array([[0, -r3, r2], [r3, 0, -r1], [-r2, r1, 0]]), np.eye(3)])
+        regressor = np.einsum("kn,kij->nij", phi, OMEGA_R_OF_FEATURES)
+        expected = np.einsum("nai,ab,nbj->ij", regressor, residual @ cell @ residual.T, regressor)
+        root = np.stack([np.asarray(column)[:, k] for column in columns], axis=1)
+        np.testing.assert_allclose(root @ root.T, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_no_noise_adds_nothing_and_no_nan():
+    zero = noise_of_right_side(jnp.zeros((21, 2)), jnp.ones((6, 2)))
+    np.testing.assert_array_equal(zero, np.zeros((6, 2)))
+    slope = jax.grad(lambda size: noise_of_right_side(size * jnp.zeros((21, 2)), jnp.ones((6, 2))).sum())(1.0)
+    assert np.isfinite(slope)

@@ -1,0 +1,222 @@
+"""One pass over a run's samples: all that the moments of its Gram sums under the gyro's noise depend on.
+
+The noise is ``e = Σ filters, each driven by white noise from rest``. A sum's fluctuation linear in it is
+``Σ J e = Σ (Lᵀ J) w`` with a filter L and white w, so that the covariance of these is a Gram matrix of filtered
+monomials of the noise-free signals (:mod:`uq.gram_sums.noise_algebra`). The quadratic fluctuations' covariance is
+``Σ_t Σ_s H(t) H(s) C(t - s) C(t - s)`` (Isserlis), a convolution with products of autocovariances. Noise that is not
+normal has third and fourth cumulants; they enter through the coefficient of ``e²``.
+
+None of these depends on the size of the noise: :meth:`RunMoments.covariance` follows for any size in milliseconds.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float
+from scipy import fft, signal
+
+from uq.gram_sums.noise_algebra import NoiseAlgebra, noise_algebra
+from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
+
+PIECE = 8192
+"""Samples in a step of the pass where all noise is white: what a step works on stays in a processor's cache."""
+FEW = 16
+"""Lags of a kernel up to which its terms are added one by one, which is then faster than by Fourier transforms."""
+
+
+@dataclass(frozen=True)
+class RunMoments:
+    """Sums over a run, from which the covariance of its Gram sums follows for noise of any size."""
+
+    algebra: NoiseAlgebra
+    linear: Mapping[NoiseFilter, Float[np.ndarray, "linear linear"]]
+    """Gram matrix of the monomials behind each filter."""
+    quadratic: Mapping[tuple[NoiseFilter, NoiseFilter], Float[np.ndarray, "2 quadratic quadratic"]]
+    """Sums of pairs of monomials with products of two noises' autocovariances; second, the two noises exchanged."""
+    squares: Float[np.ndarray, "squares linear+squares"]
+    """Sums of the coefficients of white noise's squares with those of the noise itself and with one another."""
+    by_square: Float[np.ndarray, "3 products squares"]
+    """How the products follow from the coefficients of the squares, by axis."""
+    alpha: Mapping[NoiseFilter, Float[np.ndarray, " estimators"]]
+    """Variance of the noise of each estimator's alpha for unit noise."""
+    omega: Mapping[NoiseFilter, float]
+    """Variance of the noise of omega for unit noise, on the average over the run."""
+
+    def covariance(self, noise: GyroNoise) -> Float[np.ndarray, "products products"]:
+        """Return the covariance of the sums of ``algebra.products`` under noise of omega."""
+        algebra, axes = self.algebra, range(3)
+        total = np.zeros((len(algebra.products),) * 2)
+        for filter_, size in noise.parts.items():
+            for i, j in zip(*np.nonzero(size), strict=True):
+                total += size[i, j] * (algebra.by_linear[i] @ self.linear[filter_] @ algebra.by_linear[j].T)
+        used = [pair for pair in product(axes, repeat=2) if algebra.by_quadratic[pair].any()]
+        for (f, of_f), (g, of_g) in product(noise.parts.items(), repeat=2):
+            plain, exchanged = self.quadratic[f, g]
+            for (i, j), (k, m) in product(used, repeat=2):
+                matrix = of_f[i, k] * of_g[j, m] * plain + of_f[i, m] * of_g[j, k] * exchanged
+                if matrix.any():
+                    total += algebra.by_quadratic[i, j] @ matrix @ algebra.by_quadratic[k, m].T
+        for axis in axes:
+            third, fourth = noise.third_cumulant[axis], noise.fourth_cumulant[axis]
+            if third or fourth:
+                by_linear, by_square = algebra.by_linear[axis], self.by_square[axis]
+                of_linear, of_squares = np.split(self.squares, [by_linear.shape[1]], axis=1)
+                crossed = third * by_square @ of_linear @ by_linear.T
+                total += crossed + crossed.T + fourth * by_square @ of_squares @ by_square.T
+        return total
+
+
+def run_moments(
+    signals: Float[np.ndarray, "signals n"],
+    valid: Float[np.ndarray, " n"],
+    taps: Sequence[Float[np.ndarray, " _"]],
+    filters: Sequence[NoiseFilter] = (WHITE,),
+) -> RunMoments:
+    """Sum over the samples of a run.
+
+    Args:
+        signals: noise-free omega, every estimator's alpha, force and moment.
+        valid: 1 for samples that count, else 0; none of those within the longest differentiator's reach of the ends.
+        taps: every estimator's differentiator.
+        filters: of the gyro's noise.
+    """
+    algebra, n = noise_algebra(len(taps)), len(valid)
+    responses = [np.concatenate([-h[::-1], [0.0], h]) for h in map(np.asarray, taps)]
+    kernels = _of_one_length({f: _kernels(f.autocovariance(n), responses) for f in filters})
+    reach = max(map(len, responses)) - 1
+    only_white = all(f == WHITE for f in filters)
+    size, halo = (PIECE if only_white else n), reach
+    rows = np.pad(np.concatenate([valid[None], signals * valid]), ((0, 0), (halo, halo + size)))
+    linear = {f: np.zeros((len(algebra.linear),) * 2) for f in filters}
+    size_of_quadratic = (2, *(len(algebra.quadratic),) * 2)
+    quadratic = {(f, g): np.zeros(size_of_quadratic) for f in filters for g in filters}
+    layout = _squares_layout(algebra)
+    squares = np.zeros((len(layout), len(algebra.linear) + len(layout)))
+    for start in range(0, n, size):
+        piece = rows[:, start : start + size + 2 * halo]
+        values = _monomials(piece, [*algebra.linear, *algebra.quadratic])
+        inner = slice(halo, halo + size)
+        terms = _linear_terms(algebra, values, responses, inner)
+        for f in filters:
+            filtered = terms if f == WHITE else filtered_backwards(terms[:, :n], f)
+            linear[f] += filtered @ filtered.T
+        for pair in quadratic:
+            quadratic[pair] += _quadratic_sums(algebra, values, kernels[pair[0]], kernels[pair[1]], inner)
+        coefficients = _square_terms(layout, algebra, values, responses, inner)
+        squares += coefficients @ np.concatenate([terms, coefficients]).T
+    by_square = np.stack([algebra.by_quadratic[axis, axis][:, layout] for axis in range(3)])
+    alpha = {
+        f: np.array([k[1 + e, 1 + e][len(k[1 + e, 1 + e]) // 2] for e in range(len(taps))]) for f, k in kernels.items()
+    }
+    omega = {f: float(k[0, 0][len(k[0, 0]) // 2]) for f, k in kernels.items()}
+    return RunMoments(algebra, linear, quadratic, squares, by_square, alpha, omega)
+
+
+def _kernels(
+    autocovariance: Float[np.ndarray, " lags"], responses: Sequence[np.ndarray]
+) -> dict[tuple[int, int], Float[np.ndarray, " more_lags"]]:
+    """Return the covariance of the noises of two channels, the second's by a lag later; over centred lags."""
+    channels = [np.ones(1), *responses]
+    length = len(autocovariance) + 2 * (max(map(len, channels)) - 1)
+    kernels = {}
+    for (c, first), (d, second) in product(enumerate(channels), repeat=2):
+        kernel = signal.convolve(np.convolve(first, second[::-1]), autocovariance)
+        margin = (length - len(kernel)) // 2
+        kernels[c, d] = np.pad(kernel, margin)
+    return kernels
+
+
+def _of_one_length(kernels: dict[NoiseFilter, dict[tuple[int, int], np.ndarray]]) -> dict[NoiseFilter, dict]:
+    """Return the kernels with zeros on either side, so that those of two filters can be multiplied."""
+    longest = max(len(kernel) for of_filter in kernels.values() for kernel in of_filter.values())
+    return {
+        f: {c: np.pad(k, (longest - len(k)) // 2) for c, k in of_filter.items()} for f, of_filter in kernels.items()
+    }
+
+
+def _monomials(piece: Float[np.ndarray, "rows wide"], wanted: Sequence[tuple]) -> dict[tuple, np.ndarray]:
+    """Return products of signals; rows are what is valid, then the signals, zero where they do not count."""
+    products = {(): piece[0]}
+    for monomial in sorted({monomial for monomial, *_ in wanted}, key=len):
+        products[monomial] = (
+            piece[0] if not monomial else _product_of(monomial[:-1], products, piece) * piece[1 + monomial[-1]]
+        )
+    return products
+
+
+def _product_of(monomial: tuple, known: Mapping[tuple, np.ndarray], piece: np.ndarray) -> np.ndarray:
+    return known[monomial] if monomial in known else np.prod(piece[1 + np.array(monomial)], axis=0)
+
+
+def _linear_terms(
+    algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], responses: Sequence[np.ndarray], inner: slice
+) -> Float[np.ndarray, "linear n"]:
+    """Return by what each sample's noise of omega is multiplied, monomial by monomial."""
+    terms = np.empty((len(algebra.linear), inner.stop - inner.start))
+    for k, (monomial, channel) in enumerate(algebra.linear):
+        if not channel:
+            terms[k] = values[monomial][inner]
+    for e, response in enumerate(responses):
+        places = [k for k, (_, channel) in enumerate(algebra.linear) if channel == 1 + e]
+        terms[places] = _convolved(np.stack([values[algebra.linear[k][0]] for k in places]), response, inner)
+    return terms
+
+
+def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray:
+    """Return rows convolved with a centred kernel, at the inner samples."""
+    half, lags = len(kernel) // 2, np.flatnonzero(kernel)
+    if len(lags) > FEW:
+        return signal.oaconvolve(rows, kernel[None], mode="same", axes=1)[:, inner]
+    total = np.zeros((len(rows), inner.stop - inner.start))
+    for lag in lags:
+        shift = lag - half
+        total += kernel[lag] * rows[:, inner.start - shift : inner.stop - shift]
+    return total
+
+
+def filtered_backwards(terms: Float[np.ndarray, "rows n"], filter_: NoiseFilter) -> Float[np.ndarray, "rows n"]:
+    """Return ``Lᵀ`` of terms: by what each sample's white noise is multiplied that drives the filter."""
+    n = terms.shape[1]
+    size = fft.next_fast_len(2 * n, real=True)
+    spectrum = np.conj(fft.rfft(filter_.response(n), size))
+    return np.stack([fft.irfft(fft.rfft(row, size) * spectrum, size)[:n] for row in terms])
+
+
+def _quadratic_sums(
+    algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], first: Mapping, second: Mapping, inner: slice
+) -> Float[np.ndarray, "2 quadratic quadratic"]:
+    """Return the sums of pairs of monomials with the product of a kernel of the first noise and one of the second."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for k, (_, c, d) in enumerate(algebra.quadratic):
+        groups.setdefault((c, d), []).append(k)
+    rows = {group: np.stack([values[algebra.quadratic[k][0]] for k in members]) for group, members in groups.items()}
+    sums = np.zeros((2, *(len(algebra.quadratic),) * 2))
+    for ((c, d), left), ((e, f), right) in product(groups.items(), repeat=2):
+        for exchanged, (g, h) in enumerate(((e, f), (f, e))):
+            kernel = first[c, g] * second[d, h]
+            if kernel.any():
+                if len(right) > len(left):  # the shorter side is convolved
+                    block = _convolved(rows[c, d], kernel, inner) @ rows[e, f][:, inner].T
+                else:
+                    block = rows[c, d][:, inner] @ _convolved(rows[e, f], kernel[::-1], inner).T
+                sums[exchanged][np.ix_(left, right)] = block
+    return sums
+
+
+def _squares_layout(algebra: NoiseAlgebra) -> list[int]:
+    """Return the quadratic terms that hold squares of one sample's noise: those of one channel twice."""
+    return [k for k, (_, c, d) in enumerate(algebra.quadratic) if c == d]
+
+
+def _square_terms(
+    layout: Sequence[int], algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], responses: Sequence, inner: slice
+) -> Float[np.ndarray, "squares n"]:
+    """Return by what the square of each sample's noise of omega is multiplied, monomial by monomial."""
+    rows = []
+    for k in layout:
+        monomial, channel, _ = algebra.quadratic[k]
+        row = values[monomial]
+        rows.append(_convolved(row[None], responses[channel - 1] ** 2, inner)[0] if channel else row[inner])
+    return np.stack(rows)
