@@ -51,10 +51,6 @@ CELL_MAPS = frozenset(
 """Errors that map the wrench."""
 
 
-GYRO_ERRORS = frozenset({"gyro_misalignment", "gyro_scale", "gyro_bias", "gyro_drift", "gyro_delay"})
-"""Errors that map the sums of the motion."""
-
-
 class GyroStream(Pytree):
     """What a source of the gyro's noise makes the sums of a case fluctuate by."""
 
@@ -115,6 +111,7 @@ class _Draws(NamedTuple):
     cell: tuple[Float[Array, "6 trials"], ...]
     """Standard normal numbers of each stream of the load cell's noise."""
     trials: int
+    """Number of trials."""
 
 
 def with_points(engine: SumsEngine, trials: int, seed: int) -> SumsEngine:

@@ -165,8 +165,8 @@ def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[Array, "est
     scale = np.sqrt(np.maximum(np.diag(covariance), 0))
     inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
     values, vectors = np.linalg.eigh(covariance * np.outer(inverse, inverse))
-    kept = values > NEGLIGIBLE * values[-1]
-    root = (scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))[:, ::-1]  # the largest first
+    values = np.where(values > NEGLIGIBLE * values[-1], values, 0)  # not left out: another noise, the same program
+    root = (scale[:, None] * vectors * np.sqrt(values))[:, ::-1]  # the largest first
     gram, wrench = (x.reshape(len(x), -1) for x in (moments.algebra.gram, moments.algebra.wrench))
     return jax.device_put(root[np.concatenate([gram, wrench], axis=1)])
 
