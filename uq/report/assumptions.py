@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from identify.figure_style import display_name
-from uq.sources.source import KINDS, SIGNALS, ErrorKind
+from uq.sources.source import KINDS, ErrorKind
 
 NOUNS = {"F": "force", "M": "moment", "omega": "gyro", "wrench": "load cell"}
 """What errs, where a kind acts on several."""
@@ -51,22 +51,7 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
 
 def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
     """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
-    return any(
-        _same(kind, target, KINDS[pair], pair[0])
-        for pair in declared
-        if pair[0] == target or not {pair[0], target} <= set(SIGNALS)
-    )
-
-
-def _same(kind: ErrorKind, target: str, other: ErrorKind, other_target: str) -> bool:
-    field = kind.perturbs.get(target)
-    if field is not None and field == other.perturbs.get(other_target):
-        return True
-    if target != other_target:
-        return False
-    # white noise is denied by any noise, noise with a memory by such noise alone
-    noisy = kind.noise and other.noise and (kind.white or not other.white)
-    return noisy or kind is other or kind.absence == other.absence
+    return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)
 
 
 def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, Any]]) -> list[str]:
