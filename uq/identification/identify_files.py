@@ -129,7 +129,7 @@ def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[
     aligned = " and ".join(how for how, errs in (("in time", late), ("in frame", turned)) if not errs)
     instead = {f"{ALIGNED} in time and in frame": f"{ALIGNED} {aligned}" if aligned else ""}
     if acts("bias", "F", "M"):
-        instead[NO_OFFSETS] = ""
+        instead[NO_OFFSETS] = f"{NO_OFFSETS} beyond those declared"
     return [text for text in (instead.get(text, text) for text in assumptions) if text]
 
 

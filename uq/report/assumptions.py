@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from identify.figure_style import display_name
-from uq.sources.source import KINDS, SIGNALS, ErrorKind
+from uq.sources.source import KINDS, ErrorKind
 
 NOUNS = {"F": "force", "M": "moment", "omega": "gyro", "wrench": "load cell"}
 """Words for the targets of kinds that act on several."""
@@ -49,24 +49,9 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
     return [absence.format(_listed(names)) for absence, names in targets.items()]
 
 
-def is_declared(quantity: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
-    """Return whether a source does what a kind does to the quantity that errs, be it of another kind."""
-    return any(
-        _same(kind, quantity, KINDS[pair], pair[0])
-        for pair in declared
-        if pair[0] == quantity or not {pair[0], quantity} <= set(SIGNALS)
-    )
-
-
-def _same(kind: ErrorKind, quantity: str, other: ErrorKind, other_quantity: str) -> bool:
-    field = kind.perturbs.get(quantity)
-    if field is not None and field == other.perturbs.get(other_quantity):
-        return True
-    if quantity != other_quantity:
-        return False
-    # white noise is denied by any noise, noise with a memory by such noise alone
-    noisy = kind.noise and other.noise and (kind.white or not other.white)
-    return noisy or kind is other or kind.absence == other.absence
+def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
+    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
+    return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)
 
 
 def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, Any]]) -> list[str]:

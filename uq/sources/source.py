@@ -29,6 +29,8 @@ SIGNALS = tuple(SIGNAL_UNITS)
 SIGNAL_NUMBERS = {name: number for number, name in enumerate(SIGNALS)}
 SENSOR: Mapping[str, str] = MappingProxyType({"F": "cell", "M": "cell", "wrench": "cell", "omega": "gyro"})
 """Sensor that measures each target."""
+CHANNELS: Mapping[str, tuple[str, ...]] = MappingProxyType({"wrench": ("F", "M")})
+"""Signals that a target consists of, where it is several."""
 
 
 Draw = Float[Array | np.ndarray, "..."] | float
@@ -208,6 +210,16 @@ class ErrorKind:
     def __setattr__(self, name: str, value: object) -> NoReturn:
         """Refuse an attribute, as a kind has no state."""
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
+
+    def own_effects(self, target: str) -> frozenset[tuple[str, str]]:
+        """Return what makes :attr:`absence` false on a target: the fields, words or noise, each with a channel."""
+        marks = [self.absence, self.perturbs.get(target), ("noise" if self.white else "memory") if self.noise else None]
+        channels = CHANNELS.get(target, (target,))
+        return frozenset((mark, channel) for mark in marks if mark for channel in channels)
+
+    def effects(self, target: str) -> frozenset[tuple[str, str]]:
+        """Return what a source of the kind does, to be met with :meth:`own_effects` of others: all noise is noise."""
+        return self.own_effects(target) | ({("noise", target)} if self.noise else frozenset())
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.

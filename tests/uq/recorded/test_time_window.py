@@ -135,7 +135,7 @@ def test_the_command_takes_parts(short, tmp_path, marked, capsys):
     assert main([*command, "--from", "go", "--to", "8.5", "--from", "9.5", "--to", "end", "--offsets", "none"]) == 0
     said = capsys.readouterr().out
     assert "m.mcap: used from 2.00 to 8.50 s and 9.50 to 17.50 s; left out: 2,098 samples outside the part" in said
-    assert "free of constant offsets" not in said  # the preset declares them
+    assert "assumed: force and moment are free of constant offsets beyond those declared" in said
     assert "no mark 'stop' in m.mcap for --to" in refused(capsys, *command, "--to", "stop")
     assert "empty or reversed" in refused(capsys, *command, "--from", "9", "--to", "3")
     assert "invalid choice: 'maybe'" in refused(capsys, *command, "--offsets", "maybe")
