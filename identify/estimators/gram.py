@@ -160,16 +160,19 @@ def solve_normal(matrix: Float[Array, "6 6 *#trials"], right: Float[Array, "6 *#
 def _solution(
     matrix: Float[Array, "6 6 *#trials"], right: Float[Array, "6 *#trials"]
 ) -> tuple[Float[Array, "6 *#trials"], Float[Array, "*#trials"]]:
-    """Return the solution, and the inverse's sum of squares; NaN where the matrix is not positive definite."""
-    # the barrier: XLA would compute the root again for each of the entries that are made of it
-    root, scale = jax.lax.optimization_barrier(triangular_root(matrix))
+    """Return the solution, and the inverse's sum of squares; NaN where a pivot is not positive.
+
+    By elimination, not by Cholesky's root: with weights that are held fixed the matrix is only nearly symmetric.
+    """
+    # the barrier: XLA would compute the factors again for each of the entries that are made of them
+    lower, upper, scale = jax.lax.optimization_barrier(_factors(matrix))
     half: list[Array] = []
     for i in range(6):
-        half.append(scale[i] * (right[i] - sum(root[i, k] * half[k] for k in range(i))))
+        half.append(right[i] - sum(lower[i, k] * half[k] for k in range(i)))
     inertia: dict[int, Array] = {}
     for i in reversed(range(6)):
-        inertia[i] = scale[i] * (half[i] - sum(root[k, i] * inertia[k] for k in range(i + 1, 6)))
-    size = sum((1 if i == j else 2) * entry * entry for (i, j), entry in _inverse_of(root, scale).items())
+        inertia[i] = scale[i] * (half[i] - sum(upper[i, k] * inertia[k] for k in range(i + 1, 6)))
+    size = sum(entry * entry for entry in _inverse_of(lower, upper, scale).values())
     definite = jnp.all(jnp.stack(scale) > 0, axis=0)
     solution = jnp.stack([inertia[i] for i in range(6)])
     return jnp.where(definite, solution, jnp.nan), jnp.where(definite, size, jnp.nan)
@@ -187,9 +190,9 @@ def _change_of_solution(primals, tangents):
 
 @jax.custom_jvp
 def _inverse(matrix: Float[Array, "6 6 *trials"]) -> Float[Array, "6 6 *trials"]:
-    """Return the inverse of a positive definite matrix."""
-    lower = jax.lax.optimization_barrier(_inverse_of(*triangular_root(matrix)))
-    return jnp.stack([jnp.stack([lower[max(i, j), min(i, j)] for j in range(6)]) for i in range(6)])
+    """Return the inverse of a matrix whose pivots are positive."""
+    inverse = jax.lax.optimization_barrier(_inverse_of(*jax.lax.optimization_barrier(_factors(matrix))))
+    return jnp.stack([jnp.stack([inverse[i, j] for j in range(6)]) for i in range(6)])
 
 
 @_inverse.defjvp
@@ -224,11 +227,37 @@ def triangular_root(matrix: Float[Array, "k k *trials"]) -> tuple[Root, list[Arr
     return root, scale
 
 
-def _inverse_of(root: Root, scale: list[Array]) -> Root:
-    """Return the lower triangle of the inverse of ``L Lᵀ``."""
-    inverse: Root = {}
+def _factors(matrix: Float[Array, "6 6 *trials"]) -> tuple[Root, Root, list[Array]]:
+    """Return L, with ones on its diagonal, and U of a matrix ``L U``, and the reciprocals of U's diagonal, the pivots.
+
+    Positive definite matrices need no exchange of rows. Where a pivot is not positive its reciprocal is zero.
+    """
+    lower: Root = {}
+    upper: Root = {}
+    scale = []
     for j in range(6):
-        inverse[j, j] = scale[j]
+        for i in range(j, 6):
+            upper[j, i] = matrix[j, i] - sum(lower[j, k] * upper[k, i] for k in range(j))
+        positive = upper[j, j] > 0
+        # a safe denominator: the branch that is not taken must have no NaN in its derivative
+        scale.append(jnp.where(positive, 1 / jnp.where(positive, upper[j, j], 1.0), 0.0))
         for i in range(j + 1, 6):
-            inverse[i, j] = -scale[i] * sum(root[i, k] * inverse[k, j] for k in range(j, i))
-    return {(i, j): sum(inverse[k, i] * inverse[k, j] for k in range(i, 6)) for i in range(6) for j in range(i + 1)}
+            lower[i, j] = scale[j] * (matrix[i, j] - sum(lower[i, k] * upper[k, j] for k in range(j)))
+    return lower, upper, scale
+
+
+def _inverse_of(lower: Root, upper: Root, scale: list[Array]) -> Root:
+    """Return the entries of the inverse of ``L U``."""
+    of_lower: Root = {}
+    of_upper: Root = {}
+    for j in range(6):
+        of_upper[j, j] = scale[j]
+        for i in range(j + 1, 6):
+            of_lower[i, j] = -lower[i, j] - sum(lower[i, k] * of_lower[k, j] for k in range(j + 1, i))
+            of_upper[j, i] = -scale[i] * sum(of_upper[j, k] * upper[k, i] for k in range(j, i))
+    return {
+        (i, j): sum(of_upper[i, k] * of_lower[k, j] for k in range(max(i, j + 1), 6))
+        + (of_upper[i, j] if i <= j else 0.0)
+        for i in range(6)
+        for j in range(6)
+    }

@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft, signal
+from scipy import fft
 
 from uq.gram_sums.noise_algebra import NoiseAlgebra, noise_algebra
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
@@ -122,7 +122,7 @@ def _kernels(
     length = len(autocovariance) + 2 * (max(map(len, channels)) - 1)
     kernels = {}
     for (c, first), (d, second) in product(enumerate(channels), repeat=2):
-        kernel = signal.convolve(np.convolve(first, second[::-1]), autocovariance)
+        kernel = np.convolve(np.convolve(first, second[::-1]), autocovariance)
         margin = (length - len(kernel)) // 2
         kernels[c, d] = np.pad(kernel, margin)
     return kernels
@@ -168,7 +168,9 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
     """Return rows convolved with a centred kernel, at the inner samples."""
     half, lags = len(kernel) // 2, np.flatnonzero(kernel)
     if len(lags) > FEW:
-        return signal.oaconvolve(rows, kernel[None], mode="same", axes=1)[:, inner]
+        size = fft.next_fast_len(rows.shape[1] + len(kernel), real=True)
+        whole = fft.irfft(fft.rfft(rows, size) * fft.rfft(kernel, size), size)
+        return whole[:, inner.start + half : inner.stop + half]
     total = np.zeros((len(rows), inner.stop - inner.start))
     for lag in lags:
         shift = lag - half

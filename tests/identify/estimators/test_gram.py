@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.gram import Sums, normal_equations, ordinary_least_squares, shift_omega, solve
+from identify.estimators.gram import Sums, normal_equations, ordinary_least_squares, shift_omega, solve, solve_normal
 from identify.estimators.least_squares import ordinary
 from identify.identification import identify
 from identify.rigid_body.regressor import features, omega_r
@@ -152,3 +152,23 @@ def test_identify_names_it_where_jax_traces_its_arrays(samples):
     with pytest.raises(TypeError, match=r"^r_cg is traced by JAX, .*: use identify\.ordinary_least_squares"):
         jax.jit(lambda height: numbers("r_cg", [0.0, 0.0, height]))(0.1)
     assert numbers("r_cg", jnp.ones(3)).tolist() == [1.0, 1.0, 1.0]
+
+
+def test_equations_with_weights_held_fixed_are_not_symmetric(generator):
+    """Oracle: NumPy; beside one another on a trailing axis, under vmap, and the derivative by the matrix."""
+    matrices = generator.normal(size=(4, 9, 6))
+    matrices = np.einsum("tki,tkj->tij", matrices, matrices + 0.1 * generator.normal(size=matrices.shape))
+    right = generator.normal(size=(4, 6))
+    expected = np.linalg.solve(matrices, right[..., None])[..., 0]
+    trailing = solve_normal(jnp.moveaxis(jnp.asarray(matrices), 0, -1), jnp.asarray(right.T))
+    mapped = jax.vmap(solve_normal)(jnp.asarray(matrices), jnp.asarray(right))
+    np.testing.assert_allclose(trailing.inertia.T, expected, rtol=1e-9)
+    np.testing.assert_allclose(mapped.inertia, expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        mapped.condition, np.linalg.norm(matrices, axis=(1, 2)) * np.linalg.norm(np.linalg.inv(matrices), axis=(1, 2))
+    )
+    change = generator.normal(size=(6, 6))
+    slope = jax.jvp(
+        lambda m: solve_normal(m, jnp.asarray(right[0])).inertia, (jnp.asarray(matrices[0]),), (jnp.asarray(change),)
+    )[1]
+    np.testing.assert_allclose(slope, -np.linalg.solve(matrices[0], change @ expected[0]), rtol=1e-8)
