@@ -85,7 +85,7 @@ study: env
 
 # All that is installed, by hash and without an index's address. What the package needs is a part of everything, at the
 # same versions; with setuptools, which installs the checkout.
-lock: PIN = $(UV) pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url --python-version 3.11
+lock: PIN = $(UV) pip compile --quiet --universal --generate-hashes --no-header --python-version 3.11
 lock: $(UV)
 	$(PIN) --upgrade --extra dev pyproject.toml --output-file requirements-dev.lock
 	printf 'setuptools\n' | $(PIN) --upgrade --constraint requirements-dev.lock pyproject.toml - \
