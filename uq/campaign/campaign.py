@@ -97,7 +97,7 @@ def montecarlo(
             (:mod:`uq.coverage.adaptive_procedure`).
         digits: significant digits of the standard uncertainties that are to be stable, if adaptive.
         tolerance: the numerical tolerance of every component instead of digits [kg·m²].
-        batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 500 if collapsed.
+        batch: trials that one device computes at a time; None for 8 on a CPU, 64 elsewhere, 250 if collapsed.
         devices: devices to spread the trials over; None for all.
         progress: called after each segment of trials; True: a bar.
         checkpoint: folder that keeps what is done, so that the same call goes on where it was interrupted.

@@ -38,8 +38,8 @@ def _weights() -> np.ndarray:
     rows = OMEGA_R_OF_FEATURES[OF_OMEGA_R]
     pairs = []
     for a, b in AXES:
-        one = np.einsum("ki,mj->ijkm", rows[:, a], rows[:, b])
-        both = one if a == b else one + one.swapaxes(0, 1)
+        product = np.einsum("ki,mj->ijkm", rows[:, a], rows[:, b])
+        both = product if a == b else product + product.swapaxes(0, 1)
         pairs.append((both + both.swapaxes(2, 3)) / 2)  # of symmetric sums
     lower = np.stack(pairs)[:, LOWER6[:, 0], LOWER6[:, 1]]
     twice = np.where(LOWER9[:, 0] == LOWER9[:, 1], 1, 2)
@@ -107,13 +107,13 @@ def feature_map(
         after = count + 3 - before - rows.shape[1]
         return jnp.pad(rows, [(0, 0), (before, after), *[(0, 0)] * len(trials)])
 
-    one = placed(jnp.ones((1, 1, *trials)), 0)
+    constant = placed(jnp.ones((1, 1, *trials)), 0)
     linear = placed(sensed[:, :4], 0)
     alpha = placed(jnp.broadcast_to(gyro, (3, 3, *trials)), count)
     if drift is not None:
         linear = linear + placed(sensed[:, 4:], 10)
         alpha = alpha + placed(sensed[:, 4:], 0)
-    return jnp.concatenate([one, linear, placed(jnp.stack(rows), 0), alpha])
+    return jnp.concatenate([constant, linear, placed(jnp.stack(rows), 0), alpha])
 
 
 def equations_of(

@@ -52,8 +52,8 @@ def noise_algebra(estimators: int) -> NoiseAlgebra:
 
     signals = 3 + 3 * estimators
     features = [_features(3 + 3 * e) for e in range(estimators)]
-    gram = np.array([[[number(a, b) for b in own] for a in own] for own in features])
-    wrench = np.array([[[number(a, (signals + row,)) for row in range(6)] for a in own] for own in features])
+    gram = np.array([[[number(a, b) for b in factors] for a in factors] for factors in features])
+    wrench = np.array([[[number(a, (signals + row,)) for row in range(6)] for a in factors] for factors in features])
     linear: dict[tuple[Monomial, int], int] = {}
     quadratic: dict[tuple[Monomial, int, int], int] = {}
     linear_terms, quadratic_terms = [], []
