@@ -13,10 +13,10 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-u
 
 from identify.compiled_program import CompiledProgram
 from identify.figure_style import COLUMN, GRID, PALETTE, RULE, STYLE, label, new_figure
-from identify.rigid_body.inertia import MOMENTS, PRODUCTS
+from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from uq.campaign.averages import average
 from uq.campaign.campaign import MonteCarloResult
-from uq.campaign.campaign_figures import bars, finish_dispersion
+from uq.campaign.campaign_figures import ERROR_BAR, finish_dispersion
 from uq.experiment.experiment import TrajectorySpec, samples
 
 AXES = ("b1", "b2", "b3")
@@ -120,8 +120,8 @@ def averages(
                 [average(result, n, estimator, components) for n in names]
             ).T
             place = x + (k - 0.5) * 0.38
-            bars(top, place, sigma, sigma_error, 0.38, PALETTE[k + 1], kind)
-            bars(bottom, place, mean, mean_error, 0.38, PALETTE[k + 1], kind)
+            _bars(top, place, sigma, sigma_error, 0.38, PALETTE[k + 1], kind)
+            _bars(bottom, place, mean, mean_error, 0.38, PALETTE[k + 1], kind)
             _printed(top, place + 0.1, names, (printed or {}).get(f"3σ {kind}", {}), label=k == 1)
         finish_dispersion(top)
         top.set_ylabel("average 3σ [g·m²]")
@@ -132,6 +132,15 @@ def averages(
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
         figure.align_ylabels()
     return figure
+
+
+def _bars(
+    axes: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, width: float, colour: str, label: str
+) -> None:
+    """Draw bars with their standard errors, in g·m²."""
+    values, errors = GRAM_METRE * values, GRAM_METRE * errors
+    axes.bar(x, values, 0.92 * width, color=colour, label=label, linewidth=0)
+    axes.errorbar(x, values, errors, **ERROR_BAR)
 
 
 def _printed(axes: Axes, x: np.ndarray, names: list[str], values: Mapping[str, float], label: bool) -> None:

@@ -3,14 +3,15 @@
 A dispersion never stands alone: the mean error has its own panel, on its own scale.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.markers import TICKDOWN
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identify.figure_style import (
     COLUMN,
@@ -32,6 +33,13 @@ from uq.campaign.statistics import GRAM_METRE, Statistics
 
 BESIDE = 5
 """Cases whose bars stand side by side; more have a line each."""
+WIDTH = 0.8
+"""Width of a component's column, over the distance of two."""
+MARKER = 2.6**2
+"""Size of a mean error's marker [pt²]."""
+ERROR_BAR: dict[str, Any] = {"fmt": "none", "ecolor": "black", "elinewidth": 0.6, "capsize": 1.2, "capthick": 0.6}
+LABELS = 8
+"""Most characters of a column's labels; of more, only nought and the outermost are written."""
 
 
 def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
@@ -50,16 +58,19 @@ def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
         figure = new_figure(PAGE if len(cases) > 4 else COLUMN, 3.6, layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         width = 0.84 / max(len(cases), 1)
-        for k, (name, s) in enumerate(cases.items()):
-            x = np.arange(len(COMPONENTS)) + (k - (len(cases) - 1) / 2) * width
-            colour = PALETTE[k]
-            bars(top, x, s.three_sigma, s.three_sigma_standard_error, width, colour, label(display_name(name)))
-            _marks(bottom, x, s.mean_error, s.mean_error_standard_error, colour)
+        x = np.arange(len(COMPONENTS)) + (np.arange(len(cases))[:, None] - (len(cases) - 1) / 2) * width
+        sigma, sigma_error, mean, mean_error = _in_gram_metre(cases.values())
+        for name, colour, place, heights in zip(cases, PALETTE, x, sigma, strict=False):
+            top.bar(place, heights, 0.92 * width, color=colour, label=label(display_name(name)), linewidth=0)
+        top.errorbar(x.ravel(), sigma.ravel(), sigma_error.ravel(), **ERROR_BAR)
+        colours = np.repeat(PALETTE[: len(cases)], len(COMPONENTS))
+        bottom.vlines(x, mean - mean_error, mean + mean_error, colours, linewidth=0.7)
+        bottom.scatter(x, mean, MARKER, colours, zorder=3)
         finish_dispersion(top)
         _finish_mean_error(bottom, cases)
         bottom.set_xticks(range(len(COMPONENTS)), COMPONENTS)
-        for edge in np.arange(len(COMPONENTS) - 1) + 0.5:
-            bottom.axvline(edge, color=GRID, linewidth=0.5, zorder=0)
+        edges = np.arange(len(COMPONENTS) - 1) + 0.5
+        bottom.vlines(edges, 0, 1, GRID, linewidth=0.5, zorder=0, transform=bottom.get_xaxis_transform())
         number = columns(list(map(display_name, cases)), width_of(figure))
         figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=number)
         figure.align_ylabels()
@@ -67,72 +78,94 @@ def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
 
 
 def _line_by_line(cases: Mapping[str, Statistics]) -> FigureBase:
-    """A panel for each component, 3σ above and mean error below; a line for each case, the largest first."""
+    """A column for each component, 3σ above and mean error below; a line for each case, the largest first."""
     first, *others = cases
     size = {
         name: float(np.mean(np.nan_to_num(np.hypot(cases[name].three_sigma, 3 * cases[name].mean_error))))
         for name in others
     }
     names = [first, *sorted(others, key=lambda name: -size[name])[:LINES]]
-    shown = [cases[name] for name in names]
+    sigma, sigma_error, mean, mean_error = _in_gram_metre(cases[name] for name in names)
+    highest = np.nanmax(sigma, initial=0)
+    beyond = np.nanmax(np.abs(mean), initial=0) > highest
+    y = np.arange(len(names))[:, None]
     with matplotlib.rc_context(STYLE):
         figure = new_figure(PAGE, 1.1 + 0.3 * len(names), layout="constrained")
-        panels = figure.subplots(2, len(COMPONENTS), sharex="row", sharey=True)
-        y = np.arange(len(names))
-        for k, (top, bottom) in enumerate(panels.T):
-            sigma, sigma_error, mean, mean_error = (
-                GRAM_METRE * np.array([getattr(s, name)[k] for s in shown])
-                for name in ("three_sigma", "three_sigma_standard_error", "mean_error", "mean_error_standard_error")
-            )
-            top.barh(y, sigma, 0.7, color=[PALETTE[0], *[PALETTE[1]] * (len(names) - 1)])
-            style: dict[str, Any] = {"ecolor": "black", "elinewidth": 0.8}
-            top.errorbar(sigma, y, xerr=sigma_error, fmt="none", **style)
-            bottom.axvline(0, color=RULE, linewidth=0.6, zorder=1)
-            bottom.errorbar(mean, y, xerr=mean_error, fmt="o", markersize=2.6, color=PALETTE[1], **style)
-            bottom.plot(mean[:1], y[:1], "o", markersize=2.6, color=PALETTE[0], zorder=3)
-            top.set_title(COMPONENTS[k])
-            for axes in (top, bottom):
-                axes.tick_params(axis="y", left=False)
-                axes.grid(axis="x", color=GRID, linewidth=0.5)
-        panels[0, 0].set_yticks(y, [label(display_name(name)) for name in names])
-        panels[0, 0].invert_yaxis()
-        panels[0, 0].set_xlim(left=0)
-        panels[0, 0].xaxis.set_major_locator(MaxNLocator(3))
-        panels[1, 0].margins(x=0.15)
-        _scale_mean_errors(panels[1, 0], shown)
-        panels[0, 2].set_xlabel("3σ [g·m²]", x=1.0)
-        panels[1, 2].set_xlabel("mean error [g·m²]", x=1.0)
+        top, bottom = figure.subplots(2, 1, sharey=True)
+        place = _columns(top, [sigma + sigma_error], (0.0, 0.05))
+        for k, (start, end) in enumerate(zip(place(0 * sigma), place(sigma), strict=True)):
+            top.broken_barh(list(zip(start, end - start, strict=True)), (k - 0.35, 0.7), facecolor=PALETTE[min(k, 1)])
+        top.hlines(y + 0 * sigma, place(sigma - sigma_error), place(sigma + sigma_error), color="black", linewidth=0.8)
+        for k, name in enumerate(COMPONENTS):
+            top.text(k + WIDTH / 2, 1.05, name, ha="center", transform=top.get_xaxis_transform())
+        ends = mean - mean_error, mean + mean_error
+        decade = 10.0 ** np.floor(np.log10(highest or 1))
+        place = _columns(bottom, ends, (0.15, 0.15), decade if beyond else np.inf)
+        bottom.vlines(place(0), 0, 1, color=RULE, linewidth=0.6, transform=bottom.get_xaxis_transform())
+        bottom.hlines(y + 0 * mean, *map(place, ends), color="black", linewidth=0.8)
+        colours = np.repeat(PALETTE[:2], [len(COMPONENTS), mean[1:].size])
+        bottom.scatter(place(mean), y + 0 * mean, MARKER, colours, zorder=3)
+        top.set_yticks(y[:, 0], [label(display_name(name)) for name in names])
+        top.set_ylim(len(names) - 0.5, -0.5)
+        top.set_xlabel("3σ [g·m²]")
+        bottom.set_xlabel("mean error [g·m²]")
     return figure
 
 
-def _scale_mean_errors(axes: Axes, cases: Sequence[Statistics]) -> None:
-    """A logarithmic scale about nought, with the outermost decades named, where a mean error exceeds every 3σ."""
-    mean = GRAM_METRE * np.array([s.mean_error for s in cases])
-    if np.nanmax(np.abs(mean), initial=0) <= GRAM_METRE * np.max(
-        np.nan_to_num([s.three_sigma for s in cases]), initial=0
-    ):
-        axes.xaxis.set_major_locator(MaxNLocator(3))
-        return
-    axes.set_xscale("symlog", linthresh=1, linscale=0.7)
-    decades = [10.0**k for k in range(9)]
-    below, above = ([x for x in decades if x <= 3 * np.nanmax(side, initial=0)] for side in (-mean, mean))
-    axes.set_xticks([*(-x for x in below[-1:]), 0, *above[-1:]])
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
-    axes.xaxis.set_minor_locator(NullLocator())
+def _columns(
+    axes: Axes, values: Sequence[np.ndarray], margins: tuple[float, float], linear: float = np.inf
+) -> Callable[[Any], np.ndarray]:
+    """Draw the axes of all components side by side in one, in a fraction of the time that one each takes.
+
+    Args:
+        axes: empty.
+        values: that the columns, which are alike, must hold beside nought.
+        margins: below and above them, over their range.
+        linear: magnitude from which the scale is logarithmic.
+
+    Returns:
+        Where values stand in the axes, the last dimension being the components.
+    """
+
+    def scale(values: Any) -> Any:
+        return np.arcsinh(np.asarray(values) / linear) if np.isfinite(linear) else np.asarray(values)
+
+    def place(values: Any) -> np.ndarray:
+        return begins + WIDTH * (scale(values) - low) / (high - low)
+
+    begins = np.arange(len(COMPONENTS))
+    numbers = np.nan_to_num(values)
+    low, high = scale([np.min(numbers, initial=0), np.max(numbers, initial=0)])
+    high += low == high
+    low, high = low - margins[0] * (high - low), high + margins[1] * (high - low)
+    decades = linear * 10.0 ** np.arange(9)
+    ticks = np.array([*-decades[::-1], 0, *decades]) if np.isfinite(linear) else MaxNLocator(3).tick_values(low, high)
+    ticks = ticks[(low <= scale(ticks)) & (scale(ticks) <= high)]
+    texts = [f"{tick:g}".replace("-", "−") for tick in ticks]
+    named = texts if len("".join(texts)) <= LABELS else ["0", texts[np.argmax(np.abs(ticks))]]
+    marks, across = place(ticks[:, None]), axes.get_xaxis_transform()
+    for text, row in zip(texts, marks, strict=True):
+        for k, x in enumerate(row) if text in named else ():
+            shown = axes.annotate(text, (x, 0), (0, -7), across, "offset points", ha="center", va="top")
+            shown.set_in_layout(k == len(row) - 1)  # the others need no room beside the axes
+    axes.vlines(marks, 0, 1, color=GRID, linewidth=0.5, transform=across, zorder=0.5)
+    style: dict[str, Any] = {"color": "black", "linewidth": 0.6, "clip_on": False, "transform": across}
+    for x in marks:
+        axes.plot(x, 0 * x, linestyle="none", marker=TICKDOWN, markersize=3.5, markeredgewidth=0.6, **style)
+    for x in begins:
+        axes.plot([x, x, x + WIDTH], [1, 0, 0], **style)
+    axes.set_xticks([])
+    axes.set_xlim(0, len(COMPONENTS) - 1 + WIDTH)
+    axes.tick_params(axis="y", left=False)
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.xaxis.labelpad = 20
+    return place
 
 
-def bars(
-    axes: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, width: float, colour: str, label: str
-) -> None:
-    """Draw bars with their standard errors, in g·m²."""
-    values, errors = GRAM_METRE * values, GRAM_METRE * errors
-    axes.bar(x, values, 0.92 * width, color=colour, label=label, linewidth=0)
-    axes.errorbar(x, values, errors, fmt="none", ecolor="black", elinewidth=0.6, capsize=1.2, capthick=0.6)
-
-
-def _marks(axes: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, colour: str) -> None:
-    values, errors = GRAM_METRE * values, GRAM_METRE * errors
-    axes.errorbar(x, values, errors, fmt="o", markersize=2.6, color=colour, elinewidth=0.7, capsize=1.4, capthick=0.6)
+def _in_gram_metre(cases: Iterable[Statistics]) -> np.ndarray:
+    """3σ, its standard error, mean error and its standard error of all components, (4, cases, 6) [g·m²]."""
+    names = "three_sigma", "three_sigma_standard_error", "mean_error", "mean_error_standard_error"
+    return GRAM_METRE * np.stack([[getattr(s, name) for name in names] for s in cases], axis=1)
 
 
 def finish_dispersion(axes: Axes) -> None:

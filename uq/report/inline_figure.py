@@ -219,9 +219,9 @@ def _in_page_colours(style: str) -> str:
 
 
 def _smaller(address: str) -> str:
-    """A picture of pixels with 128 colours."""
+    """A picture of pixels at half its resolution, with 128 colours."""
     head, _, data = address.partition(",")
-    picture = Image.open(BytesIO(b64decode(data))).convert("RGBA")
+    picture = Image.open(BytesIO(b64decode(data))).convert("RGBA").reduce(2)
     buffer = BytesIO()
     picture.quantize(128, method=Image.Quantize.FASTOCTREE).save(buffer, format="png", optimize=True)
     return f"{head},{b64encode(buffer.getvalue()).decode()}"

@@ -7,6 +7,7 @@ from dataclasses import replace
 from hashlib import sha256
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from zlib import Z_RLE
 
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -24,10 +25,8 @@ from uq.report.input_tables import input_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DPI = 300
+DPI = 240
 """Resolution of PNG figures, and of what SVG figures hold as pixels [1/in]."""
-PAGE_DPI = 144
-"""Resolution of the pixel images in a page's figures [1/in]."""
 VERDICTS = ("Nothing calls for attention.", "Read what calls for attention before you use the figures.")
 """Verdicts for a result that states none: without findings, and with findings."""
 NARROW = 44
@@ -42,8 +41,8 @@ class Drawn(NamedTuple):
     name: str
     caption: str
     figure: "Figure"
-    moving: bytes | None
-    """The SVG that moves, where there is one."""
+    svg: bytes
+    """The figure's file: the SVG that moves, where there is one."""
     pictures: Sequence[Markup]
     """The elements of a page: the figure, and the same in motion."""
 
@@ -52,11 +51,6 @@ class Drawn(NamedTuple):
         """Whether the figure takes the width of a page rather than of a column."""
         return bool(self.figure.get_figwidth() > COLUMN)
 
-    @property
-    def svg(self) -> bytes:
-        """The figure's file."""
-        return rendered(self.figure, "svg") if self.moving is None else self.moving
-
 
 def drawn(drawings: Sequence[Drawing]) -> list[Drawn]:
     """Draw the figures of a page."""
@@ -64,11 +58,10 @@ def drawn(drawings: Sequence[Drawing]) -> list[Drawn]:
 
 
 def _drawn(drawing: Drawing, number: int) -> Drawn:
-    figure = cast("Figure", drawing.draw())
-    moving = None if drawing.animate is None else drawing.animate()
-    forms = [rendered(figure, "page"), *([] if moving is None else [moving])]
+    figure = laid_out(cast("Figure", drawing.draw()))
+    forms = [rendered(figure, "svg"), *([] if drawing.animate is None else [drawing.animate()])]
     pictures = [inline(svg, number + k, drawing.caption) for k, svg in enumerate(forms)]
-    return Drawn(drawing.name, drawing.caption, figure, moving, pictures)
+    return Drawn(drawing.name, drawing.caption, figure, forms[-1], pictures)
 
 
 def joined(first: Section, *others: Section) -> Section:
@@ -135,26 +128,29 @@ def _numbers(content: Mapping[str, Any]) -> Markup:
     return Markup(json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))  # noqa: S704
 
 
-def rendered(figure: "Figure", kind: str) -> bytes:
-    """Return a figure's file; the same figure gives the same bytes. Its parts then stay where they are.
-
-    Args:
-        figure: drawn.
-        kind: ``svg``, ``png``, or ``page``: an SVG with texts for :func:`uq.report.inline_figure.inline`.
-    """
-    buffer, page = BytesIO(), kind == "page"
+def laid_out(figure: "Figure") -> "Figure":
+    """Return a figure whose parts are in their places and stay there, as its files need it."""
     for text in figure.findobj(Text):  # a name, as of a run, may hold what no SVG may
         if (shown := on_its_lines(text.get_text())) != text.get_text():
             text.set_text(shown)
-    with matplotlib.rc_context({
-        "svg.hashsalt": "inertia-uq", "svg.fonttype": "none" if page else "path",
-        "figure.autolayout": False, "figure.constrained_layout.use": False,
-    }):  # fmt: skip
-        figure.savefig(
-            buffer, format="svg" if page else kind, dpi=PAGE_DPI if page else DPI,
-            metadata=None if kind == "png" else {"Date": None},
-        )  # fmt: skip
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
+    with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
         figure.set_layout_engine(None)  # with any engine, also "none", each file is drawn twice, the first time for it
+    return figure
+
+
+def rendered(figure: "Figure", kind: str) -> bytes:
+    """Return a figure's file; the same figure gives the same bytes.
+
+    Args:
+        figure: laid out.
+        kind: ``svg``, whose texts are texts, or ``png``.
+    """
+    buffer = BytesIO()
+    options: Any = {"pil_kwargs": {"compress_type": Z_RLE}} if kind == "png" else {"metadata": {"Date": None}}
+    with matplotlib.rc_context({"svg.hashsalt": "inertia-uq", "svg.fonttype": "none"}):
+        figure.savefig(buffer, format=kind, dpi=DPI, **options)
     return buffer.getvalue()
 
 

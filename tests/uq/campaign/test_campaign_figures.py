@@ -1,10 +1,12 @@
 """Figures carry the numbers they are drawn from, say their units, and leave matplotlib's settings alone."""
 
+from dataclasses import replace
 from functools import cache
 
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
@@ -15,7 +17,7 @@ from uq import barreto2016_figures as plots
 from uq.barreto2016 import PRINTED
 from uq.campaign.averages import average
 from uq.campaign.campaign import Breakdown, MonteCarloResult, Statistics
-from uq.campaign.campaign_figures import LINES, contributions
+from uq.campaign.campaign_figures import BESIDE, LINES, contributions
 from uq.experiment.experiment import Experiment
 
 
@@ -23,14 +25,16 @@ def heights(axes):
     return {c.get_label(): [bar.get_height() for bar in c] for c in axes.containers if isinstance(c, BarContainer)}
 
 
-def markers(axes):
-    return [c.lines[0].get_ydata() for c in axes.containers if not isinstance(c, BarContainer)]
+def half_lengths(lines, axis=1):
+    """Half lengths of the lines that are standard errors, by case."""
+    return np.reshape([np.ptp(segment[:, axis]) / 2 for segment in lines.get_segments()], (-1, len(COMPONENTS)))
 
 
-def half_lengths(axes):
-    """Half lengths of every error bar, one list for each container."""
-    containers = [c for c in axes.containers if not isinstance(c, BarContainer)]
-    return [[np.ptp(segment[:, 1]) / 2 for segment in c.lines[2][0].get_segments()] for c in containers]
+def read(axes, x, column):
+    """What stands at these places of a column with a linear scale, by its labels."""
+    labels = [(text.xy[0], float(text.get_text().replace("−", "-"))) for text in axes.texts if hasattr(text, "xy")]
+    places, values = np.transpose([pair for pair in labels if column <= pair[0] < column + 1])
+    return np.polyval(np.polyfit(places, values, 1), x)
 
 
 def statistics(mean, sigma):
@@ -41,26 +45,31 @@ def test_contributions_carry_the_statistics():
     cases = campaign()["T1", "central"].groups
     top, bottom = contributions(cases).axes
     assert list(heights(top)) == [display_name(name) for name in cases]
-    for k, (name, s) in enumerate(cases.items()):
+    for name, s in cases.items():
         np.testing.assert_allclose(heights(top)[display_name(name)], 1e3 * s.three_sigma)
-        np.testing.assert_allclose(half_lengths(top)[k], 1e3 * s.three_sigma_standard_error, atol=1e-12)
-        np.testing.assert_allclose(markers(bottom)[k], 1e3 * s.mean_error)
-        np.testing.assert_allclose(half_lengths(bottom)[k], 1e3 * s.mean_error_standard_error, atol=1e-12)
+    (bars,) = (c.lines[2][0] for c in top.containers if not isinstance(c, BarContainer))
+    lines, marks, *_ = bottom.collections
+    expected = {name: [1e3 * getattr(s, name) for s in cases.values()] for name in Statistics.__dataclass_fields__}
+    np.testing.assert_allclose(half_lengths(bars), expected["three_sigma_standard_error"], atol=1e-12)
+    np.testing.assert_allclose(marks.get_offsets()[:, 1], np.ravel(expected["mean_error"]))
+    np.testing.assert_allclose(half_lengths(lines), expected["mean_error_standard_error"], atol=1e-12)
     assert [label.get_text() for label in bottom.get_xticklabels()] == list(COMPONENTS)
 
 
 def test_many_cases_have_a_line_each_the_largest_first():
     cases = {"total": statistics(0, 9)} | {f"s{k}": statistics(-0.1 * k, k) for k in range(20)}
-    figure = contributions(cases)
+    top, bottom = contributions(cases).axes
     names = ["total", *(f"s{k}" for k in range(19, 19 - LINES, -1))]
-    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == names
-    for k, (top, bottom) in enumerate(zip(figure.axes[:6], figure.axes[6:], strict=True)):
-        bars = next(c for c in top.containers if isinstance(c, BarContainer))
-        shown = [cases[name] for name in names]
-        np.testing.assert_allclose([bar.get_width() for bar in bars], [1e3 * s.three_sigma[k] for s in shown])
-        (points,) = (c for c in bottom.containers if not isinstance(c, BarContainer))
-        np.testing.assert_allclose(points.lines[0].get_xdata(), [1e3 * s.mean_error[k] for s in shown])
-        assert top.get_title() == COMPONENTS[k]
+    shown = [cases[name] for name in names]
+    assert [text.get_text() for text in top.get_yticklabels()] == names
+    assert [text.get_text() for text in top.texts if text.get_text() in COMPONENTS] == list(COMPONENTS)
+    bars = [c for c in top.collections if isinstance(c, PolyCollection)]
+    (marks,) = (c for c in bottom.collections if isinstance(c, PathCollection))
+    points = marks.get_offsets()[:, 0].reshape(-1, len(COMPONENTS))
+    for k in range(len(COMPONENTS)):
+        ends = [paths.get_paths()[k].get_extents().x1 for paths in bars]
+        np.testing.assert_allclose(read(top, ends, k), [1e3 * s.three_sigma[k] for s in shown])
+        np.testing.assert_allclose(read(bottom, points[:, k], k), [1e3 * s.mean_error[k] for s in shown], atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [4, 5, 24])
@@ -71,6 +80,7 @@ def test_nothing_is_clipped_and_no_labels_collide(count):
     for axes in figure.axes:
         low, high = axes.get_xlim()
         labels = [text for text in axes.get_xticklabels() if text.get_text() and low <= text.get_position()[0] <= high]
+        labels += [text for text in axes.texts if hasattr(text, "xy") and count > BESIDE]
         boxes = [text.get_window_extent() for text in labels]
         assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :]), axes.get_title()
         legends += labels
@@ -87,6 +97,17 @@ def test_a_mean_error_beyond_its_dispersion_is_written_out():
     assert bottom.get_yscale() == "symlog"
     calm = contributions({"total": statistics(0.1, 3)}).axes[1]
     assert (calm.get_yscale(), len(calm.texts)) == ("linear", 0)
+
+
+@pytest.mark.parametrize(
+    ("mean", "names"), [(-3000, ["−10000", "0"]), (-30, ["−10", "−1", "0"]), (3, ["0", "1.5", "3"])]
+)
+def test_a_column_names_nought_and_how_far_it_goes(mean, names):
+    """A mean error beyond every 3σ has a logarithmic scale, whose decades begin below the largest 3σ."""
+    cases = {f"{k}": statistics(mean * (k == 0), 5) for k in range(7)}
+    cases = {name: replace(s, mean_error_standard_error=0 * s.mean_error) for name, s in cases.items()}
+    _, bottom = contributions(cases).axes
+    assert [text.get_text() for text in bottom.texts if text.xy[0] < 1] == names
 
 
 def test_every_mark_lies_inside_its_panel():
