@@ -10,10 +10,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.estimators.gram import triangular_root
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PAIRS
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PAIRS, Array, library_of
+from uq.gram_sums.noise_algebra import expectation_terms
 
 OF_OMEGA_R = slice(4, 13)
 """Features in which Omega_R is linear: the products of omega, and alpha."""
@@ -66,6 +67,27 @@ class NoiseExpectation(NamedTuple):
     """Of the features of Omega_R: their expectation."""
 
 
+NO_NOISE = NoiseExpectation(np.zeros((45, 13)), np.zeros(9))
+
+
+def noise_expectation(
+    omega: Float[Array, "3 3"], alpha: Float[Array, "3 3"], *, fourth_order: bool = True
+) -> NoiseExpectation:
+    """Return what normal noise of the gyro adds to expected sums: exact for noise of any size, unless told otherwise.
+
+    Args:
+        omega: covariance of the noise of omega at one sample [rad²/s²].
+        alpha: covariance of the noise of the differentiator's alpha [rad²/s⁴].
+        fourth_order: whether products of four noises count; else the second order alone, ``½ tr(H Σ)``.
+    """
+    xp = library_of(omega, alpha)
+    terms = xp.einsum("kmcijf,cij->kmf", expectation_terms(), xp.stack([omega, alpha]))
+    features, pairs = terms[0, :, 0], terms[4 + LOWER9[:, 0], 4 + LOWER9[:, 1]]  # a feature is its product with 1
+    if fourth_order:
+        pairs = pairs + (pairs @ features)[:, None] / 2 * np.eye(1, 13)
+    return NoiseExpectation(pairs, features[4:])
+
+
 def sums_by_axes(gram: Float[Array, "9 9 *#trials"]) -> Float[Array, "6 21 *#trials"]:
     """Return ``Σ Ω_aᵀ Ω_b`` with its transpose, pair by pair of axes, from the Gram matrix of Omega_R's features."""
     lower = jnp.concatenate([gram[i, : i + 1] for i in range(9)])
@@ -95,25 +117,26 @@ def feature_map(
 
     These are 1, omega, its products, with a drift t, t omega, t², and alpha.
     """
-    trials = jnp.broadcast_shapes(gyro.shape[2:], bias.shape[1:])
+    trials = np.broadcast_shapes(gyro.shape[2:], bias.shape[1:])
     count = 10 if drift is None else 15
     parts = [bias[:, None], gyro, *([] if drift is None else [drift[:, None]])]
-    sensed = jnp.concatenate([jnp.broadcast_to(x, (*x.shape[:2], *trials)) for x in parts], axis=1)
-    left, right = (jnp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
-    twice = TWO_WAYS[:count, None]
+    xp = library_of(*parts)
+    sensed = xp.concat([xp.broadcast_to(x, (*x.shape[:2], *trials)) for x in parts], axis=1)
+    left, right = (xp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
+    twice = TWO_WAYS[:count].reshape(count, *[1] * len(trials))
     rows = [left[i] * right[j] + twice * right[i] * left[j] for i, j in PAIRS]
 
     def placed(rows: Array, before: int) -> Array:
         after = count + 3 - before - rows.shape[1]
-        return jnp.pad(rows, [(0, 0), (before, after), *[(0, 0)] * len(trials)])
+        return xp.pad(rows, [(0, 0), (before, after), *[(0, 0)] * len(trials)])
 
-    constant = placed(jnp.ones((1, 1, *trials)), 0)
+    constant = placed(xp.ones((1, 1, *trials)), 0)
     linear = placed(sensed[:, :4], 0)
-    alpha = placed(jnp.broadcast_to(gyro, (3, 3, *trials)), count)
+    alpha = placed(xp.broadcast_to(gyro, (3, 3, *trials)), count)
     if drift is not None:
         linear = linear + placed(sensed[:, 4:], 10)
         alpha = alpha + placed(sensed[:, 4:], 0)
-    return jnp.concatenate([constant, linear, placed(jnp.stack(rows), 0), alpha])
+    return xp.concat([constant, linear, placed(xp.stack(rows), 0), alpha])
 
 
 def equations_of(
@@ -121,7 +144,7 @@ def equations_of(
     features: Float[Array, "13 elements *#trials"],
     noise: NoiseExpectation,
     cell: Float[Array, "6 columns *#trials"] | None,
-    cell_bias: Float[Array | np.ndarray, "6 *#trials"],
+    cell_bias: Float[Array, "6 *#trials"],
     r_cg: Float[Array, "3 *#trials"],
 ) -> Equations:
     """Return the normal equations of a case with its constant errors.
@@ -159,7 +182,9 @@ def equations_of(
     return Equations(*barrier((by_axes, right)))
 
 
-def residual_covariance(cell: Float[Array, "6 6"], r_cg: Float[Array, "3 *#trials"]) -> Float[Array, "6 *#trials"]:
+def residual_covariance(
+    cell: Float[Array, "6 6 *#trials"], r_cg: Float[Array, "3 *#trials"]
+) -> Float[Array, "6 *trials"]:
     """Return the covariance of ``M - r × F`` for that of force and moment, pair by pair of :data:`AXES`."""
     r1, r2, r3 = r_cg
     crossed: list[dict[int, Array]] = [{1: r3, 2: -r2}, {0: -r3, 2: r1}, {0: r2, 1: -r1}]  # -r ×, row by row
@@ -171,11 +196,11 @@ def residual_covariance(cell: Float[Array, "6 6"], r_cg: Float[Array, "3 *#trial
 
 
 def weighted_sums(
-    by_axes: Float[Array, "6 21 *#trials"], cell: Float[Array, "6 6"], r_cg: Float[Array, "3 *#trials"]
-) -> Float[Array, "21 *#trials"]:
+    by_axes: Float[Array, "6 21 *#trials"], cell: Float[Array, "6 6 *#trials"], r_cg: Float[Array, "3 *#trials"]
+) -> Float[Array, "21 *trials"]:
     """Return ``Σ Ωᵀ S Ω`` for the covariance S of ``M - r × F`` that a covariance of force and moment makes."""
     covariance = residual_covariance(cell, r_cg)
-    return jnp.sum(by_axes * covariance[:, None], axis=0)
+    return sum((by_axes[a] * covariance[a, None] for a in range(1, len(AXES))), by_axes[0] * covariance[0, None])
 
 
 def noise_of_right_side(

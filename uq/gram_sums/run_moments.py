@@ -10,15 +10,16 @@ None of these depends on the size of the noise: :meth:`RunMoments.covariance` fo
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement, product
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft
+from numpy import fft
 
+from uq.gram_sums.case_equations import NoiseExpectation, noise_expectation
 from uq.gram_sums.noise_algebra import NoiseAlgebra, noise_algebra
-from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
+from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter, fast_length
 
 PIECE = 8192
 """Samples in a step of the pass where all noise is white: what a step works on stays in a processor's cache."""
@@ -44,13 +45,21 @@ class RunMoments:
     omega: Mapping[NoiseFilter, float]
     """Variance of the noise of omega for unit noise, on the average over the run."""
 
+    def __add__(self, other: "RunMoments") -> "RunMoments":
+        """Return the moments over the samples of both, which are parts of one run."""
+        linear = {f: sums + other.linear[f] for f, sums in self.linear.items()}
+        quadratic = {pair: sums + other.quadratic[pair] for pair, sums in self.quadratic.items()}
+        return replace(self, linear=linear, quadratic=quadratic, squares=self.squares + other.squares)
+
+    def expectation(self, noise: GyroNoise, estimator: int, *, fourth_order: bool = True) -> NoiseExpectation:
+        """Return what noise adds to an estimator's expected sums; see :func:`noise_expectation`."""
+        omega = sum((size * self.omega[f] for f, size in noise.parts.items()), np.zeros((3, 3)))
+        alpha = sum((size * self.alpha[f][estimator] for f, size in noise.parts.items()), np.zeros((3, 3)))
+        return noise_expectation(omega, alpha, fourth_order=fourth_order)
+
     def covariance(self, noise: GyroNoise) -> Float[np.ndarray, "products products"]:
         """Return the covariance of the sums of ``algebra.products`` under noise of omega."""
-        algebra, axes = self.algebra, range(3)
-        total = np.zeros((len(algebra.products),) * 2)
-        for filter_, size in noise.parts.items():
-            for i, j in zip(*np.nonzero(size), strict=True):
-                total += size[i, j] * (algebra.by_linear[i] @ self.linear[filter_] @ algebra.by_linear[j].T)
+        algebra, axes, total = self.algebra, range(3), self.linear_covariance(noise)
         used = [pair for pair in product(axes, repeat=2) if algebra.by_quadratic[pair].any()]
         for (f, of_f), (g, of_g) in product(noise.parts.items(), repeat=2):
             plain, exchanged = self.quadratic[f, g]
@@ -67,51 +76,66 @@ class RunMoments:
                 total += crossed + crossed.T + fourth * by_square @ of_squares @ by_square.T
         return total
 
+    def linear_covariance(self, noise: GyroNoise) -> Float[np.ndarray, "products products"]:
+        """Return the covariance that the terms linear in the noise alone would give."""
+        by_linear = self.algebra.by_linear
+        total = np.zeros((len(self.algebra.products),) * 2)
+        for filter_, size in noise.parts.items():
+            for i, j in zip(*np.nonzero(size), strict=True):
+                total += size[i, j] * (by_linear[i] @ self.linear[filter_] @ by_linear[j].T)
+        return total
+
 
 def run_moments(
     signals: Float[np.ndarray, "signals n"],
     valid: Float[np.ndarray, " n"],
     taps: Sequence[Float[np.ndarray, " _"]],
     filters: Sequence[NoiseFilter] = (WHITE,),
+    *,
+    margin: int = 0,
 ) -> RunMoments:
-    """Sum over the samples of a run.
+    """Sum over the samples of a run, or of a part of it.
 
     Args:
         signals: noise-free omega, every estimator's alpha, force and moment.
         valid: 1 for samples that count, else 0; none of those within the longest differentiator's reach of the ends.
         taps: every estimator's differentiator.
-        filters: of the gyro's noise.
+        filters: of the gyro's noise; of a part's, white alone.
+        margin: samples at either end that are not summed, since other parts do; twice the longest differentiator's
+            reach then.
     """
     algebra, n = noise_algebra(len(taps)), len(valid)
     responses = [np.concatenate([-h[::-1], [0.0], h]) for h in map(np.asarray, taps)]
     kernels = _of_one_length({f: _kernels(f.autocovariance(n), responses) for f in filters})
     reach = max(map(len, responses)) - 1
-    only_white = all(f == WHITE for f in filters)
-    size, halo = (PIECE if only_white else n), reach
-    rows = np.pad(np.concatenate([valid[None], signals * valid]), ((0, 0), (halo, halo + size)))
-    linear = {f: np.zeros((len(algebra.linear),) * 2) for f in filters}
+    in_steps = not margin and all(f == WHITE for f in filters)
+    size, halo = PIECE if in_steps else n - 2 * margin, reach
+    filled = halo - margin + (2 * margin - n) % size  # up to a whole number of steps
+    rows = np.pad(np.concatenate([valid[None], signals * valid]), ((0, 0), (halo - margin, filled)))
+    count, layout = len(algebra.linear), _squares_layout(algebra)
+    white = np.zeros((count + len(layout),) * 2)
+    linear = {f: np.zeros((count, count)) for f in filters}
     size_of_quadratic = (2, *(len(algebra.quadratic),) * 2)
     quadratic = {(f, g): np.zeros(size_of_quadratic) for f in filters for g in filters}
-    layout = _squares_layout(algebra)
-    squares = np.zeros((len(layout), len(algebra.linear) + len(layout)))
-    for start in range(0, n, size):
+    inner = slice(halo, halo + size)
+    for start in range(0, n - 2 * margin, size):
         piece = rows[:, start : start + size + 2 * halo]
         values = _monomials(piece, [*algebra.linear, *algebra.quadratic])
-        inner = slice(halo, halo + size)
-        terms = _linear_terms(algebra, values, responses, inner)
-        for f in filters:
-            filtered = terms if f == WHITE else filtered_backwards(terms[:, :n], f)
+        terms = _terms(algebra, values, responses, inner)
+        white += terms @ terms.T
+        for f in linear.keys() - {WHITE}:
+            filtered = filtered_backwards(terms[:count, :n], f)
             linear[f] += filtered @ filtered.T
-        for pair in quadratic:
-            quadratic[pair] += _quadratic_sums(algebra, values, kernels[pair[0]], kernels[pair[1]], inner)
-        coefficients = _square_terms(layout, algebra, values, responses, inner)
-        squares += coefficients @ np.concatenate([terms, coefficients]).T
+        for f, g in quadratic:
+            quadratic[f, g] += _quadratic_sums(algebra, values, kernels[f], kernels[g], inner)
+    if WHITE in linear:
+        linear[WHITE] = white[:count, :count]
     by_square = np.stack([algebra.by_quadratic[axis, axis][:, layout] for axis in range(3)])
     alpha = {
         f: np.array([k[1 + e, 1 + e][len(k[1 + e, 1 + e]) // 2] for e in range(len(taps))]) for f, k in kernels.items()
     }
     omega = {f: float(k[0, 0][len(k[0, 0]) // 2]) for f, k in kernels.items()}
-    return RunMoments(algebra, linear, quadratic, squares, by_square, alpha, omega)
+    return RunMoments(algebra, linear, quadratic, white[count:], by_square, alpha, omega)
 
 
 def _kernels(
@@ -150,17 +174,22 @@ def _product_of(monomial: tuple, known: Mapping[tuple, np.ndarray], piece: np.nd
     return known[monomial] if monomial in known else np.prod(piece[1 + np.array(monomial)], axis=0)
 
 
-def _linear_terms(
+def _terms(
     algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], responses: Sequence[np.ndarray], inner: slice
-) -> Float[np.ndarray, "linear n"]:
-    """Return by what each sample's noise of omega is multiplied, monomial by monomial."""
-    terms = np.empty((len(algebra.linear), inner.stop - inner.start))
-    for k, (monomial, channel) in enumerate(algebra.linear):
-        if not channel:
+) -> Float[np.ndarray, "terms n"]:
+    """Return by what each sample's noise of omega is multiplied, monomial by monomial; then by what its square is."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    squares = [algebra.quadratic[k][:2] for k in _squares_layout(algebra)]
+    factors = [*((*term, 1) for term in algebra.linear), *((*term, 2) for term in squares)]
+    terms = np.empty((len(factors), inner.stop - inner.start))
+    for k, (monomial, channel, power) in enumerate(factors):
+        if channel:
+            groups.setdefault((channel, power), []).append(k)
+        else:
             terms[k] = values[monomial][inner]
-    for e, response in enumerate(responses):
-        places = [k for k, (_, channel) in enumerate(algebra.linear) if channel == 1 + e]
-        terms[places] = _convolved(np.stack([values[algebra.linear[k][0]] for k in places]), response, inner)
+    for (channel, power), places in groups.items():
+        rows = np.stack([values[factors[k][0]] for k in places])
+        terms[places] = _convolved(rows, responses[channel - 1] ** power, inner)
     return terms
 
 
@@ -168,7 +197,7 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
     """Return rows convolved with a centred kernel, at the inner samples."""
     half, lags = len(kernel) // 2, np.flatnonzero(kernel)
     if len(lags) > FEW:
-        size = fft.next_fast_len(rows.shape[1] + len(kernel), real=True)
+        size = fast_length(rows.shape[1] + len(kernel))
         whole = fft.irfft(fft.rfft(rows, size) * fft.rfft(kernel, size), size)
         return whole[:, inner.start + half : inner.stop + half]
     total = np.zeros((len(rows), inner.stop - inner.start))
@@ -181,7 +210,7 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
 def filtered_backwards(terms: Float[np.ndarray, "rows n"], filter_: NoiseFilter) -> Float[np.ndarray, "rows n"]:
     """Return ``Lᵀ`` of terms: by what each sample's white noise is multiplied that drives the filter."""
     n = terms.shape[1]
-    size = fft.next_fast_len(2 * n, real=True)
+    size = fast_length(2 * n)
     spectrum = np.conj(fft.rfft(filter_.response(n), size))
     return np.stack([fft.irfft(fft.rfft(row, size) * spectrum, size)[:n] for row in terms])
 
@@ -194,31 +223,27 @@ def _quadratic_sums(
     for k, (_, c, d) in enumerate(algebra.quadratic):
         groups.setdefault((c, d), []).append(k)
     rows = {group: np.stack([values[algebra.quadratic[k][0]] for k in members]) for group, members in groups.items()}
-    sums = np.zeros((2, *(len(algebra.quadratic),) * 2))
-    for ((c, d), left), ((e, f), right) in product(groups.items(), repeat=2):
-        for exchanged, (g, h) in enumerate(((e, f), (f, e))):
-            kernel = first[c, g] * second[d, h]
-            if kernel.any():
-                if len(right) > len(left):  # the shorter side is convolved
-                    block = _convolved(rows[c, d], kernel, inner) @ rows[e, f][:, inner].T
-                else:
-                    block = rows[c, d][:, inner] @ _convolved(rows[e, f], kernel[::-1], inner).T
-                sums[exchanged][np.ix_(left, right)] = block
+    sums, alike = np.zeros((2, *(len(algebra.quadratic),) * 2)), first is second
+    pairs = combinations_with_replacement(groups.items(), 2) if alike else product(groups.items(), repeat=2)
+    for ((c, d), left), ((e, f), right) in pairs:
+        block = _lagged_sums(rows[c, d], rows[e, f], first[c, e] * second[d, f], inner)
+        same = alike and (c == d or e == f)
+        other = block if same else _lagged_sums(rows[c, d], rows[e, f], first[c, f] * second[d, e], inner)
+        sums[:, np.array(left)[:, None], right] = block, other
+        if alike:  # both are symmetric
+            sums[:, np.array(right)[:, None], left] = block.T, other.T
     return sums
+
+
+def _lagged_sums(
+    left: Float[np.ndarray, "left wide"], right: Float[np.ndarray, "right wide"], kernel: np.ndarray, inner: slice
+) -> Float[np.ndarray, "left right"]:
+    """Return the sums of pairs of rows, one at an inner sample, with a centred kernel of the samples between them."""
+    if len(right) > len(left):  # the shorter side is convolved
+        return _convolved(left, kernel, inner) @ right[:, inner].T
+    return left[:, inner] @ _convolved(right, kernel[::-1], inner).T
 
 
 def _squares_layout(algebra: NoiseAlgebra) -> list[int]:
     """Return the quadratic terms that hold squares of one sample's noise: those of one channel twice."""
     return [k for k, (_, c, d) in enumerate(algebra.quadratic) if c == d]
-
-
-def _square_terms(
-    layout: Sequence[int], algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], responses: Sequence, inner: slice
-) -> Float[np.ndarray, "squares n"]:
-    """Return by what the square of each sample's noise of omega is multiplied, monomial by monomial."""
-    rows = []
-    for k in layout:
-        monomial, channel, _ = algebra.quadratic[k]
-        row = values[monomial]
-        rows.append(_convolved(row[None], responses[channel - 1] ** 2, inner)[0] if channel else row[inner])
-    return np.stack(rows)

@@ -27,7 +27,8 @@ from identify.signals.filters import apply
 from identify.signals.resample import uniform_spline
 from identify.signals.residual_spectrum import Lines
 from identify.signals.run import Run, RunError
-from uq.gram_sums.error_maps import Columns, map_of_true_elements
+from uq.gram_sums.case_equations import feature_map
+from uq.gram_sums.error_maps import Columns, gyro_map
 from uq.sources.constant_errors import Errors
 
 ELEMENTS = 18
@@ -132,7 +133,7 @@ def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], 
         at: weights of the delays.
     """
     gram, wrench = _at_delay(sums, at)
-    elements = map_of_true_elements(errors)
+    elements = _features(errors)
     both = elements @ (wrench @ columns.T) + (elements @ gram[:, 0])[:, None] * errors.cell_bias[None]
     return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
 
@@ -154,11 +155,16 @@ def weighed_equations(
         r_cg: believed centre of gravity, ``r'`` [m].
     """
     gram, wrench = _at_delay(sums, at)
-    rows = (gram @ map_of_true_elements(errors).T).reshape(3, 6, -1)
+    rows = (gram @ _features(errors).T).reshape(3, 6, -1)
     both = (wrench @ columns.T + gram[:, :1] * errors.cell_bias[None]).reshape(3, 6, 6)
     xp = library_of(both, r_cg)
     about_cg = both[..., 3:] - xp.cross(r_cg, both[..., :3])
     return library_of(rows).einsum("apk,kaq->pq", rows, OMEGA_R_OF_FEATURES), xp.einsum("apa->p", about_cg)
+
+
+def _features(errors: Errors) -> Float[Array, "13 18"]:
+    """Return the matrix that gives the features of the measured angular velocity from the elements of the true one."""
+    return feature_map(gyro_map(errors), errors.gyro_bias, errors.gyro_drift)
 
 
 def _at_delay(sums: RunSums, at: Float[Array, " delays"]) -> RunSums:

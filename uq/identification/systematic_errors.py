@@ -340,9 +340,7 @@ def _with_shared_errors(
     return with_shared_errors(result, shared, changes)
 
 
-def _trials(
-    problem: Problem, key: Key[Array, ""], indices: Int[Array, " trials"], *, at_once: bool
-) -> Float[Array, "trials cases 6"]:
+def _trials(problem: Problem, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Float[Array, "trials cases 6"]:
     def of_trial(index):
         errors = [errors_of(problem, drawn, problem.cases) for drawn in draws(problem, key, index)]
         return over_cases(lambda *of: estimate(problem, of), errors)

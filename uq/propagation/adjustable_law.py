@@ -14,8 +14,8 @@ import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.experiment.experiment import Experiment
-from uq.gram_sums.setup import Case
-from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
+from uq.gram_sums.cases import Case
+from uq.propagation.expansion import Expansion, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.prepared_run import PreparedRun
 from uq.sources.source import Source
@@ -99,11 +99,11 @@ def parts_of(
     quiet = run.expansion(expected, np.zeros(3), constants.errors)
     by_level = [_at(run, constants, inputs, n, expected, level * gyro, quiet) for level in levels]
     first, second, mean, variance, shift = (np.stack(each, axis=1) for each in zip(*by_level, strict=True))
-    nominal = np.asarray(run.sums.noise_free.body.inertia)
-    means = (inputs.acts[:n] * constants.mean) @ np.asarray(quiet.jacobian).swapaxes(-1, -2)
+    nominal = run.body.inertia
+    means = (inputs.acts[:n] * constants.mean) @ quiet.jacobian.swapaxes(-1, -2)
     share = inputs.gyro[:n].sum(axis=1) / (gyro.sum() or 1.0)
     joint = _joint(run, constants, inputs, both, expected, gyro)
-    rest = np.asarray(quiet.value) - nominal - means.sum(axis=1)
+    rest = quiet.value - nominal - means.sum(axis=1)
     each = levels[:, None]
     return Parts(first, second, mean, share, variance / each, shift / each, means, rest, joint)
 
@@ -114,22 +114,22 @@ def _at(
 ) -> tuple[np.ndarray, ...]:  # fmt: skip
     """First order, second order and mean of n sources, then variance and mean by the gyro's noise, at one level."""
     expansion, noise = run.expansion(expected, variance, constants.errors), run.scatter(variance)
-    about = Expansion(*(np.asarray(leaf)[:, None] for leaf in expansion))
+    about = Expansion(*(leaf[:, None] for leaf in expansion))
     covariance = _covariance(constants, inputs)[:n]
-    cell = of_wrench_noise(np.asarray(noise.mean)[:, None], inputs.wrench[:n], run.equations)
-    scatter = np.asarray(noise.covariance)[:, None]
+    cell = run.cell_scatter(noise.mean[:, None], inputs.wrench[:n])
+    scatter = noise.covariance[:, None]
     none = np.zeros_like(covariance[:1])
     alone, of_gyro = propagate_case(about, covariance, cell), propagate_case(about, none, scatter)
     together = propagate_case(about, covariance, cell + scatter)
     crossed = _diagonal(together.covariance - alone.covariance - of_gyro.covariance)
     first = _diagonal(alone.first_order)
-    value = np.asarray(about.value)
+    value = about.value
     return (
         first + crossed,
         _diagonal(alone.covariance) - first,
         alone.mean - value,
         _diagonal(of_gyro.covariance)[:, 0],
-        of_gyro.mean[:, 0] - np.asarray(quiet.value),
+        of_gyro.mean[:, 0] - quiet.value,
     )
 
 
@@ -139,11 +139,11 @@ def _joint(
 ) -> list[tuple[int, int, np.ndarray]]:  # fmt: skip
     """Return the joint effects of two sources beyond their separate ones, where they count."""
     expansion, noise = run.expansion(expected, gyro, constants.errors), run.scatter(gyro)
-    about = Expansion(*(np.asarray(leaf)[:, None] for leaf in expansion))
-    cell = of_wrench_noise(np.asarray(noise.mean)[:, None], inputs.wrench, run.equations)
+    about = Expansion(*(leaf[:, None] for leaf in expansion))
+    cell = run.cell_scatter(noise.mean[:, None], inputs.wrench)
     moments = propagate_case(about, _covariance(constants, inputs), cell)
     first = _diagonal(moments.first_order)
-    each = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - np.asarray(about.value)], axis=2)
+    each = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - about.value], axis=2)
     n = each.shape[1] - len(both)
     joint = []
     for k, (i, j) in enumerate(both):

@@ -1,220 +1,179 @@
 """The law of propagation about expected sums: one run, one estimator, arrays in and out.
 
-What is expanded is what every trial computes: errors become maps of the sums (:mod:`uq.gram_sums.error_maps`), the sums
-become normal equations, and these are solved (:mod:`identify.estimators.gram`). Constant errors enter through the maps;
-white noise through the mean and covariance of the sums (:mod:`uq.gram_sums.gram_moments`).
+What is expanded is what every trial computes: constant errors are maps of the sums (:func:`error_maps`), mapped sums
+make normal equations, as expected under the gyro's noise (:func:`uq.gram_sums.packed_equations.packed_equations`), and
+these are solved. Only the maps are differentiated by JAX, for the errors alone and once for all runs. The rest are
+products of matrices, whose derivatives are products, too (:class:`Series`), in NumPy: to trace and to load a program of
+all of it would take a command longer than the trials do.
 """
 
 from collections.abc import Collection
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import block_diag
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from identify.estimators.gram import N_FEATURES, Sums, normal_equations, solve_normal
-from identify.pytree import Pytree, static_field
+from identify.estimators.gram import solve_normal
 from identify.rigid_body.inertia import Body
-from uq.gram_sums.error_maps import Columns, Platform, element_map
-from uq.gram_sums.gram_moments import GramMoments, unpack
-from uq.sources.constant_errors import Errors, no_errors
-from uq.sources.random_normals import Index
+from identify.rigid_body.regressor import Array, cross_matrix, library_of
+from uq.gram_sums.case_equations import (
+    FeatureSums,
+    NoiseExpectation,
+    feature_map,
+    symmetric,
+)
+from uq.gram_sums.error_maps import Columns, Platform, gyro_map
+from uq.gram_sums.packed_equations import packed_equations, solution_series
+from uq.sources.constant_errors import Errors, no_errors, unravel
 
-OF_NOISE = (0, 1, 2, 3, 10)
-"""Indices of the true elements that multiply the noise in other elements: 1, omega and t."""
-TRIANGLE = np.triu_indices(6)
-MATRIX = np.zeros((27, 6, 6))
-"""Derivative of the normal equations' matrix by their 27 packed numbers."""
-MATRIX[np.arange(21), TRIANGLE[0], TRIANGLE[1]] = MATRIX[np.arange(21), TRIANGLE[1], TRIANGLE[0]] = 1.0
-RIGHT = np.eye(6, 27, 21)
-"""Derivative of the normal equations' right-hand side by their 27 packed numbers."""
-
-
-class TrueSums(NamedTuple):
-    """Sums over the elements of ``true_elements`` and every estimator's alpha, without noise."""
-
-    gram: Float[Array, "elements elements"]
-    wrench: Float[Array, "elements columns"]
-    """Sums of products of the elements with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
-
-    def of_estimator(self, estimator: Index) -> "TrueSums":
-        """Return those of one estimator."""
-        index = jnp.concatenate([jnp.arange(15), 15 + 3 * jnp.asarray(estimator) + jnp.arange(3)])
-        return TrueSums(self.gram[index[:, None], index], self.wrench[index])
+DelayedSums = tuple[FeatureSums, FeatureSums, FeatureSums]
+"""Noise-free sums of the 18 elements of :func:`uq.gram_sums.case_equations.feature_map` with themselves and with the
+columns of :class:`uq.gram_sums.error_maps.Columns`, to which 1 is added as the last; then their first and second
+derivatives by a delay of the gyro [1/s, 1/s²]."""
 
 
-class NoiseFreeRun(Pytree):
-    """Sums over one run without noise: all that the effect of constant errors of any size depends on."""
+class Series(NamedTuple):
+    """A matrix as a function of d numbers: its value and derivatives at a point. Products keep both orders."""
 
-    body: Body
-    platform: Platform
-    sums: tuple[TrueSums, TrueSums, TrueSums]
-    """Sums, and their first and second derivatives by a delay of the gyro [1/s, 1/s²]."""
-    columns: Columns = static_field()
+    value: Float[Array, "*shape"]
+    first: Float[Array, "d *shape"]
+    second: Float[Array, "d d *shape"]
+
+    def __matmul__(self, other: "Series | np.ndarray") -> "Series":
+        """Return the product with a matrix that is constant, or depends on the same numbers."""
+        if not isinstance(other, Series):
+            return Series(*(part @ other for part in self))
+        crossed = self.first[:, None] @ other.first
+        return Series(
+            self.value @ other.value,
+            self.first @ other.value + self.value @ other.first,
+            self.second @ other.value + crossed + crossed.swapaxes(0, 1) + self.value @ other.second,
+        )
+
+    @property
+    def T(self) -> "Series":  # noqa: N802 - as NumPy has it
+        """The transposed matrix."""
+        return Series(*(part.swapaxes(-1, -2) for part in self))
 
 
-class RunSums(Pytree):
-    """Sums over one run: all that the law depends on, whatever the size of the errors."""
+class ErrorMaps(NamedTuple):
+    """Maps of a run's sums by constant errors: arrays, or their :class:`Series`."""
 
-    noise_free: NoiseFreeRun
-    moments: GramMoments
+    features: Any
+    """Matrix that gives the features of the measured omega from the elements, (13, 18)."""
+    moment: Any
+    """Matrix that gives the measured ``M - r × F`` from the columns and 1, (3, columns + 1)."""
+    delay: Any
+    """Delay of the gyro [s]."""
 
 
-class Point(NamedTuple):
-    """The point of an expansion."""
+def error_maps(body: Body, platform: Platform, columns: Columns, errors: Errors) -> ErrorMaps:
+    """Return the maps of the sums that constant errors make.
 
-    errors: Float[Array | np.ndarray, " e"]
-    """Errors that are expected, :class:`uq.sources.constant_errors.Errors` raveled."""
-    variance: Float[Array | np.ndarray, "3"]
-    """Variance of omega's white noise [rad²/s²] whose expected sums these are; zero for the noise-free run."""
+    Args:
+        body: that is moved.
+        platform: what carries it.
+        columns: the functions of time of which the wrench is made.
+        errors: of the experiment.
+    """
+    cell, bias = columns.map(body, platform, errors), errors.cell_bias[:, None]
+    force, moment = library_of(cell, bias).concat([cell, bias], axis=1).reshape(2, 3, -1)
+    return ErrorMaps(
+        feature_map(gyro_map(errors), errors.gyro_bias, errors.gyro_drift),
+        moment - cross_matrix(body.r_cg_from_q + errors.r_cg) @ force,
+        errors.gyro_delay,
+    )
+
+
+@partial(jax.jit, static_argnames="fields")
+def map_series(
+    body: Body,
+    platform: Platform,
+    columns: Columns,
+    expected: Float[Array, " e"],
+    errors: Float[Array, "e d"],
+    fields: Collection[str],
+) -> ErrorMaps:
+    """Return the maps as functions of the numbers that constant sources draw, about their expectation.
+
+    Args:
+        body: that is moved.
+        platform: what carries it.
+        columns: the functions of time of which the wrench is made.
+        expected: errors, :class:`uq.sources.constant_errors.Errors` raveled.
+        errors: how they follow from the d numbers that are drawn.
+        fields: those of the errors that may not be zero; of the others nothing is computed.
+    """
+
+    def maps(numbers):
+        acting = unravel(expected + errors @ numbers)._asdict()
+        given = {field: acting[field] for field in fields}
+        value = error_maps(body, platform, columns, no_errors()._replace(**given))
+        return value, value
+
+    def slopes(numbers):
+        first, value = jax.jacfwd(maps, has_aux=True)(numbers)
+        return first, (first, value)
+
+    second, (first, value) = jax.jacfwd(slopes, has_aux=True)(jnp.zeros(errors.shape[1]))
+    leading = lambda derivative, order: jnp.moveaxis(derivative, range(-order, 0), range(order))  # noqa: E731
+    return ErrorMaps(*(Series(a, leading(b, 1), leading(c, 2)) for a, b, c in zip(value, first, second, strict=True)))
+
+
+def mapped_sums(maps: ErrorMaps, sums: FeatureSums) -> tuple[Any, Any]:
+    """Return the sums of the measured features' products, and with the measured ``M - r × F``; likewise Series."""
+    features = maps.features
+    return features @ sums.gram @ features.T, features @ sums.wrench @ maps.moment.T
+
+
+def delayed(sums: DelayedSums, delay: Any) -> FeatureSums:
+    """Return an estimator's sums at a delay of the gyro [s], a number or a :class:`Series`."""
+    if not isinstance(delay, Series):
+        return FeatureSums(*(a + delay * b + delay**2 / 2 * c for a, b, c in zip(*sums, strict=True)))
+    now = delayed(sums, delay.value)
+    if not delay.first.any():
+        return now
+    by_delay = delay.first[:, None, None]
+
+    def series(value: Array, first: Array, second: Array) -> Series:
+        return Series(value, by_delay * (first + delay.value * second), by_delay[:, None] * by_delay * second)
+
+    return FeatureSums(*(series(*orders) for orders in zip(now, *sums[1:], strict=True)))
 
 
 class Expansion(NamedTuple):
     """The estimate about a point; of several estimators and cases, these lead."""
 
-    value: Float[Array | np.ndarray, "*n 6"]
-    jacobian: Float[Array | np.ndarray, "*n 6 d"]
+    value: Float[np.ndarray, "*n 6"]
+    jacobian: Float[np.ndarray, "*n 6 d"]
     """Derivative of the tensor by the numbers that constant sources draw, in SI."""
-    hessian: Float[Array | np.ndarray, "*n 6 d d"]
-    by_equations: Float[Array | np.ndarray, "*n 6 27"]
-    """Derivative of the tensor by the normal equations: the matrix's upper triangle, then the right-hand side."""
-    twice_by_equations: Float[Array | np.ndarray, "*n 6 27 27"]
+    hessian: Float[np.ndarray, "*n 6 d d"]
+    by_equations: Float[np.ndarray, "*n 6 27"]
+    """Derivative of the tensor by the normal equations: the matrix's lower triangle, then the right-hand side."""
+    twice_by_equations: Float[np.ndarray, "*n 6 27 27"]
 
 
-def expand_at(
-    run: RunSums, estimator: Index, point: Point, errors: Float[Array, "e d"], fields: Collection[str]
-) -> Expansion:
+def expand(maps: ErrorMaps, sums: DelayedSums, noise: NoiseExpectation) -> Expansion:
     """Expand one estimator's estimate about a point, to the second order.
 
     Args:
-        run: its sums and their moments.
-        estimator: its number.
-        point: expected errors and noise.
-        errors: how they follow from the d numbers that are drawn.
-        fields: those of the errors that may not be zero; of the others nothing is computed.
+        maps: of the constant errors, as :class:`Series` about their expectation.
+        sums: of the run, without noise.
+        noise: what the gyro's noise adds to expected sums; zero for the noise-free run.
     """
-
-    def equations(z):
-        of_alpha = run.moments.alphas[estimator, estimator]
-        acting = point.errors + errors @ z
-        return equations_of(run.noise_free, estimator, acting, point.variance, of_alpha, fields=fields)
-
-    def first(z):
-        jacobian = jax.jacfwd(equations)(z)
-        return jacobian, jacobian
-
-    zero = jnp.zeros(errors.shape[1])
-    second, slopes = jax.jacfwd(first, has_aux=True)(zero)
-    solution = equations(zero)
-    by_equations, twice = _of_solution(solution)
-    hessian = jnp.einsum("ak,kij->aij", by_equations, second) + jnp.einsum("ki,akl,lj->aij", slopes, twice, slopes)
-    return Expansion(tensor_of(solution), by_equations @ slopes, hessian, by_equations, twice)
-
-
-def _of_solution(equations: Float[Array, "27"]) -> tuple[Float[Array, "6 27"], Float[Array, "6 27 27"]]:
-    """First and second derivatives of ``x = A⁻¹ y`` by A's upper triangle and y: ``dx = A⁻¹ (dy - dA x)``."""
-    matrix = _matrix_of(equations)
-    inverse = jnp.linalg.inv(matrix)
-    first = inverse @ (RIGHT - jnp.einsum("kij,j->ik", MATRIX, inverse @ equations[21:]))
-    crossed = jnp.einsum("ai,kij,jl->akl", inverse, MATRIX, first)
-    return first, -crossed - crossed.swapaxes(1, 2)
-
-
-def _matrix_of(equations: Array) -> Float[Array, "6 6"]:
-    upper = jnp.zeros((6, 6)).at[TRIANGLE].set(equations[:21])
-    return upper + jnp.triu(upper, 1).T
+    gram, moment = mapped_sums(maps, delayed(sums, maps.delay))
+    equations, slopes, curvature = (packed_equations(*parts, noise) for parts in zip(gram, moment, strict=True))
+    value, first, twice = solution_series(equations)
+    hessian = np.moveaxis(curvature @ first.T, -1, 0) + slopes @ twice @ slopes.T
+    return Expansion(value, first @ slopes.T, hessian, first, twice)
 
 
 def tensor_of(equations: Float[Array, "27"]) -> Float[Array, "6"]:
     """Return the estimate from packed normal equations."""
-    return solve_normal(_matrix_of(equations), equations[21:]).inertia
-
-
-def _packed(sums: Sums, r_cg: Array) -> Float[Array, "27"]:
-    matrix, right = normal_equations(sums, r_cg)
-    return jnp.concatenate([matrix[TRIANGLE], right])
-
-
-def equations_of(
-    run: NoiseFreeRun,
-    estimator: Index,
-    errors: Float[Array, " e"],
-    variance: Float[Array | np.ndarray, "3"],
-    of_alpha: Float[Array, ""],
-    *,
-    fields: Collection[str] = Errors._fields,
-) -> Float[Array, "27"]:
-    """Return the packed normal equations of a run with these errors, made of its expected sums under the noise.
-
-    Args:
-        run: without noise.
-        estimator: its number.
-        errors: :class:`uq.sources.constant_errors.Errors` raveled.
-        variance: of omega's white noise [rad²/s²].
-        of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
-        fields: those of the errors that may not be zero.
-    """
-    each = unravel(errors)
-    present = no_errors()._replace(**{field: getattr(each, field) for field in fields})
-    delay = present.gyro_delay
-    delayed = jax.tree.map(lambda a, b, c: a + delay * b + 0.5 * delay**2 * c, *run.sums)
-    expected = expected_sums(delayed.of_estimator(estimator), variance, of_alpha)
-    elements = element_map(present, gyro_mapped=True)
-    measured = expected.wrench @ run.columns.map(run.body, run.platform, present).T
-    measured = measured + expected.gram[:, :1] * present.cell_bias[None]
-    sums = Sums(elements @ expected.gram @ elements.T, elements @ measured[:, :3], elements @ measured[:, 3:])
-    return _packed(sums, run.body.r_cg_from_q + present.r_cg)
-
-
-def unravel(errors: Float[Array | np.ndarray, " e"]) -> Errors:
-    """Return errors from all their numbers in one array, of JAX or of NumPy."""
-    like = no_errors()
-    parts = zip(like, np.cumsum([each.size for each in like]).tolist(), strict=True)
-    return Errors(*(errors[end - each.size : end].reshape(each.shape) for each, end in parts))
-
-
-def expected_sums(true: TrueSums, variance: Float[Array | np.ndarray, "3"], of_alpha: Float[Array, ""]) -> TrueSums:
-    """Return the expected sums over all elements of :func:`uq.gram_sums.error_maps.element_map`.
-
-    Args:
-        true: one estimator's noise-free sums.
-        variance: of omega's white noise [rad²/s²].
-        of_alpha: variance of alpha's noise for noise of omega of unit variance [1/s²].
-    """
-    squares = jnp.concatenate([variance, jnp.zeros(3)])
-    linear = jnp.kron(true.gram[np.ix_(OF_NOISE, OF_NOISE)], jnp.diag(variance))
-    v1, v2, v3 = variance
-    fourth = jnp.outer(squares, squares) + jnp.diag(
-        jnp.stack([2 * v1 * v1, 2 * v2 * v2, 2 * v3 * v3, v1 * v2, v1 * v3, v2 * v3])
-    )
-    count = true.gram[0, 0]
-    noise = block_diag(linear, count * fourth, count * of_alpha * jnp.diag(variance))
-    mean = jnp.concatenate([jnp.zeros(15), squares, jnp.zeros(3)])
-    crossed = jnp.outer(mean, true.gram[0])
-    gram = jnp.block([[true.gram, crossed.T], [crossed, noise]])
-    return TrueSums(gram, jnp.concatenate([true.wrench, jnp.outer(mean, true.wrench[0])]))
-
-
-def to_equations(r_cg: Float[Array, "3"]) -> Float[Array, "27 products"]:
-    """Return the matrix that takes an estimator's sums (as ``gram_moments.pack``) to normal equations."""
-    size = N_FEATURES * (N_FEATURES + 1) // 2 + 6 * N_FEATURES
-    return jax.jacfwd(lambda sums: _packed(unpack(sums, N_FEATURES), r_cg))(jnp.zeros(size))
-
-
-def of_wrench_noise(
-    sums: Float[np.ndarray, "... products"],
-    covariance: Float[np.ndarray, "... 6 6"],
-    equations: Float[np.ndarray, "27 products"],
-) -> Float[np.ndarray, "... 27 27"]:
-    """Return the covariance of the normal equations under the load cell's white noise: features' Gram times its own."""
-    row, column = np.triu_indices(N_FEATURES)
-    gram = np.zeros((*sums.shape[:-1], N_FEATURES, N_FEATURES))
-    gram[..., row, column] = gram[..., column, row] = sums[..., : len(row)]
-    by_wrench = equations[:, -6 * N_FEATURES :].reshape(-1, N_FEATURES, 6)
-    left, right = gram[..., None, :, :] @ by_wrench, by_wrench @ covariance[..., None, :, :]
-    return _flat(left) @ _flat(right).swapaxes(-1, -2)
+    return solve_normal(symmetric(equations[:21]), equations[21:]).inertia
 
 
 def _flat(stack: np.ndarray) -> np.ndarray:
@@ -235,7 +194,7 @@ def propagate_case(
     scatter: Float[np.ndarray, "... 27 27"],
     change: Float[np.ndarray, "... 27"] | None = None,
 ) -> Moments:
-    """Return mean and covariance of estimates for normal errors, in NumPy: nothing waits for a compiler.
+    """Return mean and covariance of estimates for normal errors.
 
     Args:
         expansion: about the errors' and sums' expectations, one for each of n cases.
@@ -248,13 +207,13 @@ def propagate_case(
         constant errors and in the sums. Products of a constant error's and the noise's effects are left out: relative
         to the noise's own they are of the square of the constant error's relative size.
     """
-    mean, first, second = np.asarray(expansion.value), np.zeros(()), np.zeros(())
-    _, *derivatives = map(np.asarray, expansion)
+    mean, first, second = expansion.value, np.zeros(()), np.zeros(())
+    _, *derivatives = expansion
     for jacobian, hessian, sigma in zip(derivatives[::2], derivatives[1::2], (covariance, scatter), strict=True):
         curved = hessian @ sigma[..., None, :, :]
         mean = mean + 0.5 * np.trace(curved, axis1=-2, axis2=-1)
         first = first + jacobian @ sigma @ jacobian.swapaxes(-1, -2)
         second = second + 0.5 * _flat(curved) @ _flat(curved.swapaxes(-1, -2)).swapaxes(-1, -2)
     if change is not None:
-        mean = mean + (derivatives[2] @ change[..., None])[..., 0]
+        mean = mean + (expansion.by_equations @ change[..., None])[..., 0]
     return Moments(mean, first, first + second)

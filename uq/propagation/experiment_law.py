@@ -7,7 +7,6 @@ sums. The law is therefore expanded about the EXPECTED sums; the textbook's, abo
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -17,13 +16,13 @@ from identify.floating_point import check_precision
 from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.gram_sums.setup import Case, cases_of
+from uq.gram_sums.cases import Case, cases_of
 from uq.propagation.adjustable_law import adjustable
 from uq.propagation.beyond_the_law import check_law
-from uq.propagation.expansion import Expansion, of_wrench_noise, propagate_case
+from uq.propagation.expansion import propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.law_result import LawResult, LawStatistics
-from uq.propagation.prepared_run import PreparedRun, Scatter, prepared_run
+from uq.propagation.prepared_run import PreparedRun, prepared_run, stacked
 from uq.sources.constant_errors import perturbed
 from uq.sources.source import Source
 
@@ -137,26 +136,19 @@ def _of_run(run: PreparedRun, constants: Constants, cases: CaseInputs) -> tuple[
     """The fields of :class:`LawStatistics`, estimators and cases leading."""
     expected = cases.acts * constants.mean @ constants.errors.T
     at, free = (
-        _stacked([run.expansion(e, v, constants.errors) for e, v in zip(expected, variances, strict=True)], Expansion)
+        stacked([run.expansion(e, v, constants.errors) for e, v in zip(expected, variances, strict=True)], axis=1)
         for variances in (cases.gyro, np.zeros_like(cases.gyro))
     )
-    noise = _stacked([run.scatter(variance) for variance in cases.gyro], Scatter)
+    noise = stacked([run.scatter(variance) for variance in cases.gyro], axis=1)
     drawn = cases.acts * constants.sigma
     covariance = drawn[:, :, None] * constants.correlation * drawn[:, None, :]
-    moments = propagate_case(
-        at, covariance, noise.covariance + of_wrench_noise(noise.mean, cases.wrench, run.equations)
-    )
-    linear = noise.linear + of_wrench_noise(noise.noise_free, cases.wrench, run.equations)
+    moments = propagate_case(at, covariance, noise.covariance + run.cell_scatter(noise.mean, cases.wrench))
+    linear = noise.linear + run.cell_scatter(noise.noise_free, cases.wrench)
     textbook = propagate_case(free, covariance, linear, noise.change)
     uncertainty, degrees = _freedom(constants, at.jacobian, covariance, moments.covariance)
-    nominal = np.asarray(run.sums.noise_free.body.inertia)
+    nominal = run.body.inertia
     errors = [value - nominal for value in (moments.mean, free.value, textbook.mean)]
     return errors[0], moments.covariance, errors[1], errors[2], textbook.first_order, uncertainty, degrees
-
-
-def _stacked(each: Sequence[Any], kind: Any) -> Any:
-    """One of a kind with estimators leading, then cases, from those of every case."""
-    return kind(*(np.stack(leaves, axis=1) for leaves in zip(*each, strict=True)))
 
 
 def _freedom(

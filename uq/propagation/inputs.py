@@ -7,16 +7,11 @@ enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is whi
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
-from jaxtyping import Array
 
-from identify.compiled_program import CompiledProgram
-from uq.gram_sums.setup import Case
+from uq.gram_sums.cases import Case
 from uq.propagation.beyond_the_law import Peaks, check_law
-from uq.sources.constant_errors import errors_of, no_errors
+from uq.sources.constant_errors import PLACES, effect, no_errors
 from uq.sources.distributions import Empirical, StudentT
 from uq.sources.draws import Mixing
 from uq.sources.source import SIGNALS, Source
@@ -64,7 +59,7 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
     sets += [np.array([k]) for k in np.flatnonzero(~in_rows)]
     joint = np.array([np.isin(np.arange(len(owner)), members) for members in sets], float)
     return Constants(
-        np.asarray(_linear_map(constant)),
+        _linear_map(constant),
         np.array([source.name for source in constant])[owner] if constant else np.zeros(0, str),
         np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
         np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
@@ -83,16 +78,16 @@ def _rows(source: Source) -> bool:
     return isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2
 
 
-@CompiledProgram
-def _linear_map(constant: Sequence[Source]) -> Array:
-    sizes = [int(np.prod(np.shape(source.sigma))) for source in constant]
-
-    def errors(numbers):
-        draws_of_sources = jnp.split(numbers, np.cumsum(sizes)[:-1]) if constant else []
-        draws = {s.name: drawn.reshape(np.shape(s.sigma)) for s, drawn in zip(constant, draws_of_sources, strict=True)}
-        return ravel_pytree(errors_of(constant, draws) if constant else no_errors())[0]
-
-    return jax.jacfwd(errors)(jnp.zeros(sum(sizes)))
+def _linear_map(constant: Sequence[Source]) -> np.ndarray:
+    """Return the matrix from the numbers that are drawn to the errors, unit by unit."""
+    units = [
+        (source, unit.reshape(np.shape(source.sigma))) for source in constant for unit in np.eye(np.size(source.sigma))
+    ]
+    matrix = np.zeros((sum(map(np.size, no_errors())), len(units)))
+    for column, (source, unit) in zip(matrix.T, units, strict=True):
+        if source.perturbs is not None:
+            column[PLACES[source.perturbs]] = np.ravel(effect(source, unit))
+    return matrix
 
 
 def _correlation(constant: Sequence[Source], sizes: Sequence[int], mixing: Sequence[Mixing]) -> np.ndarray:

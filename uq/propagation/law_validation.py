@@ -49,7 +49,7 @@ def verdicts(
         breakdown = law[trajectory, estimator]
         number = list(result.breakdowns[trajectory]).index(estimator)
         for k, (case, statistics) in enumerate([*breakdown.groups.items(), *breakdown.sources.items()]):
-            errors = result.errors[trajectory][:, number, k]
+            errors = np.ascontiguousarray(result.errors[trajectory][:, number, k].T).T  # a component's side by side
             interval = symmetric_interval(errors, probability, result.points)
             sigma = errors.std(axis=0, ddof=1)
             tolerance = np.maximum(numerical_tolerance(sigma, digits), ROUNDING)

@@ -19,11 +19,14 @@ from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import cross_matrix, omega_r
 from uq.campaign.trial_setup import platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.gram_sums.case_equations import FeatureSums, noise_expectation
+from uq.gram_sums.cases import cases_of
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
-from uq.gram_sums.setup import cases_of
+from uq.gram_sums.packed_equations import packed_equations
 from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
-from uq.propagation.expansion import NoiseFreeRun, TrueSums, equations_of, tensor_of
+from uq.propagation.expansion import DelayedSums, delayed, error_maps, mapped_sums, tensor_of
 from uq.propagation.inputs import constants_of, inputs_of_cases
+from uq.sources.constant_errors import unravel
 
 
 class Predicted(NamedTuple):
@@ -105,10 +108,12 @@ class Prediction(Pytree):
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
         inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", each, rows, rows))
         noise = inverse @ (self._of_cell(rows, each) + self._of_gyro(motion, jerk, each)) @ inverse
-        run, of_alpha = self._run(motion, jerk, each), jnp.square(jnp.asarray(gain, float))
+        sums, of_omega = self._sums(motion, jerk, each), jnp.diag(self.gyro)
+        expectation = noise_expectation(of_omega, jnp.square(jnp.asarray(gain, float)) * of_omega)
 
         def estimate(error):
-            return tensor_of(equations_of(run, 0, self.expected + error, self.gyro, of_alpha))
+            maps = error_maps(self.body, self.platform, self.columns, unravel(self.expected + error))
+            return tensor_of(packed_equations(*mapped_sums(maps, delayed(sums, maps.delay)), expectation))
 
         there = self.directions.T
         value, more, less = jnp.split(
@@ -140,29 +145,30 @@ class Prediction(Pytree):
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
         return jnp.einsum("n,nji,i,nki->jk", each, acts, self.gyro, acts)
 
-    def _run(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> NoiseFreeRun:
+    def _sums(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> DelayedSums:
         """Sums without noise, and their derivatives by a delay of the gyro.
 
         From rest to rest, or over a period, the sums of omega's and alpha's products do not know a delay, and
         ``Σ x'' y = -Σ x' y'``: the second derivative needs no more than the jerk. It is taken of ``M - r × F`` alone.
         """
-        wrench, t = self.columns.sampled(self.body, motion), motion.t - motion.t[0]
+        t = motion.t - motion.t[0]
+        wrench = jnp.concatenate([self.columns.sampled(self.body, motion), jnp.ones((1, len(t)))])
 
         def features(delay):
             omega, alpha = motion.omega - delay * motion.alpha, motion.alpha - delay * jerk
             return jnp.concatenate([true_elements(omega, alpha, t), alpha])
 
         def sums(phi):
-            return TrueSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
+            return FeatureSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
 
         phi, slopes = jax.jvp(features, (jnp.zeros(()),), (jnp.ones(()),))
         now, later = jax.jvp(sums, (phi,), (slopes,))
         of_instant = lambda *at: jax.jvp(lambda w, a: omega_r(w, a) @ self.body.inertia, at[:2], at[1:])[1]  # noqa: E731
         moment = jax.vmap(of_instant, in_axes=(1, 1, 1), out_axes=1)(motion.omega, motion.alpha, jerk)
-        twice = TrueSums(
+        twice = FeatureSums(
             jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(each[None] * slopes @ moment.T)
         )
-        return NoiseFreeRun(self.body, self.platform, (now, later, twice), self.columns)
+        return now, later, twice
 
 
 def _root(correlation: np.ndarray) -> np.ndarray:

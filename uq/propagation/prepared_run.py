@@ -9,24 +9,30 @@ import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from identify.rigid_body.inertia import Body
 from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
-from uq.gram_sums import gram_moments
-from uq.gram_sums.error_maps import Columns
-from uq.gram_sums.gram_moments import products_of_estimator
-from uq.gram_sums.setup import Estimator
+from uq.gram_sums.case_equations import NO_NOISE
+from uq.gram_sums.cases import Estimator
+from uq.gram_sums.error_maps import Columns, Platform
+from uq.gram_sums.packed_equations import cell_scatter, equations_of_products, expected_by_axes, packed_equations
 from uq.propagation.beyond_the_law import Peaks
-from uq.propagation.expansion import Expansion, Point, RunSums, expand_at, to_equations, unravel
-from uq.propagation.run_sums import run_sums
-from uq.sources.constant_errors import perturbed
+from uq.propagation.expansion import (
+    Expansion,
+    error_maps,
+    expand,
+    map_series,
+    mapped_sums,
+)
+from uq.propagation.run_sums import RunSums, run_sums
+from uq.sources.constant_errors import no_errors, perturbed, unravel
+from uq.sources.noise_filters import GyroNoise
 
 MOST_RUNS = 32
 """Most runs whose sums are kept."""
@@ -34,15 +40,19 @@ MOST_EXPANSIONS = 128
 """Most expansions that are kept of each run."""
 
 
+Parts = TypeVar("Parts", bound=tuple[np.ndarray, ...])
+
+
 class Scatter(NamedTuple):
     """Effect of omega's white noise on sums and normal equations; the estimators are the first axis."""
 
-    mean: Float[Array | np.ndarray, "*estimators products"]
-    noise_free: Float[Array | np.ndarray, "*estimators products"]
-    covariance: Float[Array | np.ndarray, "*estimators 27 27"]
-    linear: Float[Array | np.ndarray, "*estimators 27 27"]
+    mean: Float[np.ndarray, "*estimators 6 21"]
+    """Expected sums of the regressor's rows, pair by pair of axes."""
+    noise_free: Float[np.ndarray, "*estimators 6 21"]
+    covariance: Float[np.ndarray, "*estimators 27 27"]
+    linear: Float[np.ndarray, "*estimators 27 27"]
     """Covariance of the normal equations from the terms that are linear in the noise."""
-    change: Float[Array | np.ndarray, "*estimators 27"]
+    change: Float[np.ndarray, "*estimators 27"]
     """Second-order change of the normal equations' mean about the noise-free run."""
 
 
@@ -50,9 +60,16 @@ class Scatter(NamedTuple):
 class PreparedRun:
     """Sums over one run, and the expansions made of them so far."""
 
+    body: Body
+    platform: Platform
+    columns: Columns
     sums: RunSums
-    peaks: Peaks
     kept: "Recent" = field(default_factory=lambda: Recent(MOST_EXPANSIONS), repr=False, compare=False)
+
+    @property
+    def peaks(self) -> Peaks:
+        """Largest values and steps of the signals."""
+        return self.sums.peaks
 
     def expansion(self, expected: np.ndarray, variance: np.ndarray, errors: Float[np.ndarray, "e d"]) -> Expansion:
         """Return every estimator's expansion, the estimators on the first axis.
@@ -63,21 +80,49 @@ class PreparedRun:
             errors: how they follow from the d numbers that are drawn.
         """
         key = (expected.tobytes(), variance.tobytes(), errors.tobytes())
+        return self.kept.get(key, lambda: self._expanded(expected, _white(variance), errors))
 
-        def make():
-            fields = tuple(name for name, of in unravel(np.abs(errors).sum(axis=1))._asdict().items() if np.any(of))
-            return _on_host(_expansions(self.sums, Point(expected, variance), errors, fields))
-
-        return self.kept.get(key, make)
+    def _expanded(self, expected: np.ndarray, noise: GyroNoise, errors: np.ndarray) -> Expansion:
+        fields = tuple(name for name, rows in unravel(np.abs(errors).sum(axis=1))._asdict().items() if np.any(rows))
+        maps = jax.tree.map(np.asarray, map_series(self.body, self.platform, self.columns, expected, errors, fields))
+        expectation = self.sums.moments.expectation
+        return stacked([expand(maps, sums, expectation(noise, k)) for k, sums in enumerate(self.sums.noise_free)])
 
     def scatter(self, variance: np.ndarray) -> Scatter:
         """Return what omega's white noise of this variance [rad²/s²] does to the sums."""
-        return self.kept.get(variance.tobytes(), lambda: _on_host(_scatters(self.sums, variance)))
+        return self.kept.get(variance.tobytes(), lambda: self._scattered(_white(variance)))
 
-    @property
-    def equations(self) -> Float[np.ndarray, "27 products"]:
-        """The matrix that takes an estimator's sums to normal equations."""
-        return self.kept.get("equations", lambda: np.asarray(_to_equations(self.sums.noise_free.body.r_cg_from_q)))
+    def _scattered(self, noise: GyroNoise) -> Scatter:
+        moments, scatters = self.sums.moments, []
+        covariance, linear = moments.covariance(noise), moments.linear_covariance(noise)
+        maps = error_maps(self.body, self.platform, self.columns, no_errors())
+        for k, (sums, *_) in enumerate(self.sums.noise_free):
+            gram, moment = mapped_sums(maps, sums)
+            rows = equations_of_products(moments.algebra, k, self.body.r_cg_from_q)
+            change = packed_equations(gram, moment, moments.expectation(noise, k, fourth_order=False))
+            scatters.append(
+                Scatter(
+                    expected_by_axes(gram, moments.expectation(noise, k)),
+                    expected_by_axes(gram, NO_NOISE),
+                    rows @ covariance @ rows.T,
+                    rows @ linear @ rows.T,
+                    change - packed_equations(gram, moment, NO_NOISE),
+                )
+            )
+        return stacked(scatters)
+
+    def cell_scatter(self, by_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """Return the covariance of the normal equations under the load cell's noise; see :func:`cell_scatter`."""
+        return cell_scatter(by_axes, cell, self.body.r_cg_from_q)
+
+
+def _white(variance: Float[np.ndarray, "3"]) -> GyroNoise:
+    return GyroNoise.white(np.diag(variance))
+
+
+def stacked(parts: Sequence[Parts], axis: int = 0) -> Parts:
+    """Return one tuple of arrays from several of its kind, stacked along an axis."""
+    return type(parts[0])(*(np.stack(leaves, axis=axis) for leaves in zip(*parts, strict=True)))
 
 
 class Recent:
@@ -128,37 +173,10 @@ def _digest(parts: Any) -> bytes:
     return digest.digest()
 
 
-def _on_host(tree: Any) -> Any:
-    return jax.tree.map(np.asarray, tree)
-
-
 def _summed(
     experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[Estimator], columns: Columns, delayed: bool
 ) -> PreparedRun:
     count, taps = len(samples(spec)), [estimator.taps for estimator in estimators]
-    platform = platform_of(experiment, spec)
-    return PreparedRun(*run_sums(spec.trajectory, count, spec.rate, experiment.body, platform, taps, columns, delayed))
-
-
-_to_equations = jax.jit(to_equations)
-
-
-@partial(jax.jit, static_argnames="fields")
-def _expansions(run: RunSums, point: Point, errors: Float[Array, "e d"], fields: tuple[str, ...]) -> Expansion:
-    return jax.lax.map(lambda k: expand_at(run, k, point, errors, fields), jnp.arange(len(run.moments.alphas)))
-
-
-@jax.jit
-def _scatters(run: RunSums, variance: Float[Array, "3"]) -> Scatter:
-    moments, equations = run.moments, to_equations(run.noise_free.body.r_cg_from_q)
-    count = len(moments.alphas)
-    places = np.array([products_of_estimator(count, k) for k in range(count)])
-    nothing = jnp.zeros((len(equations), len(moments.sums)))
-    rows = jax.vmap(lambda of_estimator: nothing.at[:, of_estimator].set(equations))(places)
-    return Scatter(
-        gram_moments.mean(moments, variance)[places],
-        moments.sums[places],
-        gram_moments.covariance(moments, variance, rows),
-        gram_moments.first_order_covariance(moments, variance, rows),
-        rows @ gram_moments.second_order_change(moments, variance),
-    )
+    body, platform = jax.tree.map(np.asarray, experiment.body), platform_of(experiment, spec)
+    sums = run_sums(spec.trajectory, count, spec.rate, body, platform, taps, columns, delayed)
+    return PreparedRun(body, platform, columns, sums)

@@ -162,7 +162,7 @@ class _Problem(Pytree):
     """Points of quasi-random trials, which each block shifts anew; None: trials are random."""
 
 
-def _blocks(problem: _Problem, key: Array, numbers: Array, *, at_once: bool) -> Float[Array, "blocks trials *outputs"]:
+def _blocks(problem: _Problem, key: Array, numbers: Array) -> Float[Array, "blocks trials *outputs"]:
     def draw(number: Array, name: str, given: Distribution) -> Array:
         stream = jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), number)
         return given.draw(stream, (problem.size, *np.shape(given.mean)))

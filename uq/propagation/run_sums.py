@@ -1,48 +1,75 @@
 """Sums over a trajectory's samples, for the law: in pieces of one size, so that any duration runs the same code.
 
-What is compiled depends on neither duration nor rate, and no more than a piece is ever in memory.
+What JAX compiles, the motion, depends on neither duration nor rate, and no more than a piece is ever in memory.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.compiled_program import CompiledProgram
-from identify.motion.trajectory import Trajectory, sample
+from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import Array
+from identify.signals.differentiate import derivative
+from uq.gram_sums.case_equations import FeatureSums
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
-from uq.gram_sums.sums_over_samples import PieceSums, alphas_of, moments_of_sums, responses_of, sums_of_piece
+from uq.gram_sums.run_moments import PIECE, RunMoments, run_moments
 from uq.propagation.beyond_the_law import Peaks
-from uq.propagation.expansion import NoiseFreeRun, RunSums, TrueSums
-
-PIECE = 4096
-"""Samples in a piece."""
+from uq.propagation.expansion import DelayedSums
 
 
-class _Sums(NamedTuple):
+class RunSums(NamedTuple):
+    """Sums over one run: all that the law depends on, whatever the size of the errors."""
+
+    noise_free: tuple[DelayedSums, ...]
+    """Every estimator's."""
+    moments: RunMoments
+    peaks: Peaks
+    """Largest values and steps of the signals."""
+
+
+class _Piece(NamedTuple):
+    """A part of a run, and as many samples more at either end as three times the longest differentiator's reach."""
+
+    motion: Motion
+    by_delay: Float[np.ndarray, "orders 3 n"]
+    """Derivatives of omega by a delay of the gyro, the first and the second; none where there is no delay."""
+    numbers: np.ndarray
+    """Numbers of the samples; some may lie outside of the run."""
+
+
+@dataclass(frozen=True)
+class _PieceSums:
     """Sums over some pieces of a run."""
 
-    piece: PieceSums
-    true: tuple[TrueSums, TrueSums, TrueSums]
-    moved: Float[Array, "9"]
+    gram: Float[np.ndarray, "orders estimators 18 18"]
+    """And its derivatives by a delay."""
+    wrench: Float[np.ndarray, "orders estimators 18 columns"]
+    moments: RunMoments
+    squared_steps: Float[np.ndarray, "9"]
     """Squares of what force, moment and omega go from one sample to the next."""
-    largest: Float[Array, "9"]
+    largest: Float[np.ndarray, "9"]
     """Largest absolute value of force, moment and omega; it is a maximum, not a sum."""
 
-
-def _numbers(first: Array, margin: int) -> Array:
-    """The numbers of a piece's samples and of ``margin`` more at either end; some may lie outside of the run."""
-    return first - margin + jnp.arange(PIECE + 2 * margin)
+    def __add__(self, other: "_PieceSums") -> "_PieceSums":
+        return _PieceSums(
+            self.gram + other.gram, self.wrench + other.wrench, self.moments + other.moments,
+            self.squared_steps + other.squared_steps, np.maximum(self.largest, other.largest),
+        )  # fmt: skip
 
 
 def run_sums(
     trajectory: Trajectory, count: int, rate: float, body: Body, platform: Platform, taps: Sequence[Array],
     columns: Columns, delayed: bool,
-) -> tuple[RunSums, Peaks]:  # fmt: skip
+) -> RunSums:  # fmt: skip
     """Sum over a run's samples.
 
     Args:
@@ -53,75 +80,95 @@ def run_sums(
         platform: what carries it.
         taps: every estimator's differentiator.
         columns: the functions of time that the sources need.
-        delayed: whether the sums' derivatives by a delay of the gyro are needed.
-
-    Returns:
-        The sums, and how far the signals go.
+        delayed: whether the sums' derivatives by a delay of the gyro are needed; else they are zero.
     """
-    margin, start = 3 * max(map(len, taps)), jnp.eye(3)
-    given = trajectory, platform, jnp.asarray(rate, float), jnp.asarray(count), margin, delayed
-    sums: Any = ()
-    for first in map(jnp.asarray, range(0, count, PIECE)):
-        motion, by_delay, start = _moved(first, start, *given)
-        more = _summed(motion, by_delay, body, list(taps), first, given[3], columns)
-        sums = _together(sums, more) if sums else more
-    largest, moved = np.asarray(sums.largest), np.sqrt(np.asarray(sums.moved) / max(count - 1, 1))
-    places = {"F": slice(0, 3), "M": slice(3, 6), "omega": slice(6, 9)}
-    peaks = Peaks(*({name: each[place] for name, place in places.items()} for each in (largest, moved)))
-    return RunSums(NoiseFreeRun(body, platform, sums.true, columns), _moments(sums.piece, list(taps))), peaks
+    differentiators, still_body = [np.asarray(h) for h in taps], jax.tree.map(np.asarray, body)
+    pieces = _pieces(trajectory, count, rate, platform, 3 * max(map(len, differentiators)), delayed)
+    sums = reduce(add, (_summed(piece, count, still_body, columns, differentiators) for piece in pieces))
+    orders = [np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))]) for x in (sums.gram, sums.wrench)]
+    by_estimator = zip(*(x.swapaxes(0, 1) for x in orders), strict=True)
+    noise_free: Any = tuple(tuple(map(FeatureSums, *both)) for both in by_estimator)
+    moves = np.sqrt(sums.squared_steps / max(count - 1, 1))
+    largest, steps = (dict(zip(("F", "M", "omega"), x.reshape(3, 3), strict=True)) for x in (sums.largest, moves))
+    return RunSums(noise_free, sums.moments, Peaks(largest, steps))
+
+
+def _pieces(
+    trajectory: Trajectory, count: int, rate: float, platform: Platform, margin: int, delayed: bool
+) -> Iterator[_Piece]:
+    """Yield a run's pieces, each of the same size."""
+    start = jax.device_put(np.eye(3))
+    for first in range(0, count, PIECE):
+        numbers = first - margin + np.arange(PIECE + 2 * margin)
+        t = np.clip(numbers, 0, count - 1) / rate  # before and after the run the body is at rest
+        sampled, by_delay, start = _moved(start, jax.device_put(t), trajectory, platform, margin, delayed)
+        yield _Piece(jax.tree.map(np.asarray, sampled), np.asarray(by_delay), numbers)
 
 
 @CompiledProgram
-def _moved(first, start, trajectory, platform, rate, count, margin, delayed):
-    """A piece's motion; the first and second derivatives of omega by a delay; the attitude where the next one starts.
+def _moved(start, t, trajectory, platform, margin, delayed):
+    """A piece's motion; omega's derivatives by a delay, if there is one; the attitude where the next piece starts.
 
-    ``start`` is the attitude at the first sample. Before and after the run the body is at rest.
+    ``start`` is the attitude at the first sample.
     """
-    t = jnp.clip(_numbers(first, margin), 0, count - 1).astype(rate.dtype) / rate
     still, gravity = platform.r_cg_from_still, platform.gravity
     motion = sample(trajectory, t, r_cg_from_still=still, gravity=gravity, start=start)
     if not delayed:
-        return motion, (), motion.rotation[PIECE]
-    unit = jnp.ones(())
-    late = lambda delay: jax.vmap(trajectory.omega, out_axes=1)(t - delay)  # noqa: E731
-    slope = lambda delay: jax.jvp(late, (delay,), (unit,))[1]  # noqa: E731
-    return motion, jax.jvp(slope, (jnp.zeros(()),), (unit,)), motion.rotation[PIECE]
+        return motion, jnp.zeros((0, *motion.omega.shape)), motion.rotation[PIECE]
+    jerk = jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
+    return motion, jnp.stack([-motion.alpha, jerk]), motion.rotation[PIECE]
 
 
-@CompiledProgram
-def _summed(motion, by_delay, body, taps, first, count, columns):
-    """The sums over a piece, given what :func:`_moved` returns."""
-    reach = max(map(len, taps))
-    index, inner = _numbers(first, 3 * reach), slice(3 * reach, 3 * reach + PIECE)
-    valid = ((index >= reach) & (index < count - reach)).astype(motion.t.dtype)[None]
-    wrench = columns.sampled(body, motion, 0.0)
-
-    def true_sums(delay):
-        omega = motion.omega
-        if by_delay:
-            omega = omega + delay * by_delay[0] + delay**2 / 2 * by_delay[1]
-        phi = jnp.concatenate([true_elements(omega, omega, motion.t), alphas_of(omega, taps)]) * valid
-        return TrueSums(phi[:, inner] @ phi[:, inner].T, phi[:, inner] @ wrench[:, inner].T)
-
-    slope = lambda delay: jax.jvp(true_sums, (delay,), (jnp.ones(()),))[1]  # noqa: E731
-    now = true_sums(jnp.zeros(()))
-    none = jax.tree.map(jnp.zeros_like, now)
-    derivatives = jax.jvp(slope, (jnp.zeros(()),), (jnp.ones(()),)) if by_delay else (none, none)
-    rows = jnp.concatenate([valid, jnp.concatenate([motion.omega, alphas_of(motion.omega, taps), wrench[:6]]) * valid])
-    sensed = jnp.concatenate([wrench[:6], motion.omega])
-    there = ((index >= 0) & (index < count)).astype(motion.t.dtype)[None]
-    steps = jnp.pad(jnp.diff(sensed) * there[:, 1:], ((0, 0), (1, 0)))
-    return _Sums(
-        sums_of_piece(rows[:, reach:-reach], responses_of(taps)), (now, *derivatives),
-        jnp.sum(steps[:, inner] ** 2, axis=1), jnp.max(jnp.abs(sensed * there)[:, inner], axis=1),
-    )  # fmt: skip
+def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Sequence[np.ndarray]) -> _PieceSums:
+    motion, reach = piece.motion, max(map(len, taps))
+    inner = slice(3 * reach, 3 * reach + PIECE)
+    valid = ((piece.numbers >= reach) & (piece.numbers < count - reach)).astype(float)
+    wrench = np.concatenate([columns.sampled(body, motion, 0.0), np.ones((1, len(motion.t)))])
+    elements = [x[:, inner] * valid[inner] for x in _elements_by_delay(motion, piece.by_delay, taps)]
+    gram, with_wrench = _gram_by_delay(*elements), np.array([phi @ wrench[:, inner].T for phi in elements])
+    chosen = [np.r_[:15, 15 + 3 * e : 18 + 3 * e] for e in range(len(taps))]
+    differentiable = slice(reach, -reach)
+    signals = np.concatenate([motion.omega, *(_alpha(motion.omega, h) for h in taps), wrench[:6]])[:, differentiable]
+    sensed = np.concatenate([wrench[:6], motion.omega])[:, inner.start - 1 : inner.stop]
+    inside = (piece.numbers >= 0) & (piece.numbers < count)
+    steps = np.diff(sensed) * inside[inner.start - 1 : inner.stop - 1] * inside[inner]
+    return _PieceSums(
+        gram=np.stack([gram[:, k[:, None], k] for k in chosen], axis=1),
+        wrench=np.stack([with_wrench[:, k] for k in chosen], axis=1),
+        moments=run_moments(signals, valid[differentiable], taps, margin=2 * reach),
+        squared_steps=(steps**2).sum(axis=1),
+        largest=np.abs(sensed[:, 1:] * inside[inner]).max(axis=1),
+    )
 
 
-@jax.jit
-def _together(first, second):
-    return jax.tree.map(jnp.add, first, second)._replace(largest=jnp.maximum(first.largest, second.largest))
+def _elements_by_delay(motion: Motion, by_delay: np.ndarray, taps: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return the elements and their derivatives by a delay, if there is one.
+
+    They are quadratic in omega, so that differences over steps of any size are exact.
+    """
+    at = lambda change: _elements(motion.omega + change, motion.t, taps)  # noqa: E731
+    now = at(0.0)
+    if not len(by_delay):
+        return [now]
+    (more, less), (later, earlier) = ((at(change), at(-change)) for change in by_delay)
+    return [now, (more - less) / 2, more - 2 * now + less + (later - earlier) / 2]
 
 
-@jax.jit
-def _moments(sums, taps):
-    return moments_of_sums(sums, responses_of(taps))
+def _gram_by_delay(now: np.ndarray, *derivatives: np.ndarray) -> Float[np.ndarray, "orders elements elements"]:
+    """Return the Gram matrix of elements, and its derivatives where theirs are given."""
+    if not derivatives:
+        return (now @ now.T)[None]
+    first, second = derivatives
+    slope, curvature = first @ now.T, second @ now.T
+    return np.array([now @ now.T, slope + slope.T, curvature + curvature.T + 2 * first @ first.T])
+
+
+def _elements(omega: Array, t: Array, taps: Sequence[np.ndarray]) -> Float[np.ndarray, "elements n"]:
+    """Return the elements of :func:`uq.gram_sums.case_equations.feature_map`, every estimator's alpha last."""
+    alphas = [_alpha(omega, h) for h in taps]
+    return np.concatenate([true_elements(omega, alphas[0], t), *alphas])
+
+
+def _alpha(omega: Array, taps: np.ndarray) -> Float[np.ndarray, "3 n"]:
+    """Return a differentiator's alpha of omega [rad/s²]; zero where it has none."""
+    return np.pad(derivative(omega, taps), ((0, 0), (len(taps),) * 2))

@@ -63,6 +63,22 @@ def no_errors() -> Errors:
     return Errors(*(np.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
 
 
+def _places() -> dict[str, slice]:
+    sizes = [zero.size for zero in no_errors()]
+    ends = np.cumsum(sizes).tolist()
+    return {field: slice(end - size, end) for field, size, end in zip(Errors._fields, sizes, ends, strict=True)}
+
+
+PLACES = _places()
+"""Places of each field's numbers among all of them in one array."""
+
+
+def unravel(errors: Float[Array, " e"]) -> Errors:
+    """Return errors from all their numbers in one array, of JAX or of NumPy."""
+    shapes = {field: zero.shape for field, zero in no_errors()._asdict().items()}
+    return Errors(**{field: errors[place].reshape(shapes[field]) for field, place in PLACES.items()})
+
+
 def effect(source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return what a constant source's draw [SI] adds to the field that it perturbs: linear in it."""
     value, first = source.error_kind.value(source, draw), CELL_CHANNELS.get(source.target)

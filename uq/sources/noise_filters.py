@@ -6,7 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft
+from numpy import fft
+
+
+def fast_length(n: int) -> int:
+    """Return a length of at least ``n`` for which a Fourier transform is fast: 2^k, 3 × 2^k or 5 × 2^k."""
+    return min(factor << max(0, -(-n // factor) - 1).bit_length() for factor in (1, 3, 5))
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class NoiseFilter:
         h = self.response(n)
         if len(h) == 1:
             return h**2
-        lags, size = np.arange(n), fft.next_fast_len(2 * n, real=True)
+        lags, size = np.arange(n), fast_length(2 * n)
         spectrum = fft.rfft(h, size)
         weighted, plain = (
             fft.irfft(np.conj(fft.rfft(x, size)) * spectrum, size)[:n] for x in ((n - lags) * h, h)

@@ -1,5 +1,7 @@
 """Normal equations of many trials at a time, against samples with the same errors, trial by trial."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,20 +11,21 @@ from identify.estimators.gram import normal_equations
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from tests.gram_lab import accumulate
 from uq.gram_sums.case_equations import (
+    NO_NOISE,
     OF_OMEGA_R,
     FeatureSums,
-    NoiseExpectation,
     equations_of,
     feature_map,
+    noise_expectation,
     noise_of_right_side,
     sums_by_axes,
     symmetric,
     weighted_sums,
 )
 from uq.gram_sums.error_maps import true_elements
+from uq.gram_sums.packed_equations import packed_equations
 
 TRIALS, SAMPLES = 3, 40
-NOTHING = NoiseExpectation(np.zeros((45, 13)), np.zeros(9))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +50,7 @@ def test_mapped_sums_are_those_of_samples_with_the_errors(run, errors, drifts):
     sums = FeatureSums(jnp.asarray(phi @ phi.T)[..., None], jnp.asarray(phi @ wrench.T)[..., None])
     e = {name: jnp.asarray(values) for name, values in errors.items()}
     mapped = feature_map(e["gyro"], e["bias"], e["drift"] if drifts else None)
-    equations = equations_of(sums, mapped, NOTHING, e["cell"], e["cell_bias"], e["r_cg"])
+    equations = equations_of(sums, mapped, NO_NOISE, e["cell"], e["cell_bias"], e["r_cg"])
     matrix = symmetric(equations.by_axes[:3].sum(axis=0))
     for k in range(TRIALS):
         own = {name: values[..., k] for name, values in errors.items()}
@@ -83,3 +86,36 @@ def test_no_noise_adds_nothing_and_no_nan():
     np.testing.assert_array_equal(zero, np.zeros((6, 2)))
     slope = jax.grad(lambda size: noise_of_right_side(size * jnp.zeros((21, 2)), jnp.ones((6, 2))).sum())(1.0)
     assert np.isfinite(slope)
+
+
+def test_expected_sums_are_exact_for_noise_as_large_as_the_signal():
+    """Oracle: Gauss and Hermite's cubature, exact for products of four noises; correlated axes, one sample."""
+    generator = np.random.default_rng(34)
+    omega, alpha = generator.normal(size=(2, 3, 1))
+    roots = generator.normal(size=(2, 3, 3))
+    nodes, weights = np.polynomial.hermite_e.hermegauss(3)
+    points = np.array(list(itertools.product(nodes, repeat=6))).T
+    weight = np.prod(list(itertools.product(weights / weights.sum(), repeat=6)), axis=1)
+    phi = features(omega + roots[0] @ points[:3], alpha + roots[1] @ points[3:])
+    gram, true = (phi * weight) @ phi.T, features(omega, alpha)
+    noise = noise_expectation(*(roots @ roots.swapaxes(1, 2)))
+    lower = np.tril_indices(9)
+    added = (gram - true @ true.T)[OF_OMEGA_R, OF_OMEGA_R][lower]
+    np.testing.assert_allclose(noise.gram @ true[:, 0], added, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(noise.feature, (phi @ weight - true[:, 0])[OF_OMEGA_R], rtol=1e-10, atol=1e-10)
+    residual = generator.normal(size=(3, 1))
+    rows = np.einsum("kn,kij->nij", phi, OMEGA_R_OF_FEATURES)
+    matrix = np.einsum("n,nai,naj->ij", weight, rows, rows)
+    packed = packed_equations(true @ true.T, true @ residual.T, noise)
+    np.testing.assert_allclose(packed[:21], matrix[np.tril_indices(6)], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(packed[21:], np.einsum("n,nai,a->i", weight, rows, residual[:, 0]), rtol=1e-9, atol=1e-9)
+
+
+def test_the_second_order_alone_is_what_is_left_of_small_noise():
+    roots = np.random.default_rng(35).normal(size=(2, 3, 3))
+    sizes = 1e-10 * roots @ roots.swapaxes(1, 2)
+    exact, second = (noise_expectation(*sizes, fourth_order=whole) for whole in (True, False))
+    np.testing.assert_allclose(exact.gram, second.gram, atol=1e-6 * np.abs(second.gram).max())
+    larger = [noise_expectation(*(1e10 * sizes), fourth_order=whole).gram for whole in (True, False)]
+    np.testing.assert_allclose(larger[1], 1e10 * second.gram, rtol=1e-9)
+    assert np.abs(larger[0] - larger[1]).max() > 0.1

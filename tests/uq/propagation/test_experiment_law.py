@@ -6,28 +6,22 @@ from types import SimpleNamespace
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
 
-from identify.estimators.gram import N_FEATURES
 from identify.floating_point import MESSAGE, PrecisionWarning
-from identify.rigid_body.inertia import COMPONENTS
 from identify.text_tables import text_table
 from tests.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.gram_sums.error_maps import element_map
-from uq.gram_sums.gram_moments import mean, products_of_estimator, unpack
-from uq.gram_sums.setup import cases_of
+from uq.gram_sums.cases import cases_of
 from uq.propagation import prepared_run as kept
 from uq.propagation.beyond_the_law import BeyondLawError, Peaks
-from uq.propagation.expansion import _of_solution, expected_sums, tensor_of
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_result import beside
 from uq.propagation.law_validation import rejected, validate_law, verdict_rows, verdicts
-from uq.sources.constant_errors import no_errors
 from uq.sources.distributions import StudentT
 
 ROUNDING = 1e-12
@@ -71,9 +65,10 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(brief, prepared):
     assert predicted.notes() == [f"attention: {text}" for text in predicted.warnings]
     total = predicted["T1", "central"].total
     figures = predicted.figures()
-    bars, points = figures["sources-T1-central"].axes[:: len(COMPONENTS)]
-    assert bars.patches[0].get_width() == pytest.approx(1e3 * total.three_sigma[0])
-    assert points.lines[-1].get_xdata()[0] == pytest.approx(1e3 * total.mean_error[0])
+    bars, points = figures["groups-T1-central"].axes
+    assert bars.patches[0].get_height() == pytest.approx(1e3 * total.three_sigma[0])
+    (marks,) = (c for c in points.collections if isinstance(c, PathCollection))
+    assert marks.get_offsets()[0, 1] == pytest.approx(1e3 * total.mean_error[0])
     assert next(iter(figures)) == "groups-T1-central"
     quiet = tuple(
         eqx.tree_at(lambda s: s.sigma, s, 0.1 * s.sigma) if s.name == "omega_precision" else s for s in brief.sources
@@ -128,7 +123,7 @@ def test_law_and_monte_carlo_agree_as_noise_shrinks(brief, prepared):
 def test_other_figures_visit_no_sample_again(brief, monkeypatch):
     """Nor read the file's content; a figure of the gyro's noise has new expansions made, others none."""
     first = law(brief, "T1")
-    counted = {"visits": 0, "documents": 0, "_expansions": 0, "_scatters": 0}
+    counted = {"visits": 0, "documents": 0, "_expanded": 0, "_scattered": 0}
 
     def counting(name, function):
         def counted_function(*arguments):
@@ -139,15 +134,15 @@ def test_other_figures_visit_no_sample_again(brief, monkeypatch):
 
     monkeypatch.setattr(kept, "run_sums", counting("visits", kept.run_sums))
     monkeypatch.setattr(Experiment, "is_of_document", counting("documents", Experiment.is_of_document))
-    for name in ("_expansions", "_scatters"):
-        monkeypatch.setattr(kept, name, counting(name, getattr(kept, name)))
+    for name in ("_expanded", "_scattered"):
+        monkeypatch.setattr(kept.PreparedRun, name, counting(name, getattr(kept.PreparedRun, name)))
 
     def doubled(name):
         changed = tuple(s.error_kind.resized(s, 2.0) if s.name == name else s for s in brief.sources)
         return law(dataclasses.replace(brief, sources=changed), "T1")["T1", "central"]
 
     cell, gyro = doubled("M_precision"), doubled("omega_precision")
-    assert counted == {"visits": 0, "documents": 0, "_expansions": 1, "_scatters": 1}
+    assert counted == {"visits": 0, "documents": 0, "_expanded": 1, "_scattered": 1}
     assert first.provenance["resolved"]["sources"] == brief.inputs()["resolved"]["sources"]
     before = first["T1", "central"]
     np.testing.assert_allclose(
@@ -169,29 +164,6 @@ def test_the_textbooks_law_is_blind_where_the_effect_is_quadratic(prepared):
     moments = [0, 3, 5]
     np.testing.assert_array_less(bias.textbook_three_sigma[moments], 1e-3 * bias.three_sigma[moments] + ROUNDING)
     assert bias.three_sigma[5] > 5e-7
-
-
-def test_expected_sums_of_elements_are_those_of_features(brief, prepared):
-    """Two ways to the expected sums: the elements that errors map, and the polynomials of the noise."""
-    run, variance = prepared.runs["T1"].sums, jnp.array([1e-4, 2e-4, 3e-4])
-    elements = element_map(no_errors(), gyro_mapped=True)
-    for k in range(2):
-        of_estimator = jax.jit(expected_sums)(
-            run.noise_free.sums[0].of_estimator(k), variance, run.moments.alphas[k, k]
-        )
-        other = unpack(jax.jit(mean)(run.moments, variance)[products_of_estimator(2, k)], N_FEATURES)
-        np.testing.assert_allclose(elements @ of_estimator.gram @ elements.T, other.gram, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(elements @ of_estimator.wrench[:, :3], other.force, rtol=1e-9, atol=1e-7)
-
-
-def test_derivatives_of_the_solution_are_those_of_elimination(prepared):
-    """Written out for ``x = A⁻¹ y``; by automatic differentiation of the solver that trials use."""
-    run = prepared.runs["T1"]
-    equations = run.equations @ run.scatter(np.array([1e-4, 2e-4, 3e-4])).mean[0]
-    first, second = jax.jit(lambda at: _of_solution(at))(equations)
-    slopes = jax.jacfwd(tensor_of)
-    np.testing.assert_allclose(first, jax.jit(slopes)(equations), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(second, jax.jit(jax.jacfwd(slopes))(equations), rtol=1e-8, atol=1e-12)
 
 
 # --- other sources ---

@@ -3,17 +3,17 @@
 import dataclasses
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from identify.signals.differentiate import derivative
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment
-from uq.gram_sums.error_maps import Columns
-from uq.gram_sums.sums_over_samples import alphas_of, moments_of_signals
+from uq.gram_sums.error_maps import Columns, true_elements
+from uq.gram_sums.run_moments import run_moments
 from uq.planning.required_duration import lasting
 from uq.propagation import run_sums as pieces
-from uq.trials.trial import valid_samples
+from uq.sources.noise_filters import WHITE
 
 
 @pytest.fixture(scope="module")
@@ -30,49 +30,66 @@ def summed(experiment, spec):
     return pieces.run_sums(spec.trajectory, count, spec.rate, *given)
 
 
+def noise_free(experiment, spec):
+    """Motion, wrench and other columns, estimators' taps, and 1 for samples where all of these have a derivative."""
+    motion = jax.tree.map(np.asarray, true_motion(experiment, spec))
+    wrench = np.asarray(Columns.of(experiment.sources).sampled(experiment.body, motion))
+    taps = [np.asarray(e.taps) for e in fitted_estimators(experiment.estimators, spec, len(motion.t))]
+    reach, number = max(map(len, taps)), np.arange(len(motion.t))
+    return motion, wrench, taps, ((number >= reach) & (number < len(number) - reach)).astype(float)
+
+
+def alpha_of(omega, taps):
+    return np.pad(derivative(omega, taps), ((0, 0), (len(taps),) * 2))
+
+
 def test_pieces_add_up_to_the_whole_run(many, monkeypatch):
-    """Against the true motion in one array; in a unit of the largest of each kind, 1e-12 is rounding."""
+    """Against the true motion in one array; in a unit of the largest of each kind, 1e-11 is rounding."""
     spec = many.trajectories["T1"]
-    sums, peaks = summed(many, spec)
-    motion, columns = true_motion(many, spec), Columns.of(many.sources)
-    estimators = fitted_estimators(many.estimators, spec, len(motion.t))
-    taps, valid = [e.taps for e in estimators], jnp.asarray(valid_samples(len(motion.t), estimators))
-    wrench = columns.sampled(many.body, motion)
-    signals = jnp.concatenate([motion.omega, alphas_of(motion.omega, taps), wrench[:6]])
-    whole = jax.jit(moments_of_signals)(signals, valid, taps)
-    for name in ("sums", "totals", "correlated"):
-        expected = np.asarray(getattr(whole, name))
-        np.testing.assert_allclose(getattr(sums.moments, name), expected, atol=1e-12 * np.abs(expected).max())
-    alphas = np.asarray(alphas_of(motion.omega, taps)) * np.asarray(valid)
-    true = np.asarray(sums.noise_free.sums[0].wrench[15:])
-    expected = alphas @ np.asarray(wrench).T
-    np.testing.assert_allclose(true, expected, atol=1e-12 * np.abs(expected).max())
-    of_signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
-    for name, signal in of_signals.items():
-        np.testing.assert_allclose(peaks.largest[name], np.abs(signal).max(axis=1), rtol=1e-12)
+    monkeypatch.setattr(pieces, "PIECE", 1000)
+    pieces._moved.jitted.clear_cache()  # its code has the size of a piece
+    sums = summed(many, spec)
+    pieces._moved.jitted.clear_cache()
+    motion, wrench, taps, valid = noise_free(many, spec)
+    alphas = [alpha_of(motion.omega, h) for h in taps]
+    whole = run_moments(np.concatenate([motion.omega, *alphas, wrench[:6]]), valid, taps)
+
+    def agree(computed, expected):
+        np.testing.assert_allclose(computed, expected, atol=1e-11 * np.abs(expected).max())
+
+    agree(sums.moments.linear[WHITE], whole.linear[WHITE])
+    agree(sums.moments.quadratic[WHITE, WHITE], whole.quadratic[WHITE, WHITE])
+    columns = np.concatenate([wrench, np.ones((1, len(motion.t)))])
+    for alpha, (own, *_) in zip(alphas, sums.noise_free, strict=True):
+        phi = np.concatenate([true_elements(motion.omega, alpha, motion.t), alpha]) * valid
+        agree(own.gram, phi @ phi.T)
+        agree(own.wrench, phi @ columns.T)
+    signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
+    for name, signal in signals.items():
+        np.testing.assert_allclose(sums.peaks.largest[name], np.abs(signal).max(axis=1), rtol=1e-12)
         rms = np.sqrt(np.mean(np.diff(signal) ** 2, axis=1))
-        np.testing.assert_allclose(peaks.moves[name], rms, rtol=1e-9)
+        np.testing.assert_allclose(sums.peaks.moves[name], rms, rtol=1e-9)
 
 
 def test_a_delays_derivatives_are_those_of_delayed_runs(many):
     """Second differences over ±1 ms of the sums of a gyro that is late; their own error is of the square of 1 ms."""
-    spec = many.trajectories["T1"]
-    sums, _ = summed(many, spec)
-    motion, h = true_motion(many, spec), 1e-3
-    count = len(motion.t)
-    estimators = fitted_estimators(many.estimators, spec, count)
-    valid = valid_samples(count, estimators)
-    wrench = np.asarray(Columns.of(many.sources).sampled(many.body, motion))
+    spec, h = many.trajectories["T1"], 1e-3
+    sums = summed(many, spec)
+    motion, wrench, taps, valid = noise_free(many, spec)
 
-    def late(delay):
-        omega = np.asarray(jax.vmap(spec.trajectory.omega, out_axes=1)(motion.t - delay)) * valid
-        return omega @ (wrench * valid).T
+    def late(delay, own):
+        omega = np.asarray(jax.vmap(spec.trajectory.omega, out_axes=1)(motion.t - delay))
+        alpha = alpha_of(omega, own)
+        phi = np.concatenate([true_elements(omega, alpha, motion.t), alpha]) * valid
+        return phi @ phi.T, phi @ wrench.T
 
-    before, now, after = (late(delay) for delay in (-h, 0.0, h))
-    of_omega = slice(1, 4)
-    for order, expected in ((1, (after - before) / (2 * h)), (2, (after - 2 * now + before) / h**2)):
-        got = np.asarray(sums.noise_free.sums[order].wrench[of_omega])
-        np.testing.assert_allclose(got, expected, atol=2e-4 * np.abs(expected).max())
+    for own, (_, *orders) in zip(taps, sums.noise_free, strict=True):
+        for part in range(2):
+            before, now, after = (late(delay, own)[part] for delay in (-h, 0.0, h))
+            differences = (after - before) / (2 * h), (after - 2 * now + before) / h**2
+            for order, expected in zip(orders, differences, strict=True):
+                got = order[part][:, : expected.shape[1]]
+                np.testing.assert_allclose(got, expected, atol=2e-4 * np.abs(expected).max())
 
 
 def test_another_duration_compiles_nothing(brief, monkeypatch):
@@ -80,7 +97,6 @@ def test_another_duration_compiles_nothing(brief, monkeypatch):
     plain = dataclasses.replace(brief, estimators=brief.estimators[:1])
     spec = brief.trajectories["T1"]
     summed(plain, spec)
-    for name in ("sample", "sums_of_piece"):
-        monkeypatch.setattr(pieces, name, lambda *_, **__: pytest.fail("traced again"))
-    sums, _ = summed(plain, dataclasses.replace(lasting(spec, 31.3), rate=390.0))
-    assert sums.noise_free.sums[0].gram[0, 0] == round(31.3 * 390) - 2
+    monkeypatch.setattr(pieces, "sample", lambda *_, **__: pytest.fail("traced again"))
+    sums = summed(plain, dataclasses.replace(lasting(spec, 31.3), rate=390.0))
+    assert sums.noise_free[0][0].gram[0, 0] == round(31.3 * 390) - 2
