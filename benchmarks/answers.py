@@ -40,10 +40,10 @@ RUNS = 10
 
 def recordings(folder: Path) -> None:
     """Write the runs that are identified: T1 of the preset, and runs of 30 s with other draws."""
-    of_ten = (HERE / "docs" / "experiments" / "t1-10s.toml").read_text("utf-8")
+    ten_seconds = (HERE / "docs" / "experiments" / "t1-10s.toml").read_text("utf-8")
     brief = folder / "brief.toml"
     brief.write_text(
-        of_ten.replace('duration = "10 s"', 'duration = "30 s"').replace("../../uq", str(HERE / "uq")), "utf-8"
+        ten_seconds.replace('duration = "10 s"', 'duration = "30 s"').replace("../../uq", str(HERE / "uq")), "utf-8"
     )
     simulate(Experiment.load("barreto2016"), "T1").write(folder / "T1.mcap")
     for trial in range(RUNS):
@@ -51,26 +51,21 @@ def recordings(folder: Path) -> None:
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
-    """The commands whose compiled code is there already, by name."""
-    whole, brief = str(folder / "T1.mcap"), [str(folder / f"brief{k}.mcap") for k in range(RUNS)]
-    of_preset, of_brief = ["--experiment", "barreto2016"], ["--experiment", str(folder / "brief.toml")]
+    """Return the commands by name; ``--out`` is a folder of its own."""
+    t1, brief = str(folder / "T1.mcap"), [str(folder / f"brief{k}.mcap") for k in range(RUNS)]
+    preset, short = ["--experiment", "barreto2016"], ["--experiment", str(folder / "brief.toml")]
+    many = str(HERE / "docs" / "experiments" / "many-errors.toml")
     return {
-        "inspect T1": ["inspect", whole],
-        "identify T1": ["identify", whole, *of_preset],
-        "identify T1 --method gls": ["identify", whole, *of_preset, "--method", "gls"],
-        "identify T1 --method joint": ["identify", whole, *of_preset, "--method", "joint"],
-        f"identify {RUNS} runs of 30 s": ["identify", *brief, *of_brief],
-    }
-
-
-def cold_commands(folder: Path) -> dict[str, list[str]]:
-    """The commands that begin with an empty folder of compiled code."""
-    t1 = str(HERE / "docs" / "experiments" / "t1-10s.toml")
-    return {
-        "montecarlo t1-10s --trials 1000": ["montecarlo", t1, "--trials", "1000", "--out", str(folder / "campaign")],
-        "identify T1": ["identify", str(folder / "T1.mcap"), "--experiment", "barreto2016"],
-        "paper --trials 200": ["paper", "--trials", "200", "--out", str(folder / "early")],
-        "paper": ["paper", "--out", str(folder / "paper")],
+        "inspect T1": ["inspect", t1],
+        "identify T1": ["identify", t1, *preset],
+        "identify T1 --method gls": ["identify", t1, *preset, "--method", "gls"],
+        "identify T1 --method joint": ["identify", t1, *preset, "--method", "joint"],
+        f"identify {RUNS} runs of 30 s": ["identify", *brief, *short],
+        "montecarlo barreto2016": ["montecarlo", "barreto2016"],
+        "montecarlo barreto2016 --out D": ["montecarlo", "barreto2016", "--out", str(folder / "campaign")],
+        "montecarlo barreto2016 --law": ["montecarlo", "barreto2016", "--law"],
+        "montecarlo many-errors.toml": ["montecarlo", many],
+        "paper --out D": ["paper", "--out", str(folder / "paper")],
     }
 
 
@@ -81,21 +76,21 @@ def user_seconds(arguments: Sequence[str], tree: Path, cache: Path) -> float:
         [sys.executable, *arguments], cwd=tree, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     )
     assert process.stderr is not None
-    said = process.stderr.read()
+    messages = process.stderr.read()
     _, status, usage = os.wait4(process.pid, 0)
     if status:
-        raise RuntimeError(f"{' '.join(arguments)}: {said.decode().strip()}")
+        raise RuntimeError(f"{' '.join(arguments)}: {messages.decode().strip()}")
     return usage.ru_utime
 
 
-def measure(trees: Sequence[Path], rounds: int, *, cold: bool) -> list[list[str]]:
-    """Return the table's rows: the command, then for each tree its time over the reference's, and its seconds."""
+def measure(trees: Sequence[Path], rounds: int, word: str, *, cold: bool) -> list[list[str]]:
+    """Return the table's rows: a command that holds a word; by tree its time over the reference's, and its seconds."""
     for tree, package in product(trees, ("identify", "rig", "uq")):
         compileall.compile_dir(tree / package, quiet=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         recordings(folder)
-        chosen = (cold_commands if cold else commands)(folder)
+        chosen = {what: arguments for what, arguments in commands(folder).items() if word in what}
         taken: dict[tuple[str, Path], list[float]] = {}
         reference = []
         for number in range(rounds + (not cold)):
@@ -120,10 +115,11 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5, help="alternations (5)")
     parser.add_argument("--cold", action="store_true", help="with an empty folder of compiled code")
     parser.add_argument("--tree", type=Path, nargs="*", default=[], help="checkouts of other versions")
+    parser.add_argument("--only", default="", metavar="WORD", help="commands that hold this word")
     options = parser.parse_args()
     trees = [HERE, *(tree.resolve() for tree in options.tree)]
     head = ["user time", *(text for tree in trees for text in (f"times ({tree.name})", "s"))]
-    print(text_table(head, measure(trees, options.rounds, cold=options.cold)))
+    print(text_table(head, measure(trees, options.rounds, options.only, cold=options.cold)))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,16 @@
 """The house in figures: ``python -m benchmarks.house`` prints the rooms' sizes.
 
+Lines of code are neither docstring, comment, blank nor import.
 ``--write`` renews the list of rooms in docs/explanation/architecture.md, from the import linter's floors in
 pyproject.toml and the rooms' docstrings. ``--closure`` counts the modules of ours that two entrances import.
 """
 
 import argparse
 import ast
+import io
 import subprocess
 import sys
+import tokenize
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,6 +33,12 @@ print(sum(not (m.__file__ or '').endswith('__init__.py') for m in names))
 """
 
 
+LAYOUT = (
+    tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER,
+)  # fmt: skip
+"""Tokens that make no line of code."""
+
+
 def modules(folder: Path) -> list[Path]:
     """Return the modules that lie in a folder itself, in order, without ``__init__``."""
     return sorted(path for path in folder.glob("*.py") if path.name != "__init__.py")
@@ -46,20 +55,36 @@ def lines(path: Path) -> int:
     return len(path.read_text("utf-8").splitlines())
 
 
+def code_lines(path: Path) -> int:
+    """Return how many lines of a file are code: neither docstring, comment, blank nor import."""
+    text = path.read_text("utf-8")
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    code = {line for t in tokens if t.type not in LAYOUT for line in range(t.start[0], t.end[0] + 1)}
+    for node in ast.walk(ast.parse(text)):
+        docstring = (
+            isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        )
+        if docstring or isinstance(node, ast.Import | ast.ImportFrom):
+            code -= set(range(node.lineno, node.end_lineno + 1))
+    return len(code)
+
+
 def table() -> str:
-    """Return files, lines and largest module of every room, and of each package."""
-    rows = []
+    """Return modules, lines, code lines and largest module of every room, of each package and in all."""
+    rows = [_row("in all", [path for room in rooms() for path in room.glob("*.py")])]
     for package in PACKAGES:
         inside = [room for room in rooms() if room.relative_to(ROOT).parts[0] == package]
-        whole = [path for room in inside for path in room.glob("*.py")]
-        rows.append([package, str(len(whole)), str(sum(map(lines, whole))), ""])
+        rows.append(_row(package, [path for room in inside for path in room.glob("*.py")]))
         for room in inside:
             largest = max(modules(room), key=lines, default=room / "__init__.py")
-            total = sum(map(lines, room.glob("*.py")))
-            rows.append(
-                [f"  {room.relative_to(ROOT)}", str(len(modules(room))), str(total), f"{largest.stem} {lines(largest)}"]
-            )
-    return text_table(["", "modules", "lines", "largest"], rows)
+            row = _row(f"  {room.relative_to(ROOT)}", list(room.glob("*.py")))
+            rows.append([*row[:-1], f"{largest.stem} {lines(largest)}"])
+    return text_table(["", "modules", "lines", "code", "largest"], rows)
+
+
+def _row(name: str, paths: list[Path]) -> list[str]:
+    count = sum(path.name != "__init__.py" for path in paths)
+    return [name, *(f"{n:,}" for n in (count, sum(map(lines, paths)), sum(map(code_lines, paths)))), ""]
 
 
 def floors(package: str) -> list[list[str]]:

@@ -1,4 +1,4 @@
-"""Whether the tests see an error: forty faults planted one by one in a copy of the tree, and the tests run on it.
+"""Whether the tests see an error: some forty faults planted one by one in a copy of the tree, and the tests run on it.
 
 Each fault is a change of a piece of source text, found by the text wherever its file stands, so that the same faults
 can be planted in another version. The tests that stand nearest run first, the others only where these see nothing.
@@ -91,18 +91,28 @@ FAULTS = (
     fault("quantisation", "rounded down instead of to the nearest step", "sources",
           ("step * jnp.round(signal / jnp.where(step > 0, step, 1))",
            "step * jnp.floor(signal / jnp.where(step > 0, step, 1))")),
-    # uq: trials, Gram sums
-    fault("halo", "off by one: a sample without a derivative counts", "montecarlo campaign sources gram_moments",
+    # uq: trials
+    fault("halo", "off by one: a sample without a derivative counts", "reference_trial sums_engine run_moments",
           ("(index >= halo) & (index < n - halo)", "(index >= halo) & (index <= n - halo)")),
-    fault("half_change", "missing half in the change of a product", "montecarlo campaign sources",
-          ("changes[:start] / 2", "changes[:start]")),
+    fault("overlapping_block", "a record's last block counts samples of the one before again",
+          "reference_trial sums_engine",
+          ("(start + jnp.arange(size) >= first)", "(start + jnp.arange(size) >= start)")),
+    fault("acting_noise", "the gyro's noise acts in every case", "sums_engine chooser",
+          ("acts = jnp.array(stream.cases, float)[case]", "acts = jnp.ones(())")),
+    fault("case_order", "cases by samples and on sums in the order of their engines", "chooser",
+          ("places = {case: k for k, case in enumerate([*summed, *sampled, *same])}",
+           "places = {case: k for k, case in enumerate(cases)}")),
+    fault("gyro_limit", "per cent of the motion taken for parts", "chooser",
+          ("if ratio > LARGEST_NOISE:", "if ratio > 100 * LARGEST_NOISE:")),
+    fault("campaign_seed", "a checkpoint of another seed goes on", "checkpoint campaign",
+          ('        "seed": asked.seed,\n        **asked.settings', '        "seed": 0,\n        **asked.settings')),
     fault("trial_numbers", "every segment repeats the first trials", "montecarlo campaign checkpoint",
           ("np.arange(self.count, self.count + segment)", "np.arange(segment)"),
           ("np.arange(self.count, self.count + stretch)", "np.arange(stretch)")),
     fault("checkpoint_owner", "skipped: a part of another campaign", "checkpoint",
           ('if header["campaign"] != self.digest:', 'if header["campaign"] is None:')),
-    fault("lagged_covariance", "a differentiator's response not reversed in a correlation", "gram_moments",
-          ("jnp.convolve(responses[f], responses[e, ::-1])", "jnp.convolve(responses[f], responses[e])")),
+    fault("lagged_covariance", "a differentiator's response not reversed in a correlation", "run_moments",
+          ("np.convolve(first, second[::-1])", "np.convolve(first, second)")),
     # uq: propagation, coverage, sensitivity
     fault("welch_satterthwaite", "u² for u⁴ in the effective degrees of freedom", "linear law_of_propagation",
           ("np.sum(squares**2 / freedom[: squares.shape[1]], axis=1)",

@@ -2,7 +2,7 @@
 
 By figure its exact value, what seed 0 says either way, the root mean square errors over repeats, their squared ratio
 (how many random trials one quasi-random trial replaces) and how often the truth is within two stated standard errors.
-Then what they save of many inputs and of the preset's campaign on drawn sums, and the trials of adaptive propagations
+Then what they save of many inputs and of the preset's campaign, and the trials of adaptive propagations
 until two digits are stable.
 """
 
@@ -10,7 +10,6 @@ import argparse
 from collections.abc import Callable, Mapping
 from math import prod
 from statistics import median
-from typing import Any
 
 import jax
 
@@ -21,7 +20,7 @@ import numpy as np  # noqa: E402
 
 from identify.rounding import with_uncertainty  # noqa: E402
 from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.campaign import montecarlo  # noqa: E402
+from uq.campaign.campaign import SamplingPlan, montecarlo  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
 from uq.propagation.propagation_of_distributions import propagate_distributions  # noqa: E402
 from uq.sensitivity.sobol_shapley import Sensitivity, shapley, sobol  # noqa: E402
@@ -123,19 +122,21 @@ def many_inputs(repeats: int) -> list[list[str]]:
                 square = []
                 for points in POINTS:
                     results = [sobol(model, inputs, trials=trials, seed=s, points=points).total for s in range(repeats)]
-                    square.append(np.mean([(of.value[:, 0] - truth) ** 2 for of in results if of is not None], axis=0))
+                    square.append(
+                        np.mean([(total.value[:, 0] - truth) ** 2 for total in results if total is not None], axis=0)
+                    )
                 cells.append(f"{np.median(square[0] / square[1]):.1f}")
             table.append([f"{label} of {count} inputs", *cells])
     return table
 
 
 def campaign(repeats: int) -> list[list[str]]:
-    """Return what quasi-random trials save of the preset's collapsed campaign, a row a figure and number of trials."""
+    """Return what quasi-random trials save of the preset's campaign, a row a figure and number of trials."""
     experiment = Experiment.load("barreto2016")
 
     def figures(trials: int, seed: int, points: Points) -> Figures:
-        options: dict[str, Any] = {"trajectories": "T1", "estimators": "central", "sampling": "collapsed"}
-        result = montecarlo(experiment, trials=trials, seed=seed, points=points, **options)
+        plan = SamplingPlan(points=points)
+        result = montecarlo(experiment, trials=trials, seed=seed, trajectories="T1", estimators="central", plan=plan)
         total, interval = result["T1", "central"].total, result.interval("T1", "central")
         values = [total.mean_error, total.three_sigma, interval.high]
         errors = [total.mean_error_standard_error, total.three_sigma_standard_error, interval.high_standard_error]
@@ -148,7 +149,7 @@ def campaign(repeats: int) -> list[list[str]]:
         for points in POINTS:
             results = [figures(trials, seed, points) for seed in range(repeats)]
             off[points] = np.array([value for value, _ in results]) - truth
-            error[points] = np.array([of_result for _, of_result in results])
+            error[points] = np.array([errors for _, errors in results])
         square = {points: (off[points] ** 2).mean(0) for points in POINTS}
         saved = np.median(square["random"] / square["quasi-random"], axis=1)
         relative = {points: np.sqrt(np.mean(square[points] / truth[1] ** 2, axis=1)) for points in POINTS}
@@ -211,7 +212,7 @@ def main() -> None:
     print(f"{n:,} trials; Ishigami: {8 * n:,} evaluations, linear: {16 * n:,}; {repeats} repeats")
     head = ["figure", "exact", "random", "quasi-random", "rms error", "rms error", "saves", "held, %", "held, %"]
     print(text_table(head, table))
-    print(f"the preset's T1 by central, collapsed: six components, {min(repeats, 100)} repeats, rms error in % of 3σ")
+    print(f"the preset's T1 by central, on sums: six components, {min(repeats, 100)} repeats, rms error in % of 3σ")
     head = ["trials", "figure", *POINTS, "saves", "held, %", "held, %"]
     print(text_table(head, campaign(min(repeats, 100))))
     print(salib(min(repeats, 20), n))

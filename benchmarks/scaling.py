@@ -1,7 +1,7 @@
-"""Cost and memory against trials, samples, sources and devices. ``python -m benchmarks.scaling [--json FILE]``.
+"""Cost and memory of trials on sums against their number, samples and devices. ``python -m benchmarks.scaling``.
 
-The preset's T1, float32 draws, estimator central. Every figure is the fastest of three runs after one that compiles;
-memory is the largest of a process of its own.
+The preset's T1, estimator central, all cases. Each row is a process of its own, held to as many cores as devices, one
+but for their own table; the second of two calls is measured, since the first compiles.
 """
 
 import argparse
@@ -12,79 +12,107 @@ import resource
 import subprocess
 import sys
 import time
+from functools import partial
 
 import jax
+import numpy as np
 
-jax.config.update("jax_enable_x64", True)
-jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+from benchmarks.contenders import trials_of
+from identify.text_tables import text_table
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.campaign.trial_setup import prepare_engine
+from uq.experiment.experiment import Experiment, TrajectorySpec
 
-import numpy as np  # noqa: E402
-
-from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.trial_setup import prepare_setup  # noqa: E402
-from uq.experiment.experiment import Experiment  # noqa: E402
-from uq.trials.engines import run_trials  # noqa: E402
-
-TRIALS, SAMPLES = (16, 192, 1920, 19_200), (720, 7200, 72_000, 720_000)  # trials: whole segments of two devices
-
-
-def setup_of(samples: int = 72_000, sources: int = 7):
-    """Return the preset's T1 of another length, with some of its sources."""
-    experiment = Experiment.load("barreto2016")
-    spec, keep = experiment.trajectories["T1"], ("omega_precision", "omega_bias", "M_precision")
-    order = sorted(experiment.sources, key=lambda s: keep.index(s.name) if s.name in keep else len(keep))
-    seconds = samples / spec.rate
-    motion = dataclasses.replace(spec.trajectory, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
-    spec = dataclasses.replace(spec, duration=seconds, trajectory=motion)
-    experiment = dataclasses.replace(experiment, sources=tuple(order[:sources]), trajectories={"T1": spec})
-    return prepare_setup(experiment, spec, [experiment.estimator("central")], dtype="float32")
+TRIALS, SAMPLES = (1_000, 10_000, 100_000, 1_000_000), (4_000, 20_000, 72_000, 400_000, 2_000_000)
+RATE = 400
+"""Of the preset [Hz]."""
+HEADS = {
+    "trials": ["processor time, s", "µs a trial", "peak GiB"],
+    "samples": ["set-up, s", "µs a trial", "peak GiB"],
+    "devices": ["s, 200,000 trials on sums", "s, 50 by samples"],
+}
 
 
-def seconds_of(setup, trials: int, devices=None) -> float:
-    """Return the fastest of three runs."""
-    taken = []
-    for _ in range(4):
-        start = time.perf_counter()
-        run_trials(setup, trials, 0, devices or jax.devices(), 8)
-        taken.append(time.perf_counter() - start)
-    return min(taken[1:])
+def lasting(seconds: float, name: str = "barreto2016") -> Experiment:
+    """Return an experiment, the preset or a file, with trajectories that last so long."""
+
+    def shorter(spec: TrajectorySpec) -> TrajectorySpec:
+        motion = dataclasses.replace(spec.trajectory, duration=np.array(seconds), ramp=np.array(0.15 * seconds))
+        return dataclasses.replace(spec, duration=seconds, trajectory=motion)
+
+    experiment = Experiment.load(name)
+    return dataclasses.replace(experiment, trajectories={n: shorter(s) for n, s in experiment.trajectories.items()})
 
 
-def memory_of(trials: int) -> float:
-    """Return the peak memory [GiB] of a process that runs so many trials."""
-    code = f"from benchmarks import scaling; scaling.print_memory({trials})"
-    return float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True).stdout)
+def trials_row(count: int) -> list[float]:
+    """Return processor time of a whole campaign of so many trials, a trial's, and the peak memory."""
+    campaign = partial(montecarlo, Experiment.load("barreto2016"), trajectories="T1", estimators="central")
+    seconds = second_time(lambda: campaign(trials=count), time.process_time)
+    return [seconds, 1e6 * seconds / count, peak_memory()]
 
 
-def print_memory(trials: int) -> None:
-    """Run so many trials, print this process's peak memory [GiB]."""
-    run_trials(setup_of(), trials, 0, jax.devices(), 8)
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+def samples_row(count: int) -> list[float]:
+    """Return processor time of set-up and of a trial, and the peak memory."""
+    experiment = lasting(count / RATE)
+    spec, estimators = experiment.trajectories["T1"], [experiment.estimator("central")]
+    prepare = lambda: jax.block_until_ready(prepare_engine(experiment, spec, estimators).engine)  # noqa: E731
+    once, engine = second_time(prepare, time.process_time), prepare()
+    seconds = second_time(lambda: trials_of([engine], 20_000), time.process_time)
+    return [once, 1e6 * seconds / 20_000, peak_memory()]
+
+
+def devices_row(count: int) -> list[float]:
+    """Return seconds of a campaign on so many devices, on sums and by samples."""
+    campaign = partial(montecarlo, Experiment.load("barreto2016"), trajectories="T1", estimators="central")
+    options = RunOptions(devices=jax.devices()[:count])
+    plans = (200_000, SamplingPlan()), (50, SamplingPlan(engine="samples", dtype="float32"))
+    return [second_time(lambda n=n, plan=plan: campaign(trials=n, plan=plan, options=options)) for n, plan in plans]
+
+
+ROWS = {"trials": trials_row, "samples": samples_row, "devices": devices_row}
+
+
+def second_time(run, clock=time.perf_counter) -> float:
+    """Return the seconds of a call's second run."""
+    run()
+    start = clock()
+    run()
+    return clock() - start
+
+
+def peak_memory() -> float:
+    """Return the peak memory of this process [GiB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+
+
+def measured(kind: str, count: int) -> list[float]:
+    """Return a row from a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.scaling", "--row", kind, str(count)]
+    cores = sorted(os.sched_getaffinity(0))[-(count if kind == "devices" else 1) :]
+    hold = lambda: os.sched_setaffinity(0, cores)  # noqa: E731 - before NumPy's and JAX's threads are counted
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, preexec_fn=hold).stdout)
+
+
+def print_row(kind: str, count: int) -> None:
+    """Measure a row in this process."""
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_num_cpu_devices", count if kind == "devices" else 1)
+    print(json.dumps(ROWS[kind](count)))
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.scaling", description=__doc__)
-    parser.add_argument("--json", metavar="FILE")
+    parser.add_argument("--only", choices=list(ROWS), help="one of the tables")
+    parser.add_argument("--row", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    whole = setup_of()
-    found = {
-        "trials": {n: (t := seconds_of(whole, n), 1e3 * t / n, memory_of(n)) for n in TRIALS},
-        "samples": {n: (t := seconds_of(setup_of(n), 192), 1e6 * t / 192 / n) for n in SAMPLES},
-        "sources": {n: (t := seconds_of(setup_of(sources=n), 384), 1e3 * t / 384) for n in (1, 2, 3, 7)},
-        "devices": {
-            n: (t := seconds_of(whole, 384, jax.devices()[:n]), 1e3 * t / 384) for n in range(1, len(jax.devices()) + 1)
-        },
-    }
-    heads = {
-        "trials": ["s", "ms a trial", "peak GiB"], "samples": ["s, 192 trials", "µs a trial and sample"],
-        "sources": ["s, 384 trials", "ms a trial"], "devices": ["s, 384 trials", "ms a trial"],
-    }  # fmt: skip
-    for name, rows in found.items():
-        print(text_table([name, *heads[name]], [[f"{n}", *(f"{v:.3g}" for v in values)] for n, values in rows.items()]))
-    if options.json:
-        with open(options.json, "w") as file:
-            json.dump(found, file, indent=1)
+    if options.row:
+        print_row(options.row[0], int(options.row[1]))
+        return
+    counts = {"trials": TRIALS, "samples": SAMPLES, "devices": range(1, len(os.sched_getaffinity(0)) + 1)}
+    for kind in [options.only] if options.only else list(ROWS):
+        rows = [[f"{n:,}", *(f"{value:.3g}" for value in measured(kind, n))] for n in counts[kind]]
+        print(text_table([kind, *HEADS[kind]], rows))
 
 
 if __name__ == "__main__":

@@ -1,19 +1,38 @@
-"""The best NumPy version that we could write: shared draws, Gram sums, exact conditioning, a process per core.
+"""The best NumPy version of trials by samples that we could write: shared draws, Gram sums, exact conditioning.
 
 It draws the gyro's noise alone, block by block so that a block stays in the cache; every group is solved from the same
-sums, and the load cell's white noise is drawn as what it leaves in them. NumPy alone is imported here, so that a worker
-starts quickly and has its own single-threaded BLAS.
+sums, and the load cell's white noise is drawn as what it leaves in them.
 """
 
-import multiprocessing
-import os
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
+
 BLOCK = 4000
 """Samples of a block: its features fit into the second-level cache."""
 CASES = ("total", "load_cell", "cg", "imu")
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Products of components, as features and pairs of axes have them."""
+LOWER = np.tril_indices(6)
+FULL = np.zeros((6, 6), int)
+"""Places in the lower triangle, row by row, of a symmetric matrix's numbers."""
+FULL[LOWER] = FULL.T[LOWER] = np.arange(21)
+RIGHT = OMEGA_R_OF_FEATURES[4:].reshape(27, 6)
+"""Omega_R of the features that it holds: products of omega, and alpha."""
+
+
+def _by_axes() -> np.ndarray:
+    """Return the matrix from these features' Gram matrix to ``Σ Ω_aᵀ Ω_b`` of each pair of axes, both ways."""
+    rows = OMEGA_R_OF_FEATURES[4:]
+    products = np.einsum("kai,lbj->klabij", rows, rows)
+    both = [products[:, :, a, b] + (a != b) * products[:, :, b, a] for a, b in PAIRS]
+    return np.stack(both, axis=2)[..., *LOWER].reshape(81, 126)
+
+
+BY_AXES = _by_axes()
 
 
 class Truth(NamedTuple):
@@ -71,89 +90,69 @@ def fill(phi: np.ndarray, wide: np.ndarray, rate: float) -> None:
     phi[10:13] *= phi.dtype.type(rate / 2)
 
 
-def estimates(
-    truth: Truth, trials: int, seed: int, dtype: str, maps: np.ndarray, generator: np.random.Generator | None = None
-) -> np.ndarray:
-    """Return the estimates of so many trials, (trials, cases, 6) [kg·m²]; ``maps``: Omega_R of the features."""
-    generator = generator or np.random.Generator(np.random.SFC64(seed))
+def estimates(truth: Truth, trials: int, generator: np.random.Generator, dtype: str) -> np.ndarray:
+    """Return the estimates of so many trials, (trials, cases, 6) [kg·m²]."""
     cast = truth._replace(omega=truth.omega.astype(dtype), wrench=truth.wrench.astype(dtype))
-    found = [sums(cast, generator, dtype) for _ in range(trials)]
-    noisy = tuple(np.array(part) for part in zip(*found, strict=True))
-    true = tuple(np.broadcast_to(part, (trials, *part.shape)) for part in sums(truth, None, "float64"))
-    draw = {name: s * generator.standard_normal((trials, 3)) for name, s in truth.sigma.items() if "bias" in name}
-    z = generator.standard_normal((trials, 6))
-    both = np.concatenate([draw["F_bias"], draw["M_bias"]], axis=1)
-    none = np.zeros((trials, 3))
-    cases = [
-        (noisy, draw["omega_bias"], both, z, draw["r_cg_bias"]),
-        (true, none, both, z, none),
-        (true, none, 0 * both, None, draw["r_cg_bias"]),
-        (noisy, draw["omega_bias"], 0 * both, None, none),
-    ]
-    return np.stack([_solved(truth, maps, *case) for case in cases], axis=1)
+    drawn = [sums(cast, generator, dtype) for _ in range(trials)]
+    gram, right = map(np.stack, zip(*drawn, strict=True))
+    true = [x[None] for x in sums(truth, None, "float64")]
+    bias = {name: s * generator.standard_normal((trials, 3)) for name, s in truth.sigma.items() if "bias" in name}
+    both, none = np.concatenate([bias["F_bias"], bias["M_bias"]], axis=1), np.zeros((1, 6))
+    white = np.concatenate([truth.sigma["F_precision"], truth.sigma["M_precision"]]) ** 2
+    noise = [(np.diag(white), generator.standard_normal((trials, 6)))]
+    noisy, r_cg = mapped(gram, right, bias["omega_bias"]), truth.r_cg[None]
+    cases = (
+        solved(*noisy, both, r_cg + bias["r_cg_bias"], noise),
+        solved(*true, both, r_cg, noise),
+        solved(*true, none, r_cg + bias["r_cg_bias"]),
+        solved(*noisy, none, r_cg),
+    )
+    return np.stack(cases, axis=1)
 
 
-def _solved(truth: Truth, maps: np.ndarray, case, gyro_bias, cell_bias, z, r_error) -> np.ndarray:
-    """Solve one case of all trials; ``z``: standard normal numbers for the load cell's white noise, or None."""
-    gram, right = case
-    shift, r_cg = _shift(gyro_bias), truth.r_cg + r_error
-    right = shift @ (right + gram[:, :, :1] * cell_bias[:, None])
-    gram = shift @ gram @ shift.swapaxes(1, 2)
-    products = np.einsum("kai,lbj->klabij", maps, maps).reshape(169, -1)
-    of_axes = (gram.reshape(-1, 169) @ products).reshape(-1, 3, 3, 6, 6)
-    right = np.einsum("kji,tkj->ti", maps, right[:, :, 3:] - np.cross(r_cg[:, None], right[:, :, :3]))
-    if z is not None:
-        right = right + (np.linalg.cholesky(_right_covariance(truth, of_axes, r_cg)) @ z[..., None])[..., 0]
-    return np.linalg.solve(np.einsum("taaij->tij", of_axes), right[..., None])[..., 0]
+def mapped(gram: np.ndarray, right: np.ndarray, bias: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sums of omega + bias, trial by trial, from those of omega."""
+    shift = np.tile(np.eye(13), (len(bias), 1, 1))
+    shift[:, 1:4, 0] = bias
+    for row, (i, j) in enumerate(PAIRS, start=4):
+        shift[:, row, 0] = bias[:, i] * bias[:, j]
+        shift[:, row, 1 + j] += bias[:, i]
+        shift[:, row, 1 + i] += bias[:, j]
+    return shift @ gram @ shift.swapaxes(1, 2), shift @ right
 
 
-def _right_covariance(truth: Truth, of_axes: np.ndarray, r_cg: np.ndarray) -> np.ndarray:
-    """Covariances of what the white noise of force and moment adds to the right sides of the normal equations."""
-    of_force = np.cross(np.eye(3), r_cg[:, None]).swapaxes(1, 2)  # of the moment about the CG: -r × F
-    residual = (of_force * truth.sigma["F_precision"] ** 2) @ of_force.swapaxes(1, 2)
-    residual = residual + np.diag(truth.sigma["M_precision"] ** 2)
-    return np.einsum("tab,tabij->tij", residual, of_axes)
+def solved(
+    gram: np.ndarray,
+    right: np.ndarray,
+    cell_bias: np.ndarray,
+    r_cg: np.ndarray,
+    noise: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+) -> np.ndarray:
+    """Return the estimates of one case, (trials, 6), from its sums; what is the same in all trials has length 1.
+
+    ``noise``: of the load cell, covariances of one sample's (6, 6) and standard normal numbers (trials, 6).
+    """
+    right = right + gram[:, :, :1] * cell_bias[:, None]
+    right = right[:, 4:, 3:] - np.cross(r_cg[:, None], right[:, 4:, :3])
+    right = right.reshape(-1, 27) @ RIGHT
+    by_axes = (gram[:, 4:, 4:].reshape(-1, 81) @ BY_AXES).reshape(-1, 6, 21)
+    crossed = np.cross(np.eye(3), r_cg[:, None])
+    to_moment = np.concatenate([crossed, np.broadcast_to(np.eye(3), crossed.shape)], axis=1)
+    for white, z in noise:
+        residual = to_moment.swapaxes(1, 2) @ white @ to_moment  # of M - r × F
+        covariance = np.einsum("tp,tpk->tk", residual[:, *np.transpose(PAIRS)], by_axes)[:, FULL]
+        right = right + np.einsum("tij,tj->ti", triangular_root(covariance), z)
+    normal = by_axes[:, :3].sum(axis=1)[:, FULL]
+    if len(normal) == 1:
+        return np.linalg.solve(normal[0], right.T).T
+    return np.linalg.solve(normal, right[..., None])[..., 0]
 
 
-def _shift(b: np.ndarray) -> np.ndarray:
-    """Matrices that take the features of omega to those of omega + b."""
-    shift = np.tile(np.eye(13), (len(b), 1, 1))
-    shift[:, 1:4, 0] = b
-    for row, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), start=4):
-        shift[:, row, 0] = b[:, i] * b[:, j]
-        shift[:, row, 1 + j] += b[:, i]
-        shift[:, row, 1 + i] += b[:, j]
-    return shift
-
-
-class Workers:
-    """A process per core that holds the noise-free runs."""
-
-    def __init__(self, truths: list[Truth], maps: np.ndarray, cores: int) -> None:
-        """Start them; their BLAS has one thread each."""
-        kept = {name: os.environ.get(name) for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")}
-        os.environ.update(dict.fromkeys(kept, "1"))
-        self.cores, self.runs = cores, len(truths)
-        self.pool = multiprocessing.get_context("spawn").Pool(cores, _start, (truths, maps))
-        self.campaign(2 * cores, "float64")
-        for name, value in kept.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
-
-    def campaign(self, trials: int, dtype: str) -> list[np.ndarray]:
-        """Return the estimates of every run, (trials, cases, 6)."""
-        share = -(-trials // self.cores)
-        jobs = [(run, share, worker, dtype) for run in range(self.runs) for worker in range(self.cores)]
-        found = self.pool.starmap(_work, jobs, chunksize=1)
-        return [np.concatenate(found[k : k + self.cores])[:trials] for k in range(0, len(found), self.cores)]
-
-
-_HELD: list = []
-
-
-def _start(truths: list[Truth], maps: np.ndarray) -> None:
-    _HELD[:] = [truths, maps]
-
-
-def _work(run: int, trials: int, worker: int, dtype: str) -> np.ndarray:
-    truths, maps = _HELD
-    return estimates(truths[run], trials, 1000 * run + worker, dtype, maps)
+def triangular_root(matrix: np.ndarray) -> np.ndarray:
+    """Return Cholesky's L of matrices (trials, 6, 6), also of singular ones, which ``np.linalg.cholesky`` refuses."""
+    root = np.zeros_like(matrix)
+    for j in range(6):
+        column = matrix[:, j:, j] - (root[:, j:, :j] @ root[:, j, :j, None])[..., 0]
+        pivot = np.maximum(column[:, :1], 0)
+        root[:, j:, j] = np.divide(column, np.sqrt(pivot), out=np.zeros_like(column), where=pivot > 0)
+    return root

@@ -121,7 +121,7 @@ class Campaign:
     def __init__(self, folder: Path, experiment: Path, trials: int) -> None:
         folder.mkdir()
         self.out, self.stdout, self.stderr = folder / "out", folder / "stdout", folder / "stderr"
-        self.arguments = [str(experiment.resolve()), "--out", str(self.out), "--trials", str(trials)]
+        self.arguments = [str(experiment.resolve()), "--out", str(self.out), "--trials", str(trials), "--samples"]
 
     def alone(self, environment: dict[str, str]) -> None:
         """Run it in one process."""
@@ -170,7 +170,7 @@ def main() -> None:
     """Compare; exit status 1 where a digit differs or nothing was resumed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.slurm", description=__doc__)
     parser.add_argument("--experiment", type=Path, default=ROOT / "docs" / "experiments" / "t1-10s.toml")
-    parser.add_argument("--trials", type=int, default=100_000, help="of each campaign (100,000)")
+    parser.add_argument("--trials", type=int, default=20_000, help="of each campaign, by samples (20,000)")
     options = parser.parse_args()
     if missing := [name for name in DAEMONS if not shutil.which(name)]:
         raise SystemExit(f"error: no {', '.join(missing)} here: install Slurm (Debian: apt-get install slurm-wlm)")
