@@ -78,5 +78,5 @@ def certified(found, trials):
     for spec, promised in ((found.spec, found.expanded), (found.reference, found.expanded_reference)):
         matched = EstimatorSpec("matched", "savitzky-golay", highest_frequency(spec))
         experiment = dataclasses.replace(found.experiment, trajectories={"one": spec}, estimators=(matched,))
-        errors = montecarlo(experiment, trials=trials, sampling="collapsed").total_errors("one", "matched")
+        errors = montecarlo(experiment, trials=trials).total_errors("one", "matched")
         yield promised, 3 * np.std(errors, axis=0, ddof=1)

@@ -14,7 +14,7 @@ from identify.static.centre import centre
 from rig import runs
 from tests import bags
 from tests.pose_lab import GRAVITY, directions, wrench_of
-from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign import RunOptions, montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 
@@ -40,7 +40,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     run = simulate(Experiment.load(folder / "e.toml"), "T1")
     run.write(folder / "run.mcap")
     packed, plain = (folder / "run.mcap").read_bytes(), _unchecked(folder)
-    montecarlo(Experiment.load(folder / "e.toml"), trials=64, checkpoint=folder / "done")
+    montecarlo(Experiment.load(folder / "e.toml"), trials=64, options=RunOptions(checkpoint=folder / "done"))
     parts, heads = (tuple(p.read_bytes() for p in (folder / "done").glob(name)) for name in ("*.part", "campaign.json"))
     return {
         "experiment": Kind(

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from uq.campaign.campaign_options import SamplingPlan
 from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
 from uq.sources.draws import draw_pairs, noise_streams
 from uq.sources.random_normals import in_order
-from uq.trials.engines import any_trials
 
 BODY = {
     "mass": "19.7 kg",
@@ -27,9 +27,13 @@ ESTIMATORS = [
 ]
 
 
-def any_trial(setup, key, index):
-    """One trial by whichever engine its setup is of."""
-    return jax.tree.map(lambda leaf: leaf[0], any_trials(setup, key, index[None]))
+BY_SAMPLES = SamplingPlan(engine="samples")
+IN_FLOAT32 = SamplingPlan(engine="samples", dtype="float32")
+
+
+def one_trial(engine, key, index):
+    """One trial of an engine."""
+    return jax.tree.map(lambda leaf: leaf[0], engine.run(key, index[None]))
 
 
 def draw_block(source, key, trial, block, dtype):

@@ -2,8 +2,7 @@
 
 ``Omega_R`` is linear in the features of :mod:`identify.rigid_body.regressor`, so ``ΩᵀΩ`` and ``Ωᵀ(M - r × F)`` of (10)
 follow from the sums of the features' products with themselves, with the force and with the moment. The sums add over
-blocks, devices and recorded runs. A constant offset of omega, force, moment or r acts on them exactly, without the
-samples.
+blocks, devices and recorded runs.
 """
 
 from collections.abc import Sequence
@@ -104,27 +103,6 @@ def ordinary_least_squares(
 def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]) -> Sums:
     """Return the sums of features (the thirteen, or those of several estimators) with themselves and the wrench."""
     return Sums(phi @ phi.T, phi @ force.T, phi @ moment.T)
-
-
-def offset_features(phi: Float[Array, "13 *n"], offset: Float[Array, "3"]) -> Float[Array, "13 *n"]:
-    """Return the features of ``omega + offset`` from those of omega: linear in them, exact."""
-    ones, w, squares, (w12, w13, w23), a = phi[:1], phi[1:4], phi[4:7], phi[7:10], phi[10:13]
-    b1, b2, b3 = offset
-    each = offset.reshape(3, *[1] * (phi.ndim - 1))
-    xp = phi.__array_namespace__()
-    crossed = xp.stack(
-        [
-            w12 + b1 * w[1] + b2 * w[0] + ones[0] * b1 * b2,
-            w13 + b1 * w[2] + b3 * w[0] + ones[0] * b1 * b3,
-            w23 + b2 * w[2] + b3 * w[1] + ones[0] * b2 * b3,
-        ]
-    )
-    return xp.concat([ones, w + ones * each, squares + 2 * each * w + ones * each**2, crossed, a])
-
-
-def shift_omega(offset: Float[Array, "3"]) -> Float[Array, "13 13"]:
-    """Return ``T`` with ``features(omega + offset, alpha) == T @ features(omega, alpha)``, exactly."""
-    return offset_features(jnp.eye(N_FEATURES, dtype=jnp.result_type(offset)), offset)
 
 
 def normal_equations(sums: Sums, r_cg: Float[Array, "3"]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:

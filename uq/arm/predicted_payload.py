@@ -12,7 +12,7 @@ from identify.serial_arm.payload_information import covariance_about_cg, informa
 from identify.serial_arm.serial_chain import LinkMotion
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
-from uq.gram_sums.setup import Case
+from uq.gram_sums.cases import Case
 from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
 
 

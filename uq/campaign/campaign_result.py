@@ -219,7 +219,7 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         """Return its part of a report."""
         pairs = [self.pair_table(*pair) for pair in self.pairs()]
         few, tables = len(pairs) <= FEW, self.tables()
-        details = [table for table in (*self.tables()[:2], *self.details()) if few or table != tables[0]]
+        details = [table for table in (*tables[:2], *self.details()) if few or table != tables[0]]
         return Section(
             "Monte Carlo of an inertia tensor",
             [self.computed(), INDEX],
@@ -254,10 +254,17 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
     def computed(self) -> str:
         """Return what was computed, in a paragraph."""
         names = {estimator: None for of_trajectory in self.breakdowns.values() for estimator in of_trajectory}
+        by_samples = [
+            f" {name}, {case} by samples: {reason}."
+            for name, computed in self.provenance.get("computed", {}).items()
+            for case, reason in computed.get("by_samples", {}).items()
+        ]
         return (
-            f"{self.trials:,} {self.points} trials with seed {self.seed}. Trajectories: {', '.join(self.breakdowns)}. "
+            f"{self.trials:,} {self.points} trials on {self.provenance.get('engine', 'sums')}, seed {self.seed}. "
+            f"Trajectories: {', '.join(self.breakdowns)}. "
             f"Estimators: {', '.join(names)}. In each trial every error source is drawn once; the tensor is then "
             "estimated with all sources together, with each group alone and with each source alone."
+            f"{''.join(by_samples)}"
         )
 
     def details(self) -> list[Table]:

@@ -22,7 +22,7 @@ from uq.campaign.trial_setup import platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import errors_of
 from uq.sources.draws import draw_constants
-from uq.trials.samplewise import Record, SampledSetup, draw_noise, prepare_samples, sensed, smooth_signals
+from uq.trials.samples_engine import Record, SamplesEngine, draw_noise, prepare_samples, sensed, smooth_signals
 
 NANOSECONDS = 1_000_000_000
 
@@ -68,7 +68,7 @@ class SimulatedRun:
 def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int = 0, trial: int = 0) -> SimulatedRun:
     """Simulate one run with all the experiment's errors, but that of r_CG, which no sensor sees.
 
-    The draws are those of the Monte Carlo's trial of that number with ``sampling="samples"``.
+    The draws are those of the Monte Carlo's trial by samples of that number.
 
     Args:
         experiment: body, platform, trajectories, sources.
@@ -88,8 +88,8 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     record, specific_force, rotation = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
     run = Run(
         np.asarray(motion.t),
-        np.asarray(record.wrench[:3].T),
-        np.asarray(record.wrench[3:].T),
+        np.asarray(record.force.T),
+        np.asarray(record.moment.T),
         np.asarray(record.omega.T),
         name=f"simulated {name}",
         warnings=tuple(warnings),
@@ -98,7 +98,7 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
 
 
 @CompiledProgram
-def _recorded(setup: SampledSetup, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
+def _recorded(setup: SamplesEngine, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
     """Return the sensors' readings, the true specific force at Q, and the true attitude."""
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)
     errors, draws = errors_of(setup.sources, draws), draws | draw_noise(setup, key, trial)

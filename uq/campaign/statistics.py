@@ -11,7 +11,7 @@ from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import finest, significant, with_uncertainty
 from identify.text_tables import Table
-from uq.gram_sums.setup import Case
+from uq.gram_sums.cases import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
+from typing import Any
 
 import jax
 import numpy as np
@@ -10,10 +11,10 @@ from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, further_from_still, sample
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, samples
+from uq.gram_sums.cases import Estimator
 from uq.gram_sums.error_maps import Platform
-from uq.gram_sums.setup import Estimator, Sampling
 from uq.sources.draws import BLOCK
-from uq.trials.engines import AnySetup, prepare_any
+from uq.trials.chooser import Choice, engine_of
 from uq.trials.trial_loop import OLDER_LOOPS
 
 COMPILER = {"xla_cpu_parallel_codegen_split_count": 1, **OLDER_LOOPS}
@@ -22,33 +23,27 @@ it."""
 _sampled = CompiledProgram(sample, COMPILER)
 
 
-def prepare_setup(
+def prepare_engine(
     experiment: Experiment,
     spec: TrajectorySpec,
     estimators: Sequence[EstimatorSpec],
     *,
-    dtype: str = "float64",
-    sampling: Sampling = "conditioned",
     motion: Motion | None = None,
-) -> AnySetup:
-    """Return what a trial needs for one trajectory of an experiment, its motion where it is known.
+    **choice: Any,
+) -> Choice:
+    """Return the engine of an experiment's trials on one trajectory; its motion where it is known.
+
+    Further arguments are those of :func:`uq.trials.chooser.engine_of`.
 
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
     """
     motion = motion or true_motion(experiment, spec)
     fitted = fitted_estimators(estimators, spec, len(motion.t))
-    return prepare_any(
-        motion,
-        experiment.body,
-        platform_of(experiment, spec),
-        experiment.sources,
-        fitted,
-        mixing=experiment.mixing,
-        dtype=dtype,
-        sampling=sampling,
-        trajectory=spec.trajectory,
-    )
+    return engine_of(
+        motion, experiment.body, platform_of(experiment, spec), experiment.sources, fitted,
+        trajectory=spec.trajectory, mixing=experiment.mixing, **choice,
+    )  # fmt: skip
 
 
 def fitted_estimators(estimators: Sequence[EstimatorSpec], spec: TrajectorySpec, n: int) -> list[Estimator]:

@@ -147,8 +147,6 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     if by_itself:  # imports and traces make millions of objects that stay: looking through them takes 0.3 s
         gc.set_threshold(SELDOM)
     module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
-    if by_itself and name not in WITHOUT_JAX:
-        importlib.import_module("uq.files.compilation_cache").keep_programs()
     parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:

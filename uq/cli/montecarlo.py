@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
+from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
@@ -12,7 +14,17 @@ from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
-from uq.terminal.common import ERRORS, GOES_ON, TerminalBar, finish, output_folder, say, start_jax, whole_number
+from uq.terminal.common import (
+    ERRORS,
+    GOES_ON,
+    TerminalBar,
+    add_samples_option,
+    finish,
+    output_folder,
+    say,
+    start_jax,
+    whole_number,
+)
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.trials.checkpoint import Checkpoint
@@ -30,15 +42,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
     parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
     parser.add_argument(
-        "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
-    )
+        "--dtype", choices=("float64", "float32"), default="float64",
+        help="precision of the samples that are drawn (float64)",
+    )  # fmt: skip
     sampling = parser.add_mutually_exclusive_group()
-    sampling.add_argument(
-        "--collapsed", action="store_true", help="draw sums over samples instead of samples: much faster, nearly exact"
-    )
-    sampling.add_argument(
-        "--samples", action="store_true", help="draw and round every sample, delay by the trajectory: slow, exact"
-    )
+    add_samples_option(sampling)
+    sampling.add_argument("--quasi-random", action="store_true", help="quasi-random trials: fewer of them know as much")
+    sampling.add_argument("--collapsed", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
         "--adaptive", action="store_true", help="run until mean, uncertainty and 95 %% interval are stable"
     )
@@ -65,12 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise ExperimentError(f"--budget is {arguments.budget}: ask for {FEWEST_PAIRS} pairs of trials or more")
     if arguments.budget is not None and arguments.distributed:
         raise ExperimentError("--budget is for one process: leave out --distributed, or make the budget by itself")
+    if arguments.collapsed:
+        say("--collapsed is the default now: leave it out")
     start_jax()
     with together(arguments) as speaks:
         return _run(arguments, goal, speaks)
 
 
-def _run(arguments: argparse.Namespace, goal: dict, speaks: bool) -> int:
+def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
     loaded = Experiment.load_bodies(arguments.experiment)
     experiments = {name: experiment.without_source(*arguments.without) for name, experiment in loaded.items()}
     laws = {name: _law(arguments, name, experiment) for name, experiment in experiments.items() if arguments.law}
@@ -112,7 +124,7 @@ def _campaign(
     name: str,
     experiment: Experiment,
     checkpoint: Checkpoint | None,
-    goal: dict,
+    goal: Goal | None,
     speaks: bool,
 ) -> MonteCarloResult:
     with TerminalBar(silent=not speaks) as bar:
@@ -122,28 +134,33 @@ def _campaign(
             seed=arguments.seed,
             trajectories=arguments.trajectory,
             estimators=arguments.estimator,
-            dtype=arguments.dtype,
-            sampling="collapsed" if arguments.collapsed else "samples" if arguments.samples else "conditioned",
-            checkpoint=checkpoint,
-            progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
-            **goal,
-        )
+            plan=SamplingPlan(
+                engine="samples" if arguments.samples else "sums",
+                points="quasi-random" if arguments.quasi_random else "random", dtype=arguments.dtype, goal=goal,
+            ),
+            options=RunOptions(
+                checkpoint=checkpoint,
+                progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
+            ),
+        )  # fmt: skip
 
 
-def _goal(arguments: argparse.Namespace) -> dict:
-    """Return the goal of an adaptive run as arguments of the campaign."""
+def _goal(arguments: argparse.Namespace) -> Goal | None:
+    """Return the goal of an adaptive run; None: the number of trials is given."""
     if not arguments.adaptive:
         if arguments.digits is not None or arguments.tolerance is not None:
             raise ExperimentError("--digits and --tolerance are for an adaptive run: add --adaptive")
-        return {}
-    if arguments.tolerance is None:
-        return {"adaptive": True, "digits": 1 if arguments.digits is None else arguments.digits}
-    if arguments.digits is not None:
+        return None
+    if arguments.digits is not None and arguments.tolerance is not None:
         raise ExperimentError("--digits and --tolerance are given: choose one")
     try:
-        return {"adaptive": True, "tolerance": quantity(arguments.tolerance, "kg*m^2")}
+        tolerance = None if arguments.tolerance is None else quantity(arguments.tolerance, "kg*m^2")
     except UnitError as error:
         raise ExperimentError(f"--tolerance {error}") from None
+    try:
+        return Goal(1 if arguments.digits is None else arguments.digits, tolerance)
+    except ValueError as error:
+        raise ExperimentError(f"adaptive: {error}") from None
 
 
 def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) -> list[BudgetResult]:
@@ -157,6 +174,7 @@ def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) ->
             seed=arguments.seed,
             trajectories=arguments.trajectory,
             estimators=arguments.estimator,
+            engine="samples" if arguments.samples else "sums",
             dtype=arguments.dtype,
             progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
         )

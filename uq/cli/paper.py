@@ -5,7 +5,18 @@ from collections.abc import Mapping
 
 from uq.barreto2016 import paper, row
 from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
-from uq.terminal.common import ERRORS, GOES_ON, TerminalBar, finish, output_folder, say, start_jax, whole_number
+from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.terminal.common import (
+    ERRORS,
+    GOES_ON,
+    TerminalBar,
+    add_samples_option,
+    finish,
+    output_folder,
+    say,
+    start_jax,
+    whole_number,
+)
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -16,8 +27,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     parser.add_argument(
-        "--dtype", choices=("float64", "float32"), default="float64", help="precision of the draws (float64)"
-    )
+        "--dtype", choices=("float64", "float32"), default="float64",
+        help="precision of the samples that are drawn (float64)",
+    )  # fmt: skip
+    add_samples_option(parser)
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
     )
@@ -35,9 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
                 for estimator, breakdown in breakdowns.items() if speaks else ():
                     progress.print(row(trajectory, trials, estimator, breakdown.total))
 
-            given = {"trials": arguments.trials, "seed": arguments.seed, "dtype": arguments.dtype}
+            plan = SamplingPlan(engine="samples" if arguments.samples else "sums", dtype=arguments.dtype)
+            options = RunOptions(checkpoint=checkpoint, progress=progress, shown=show)
             try:
-                result = paper(**given, progress=progress, checkpoint=checkpoint, shown=show)
+                result = paper(trials=arguments.trials, seed=arguments.seed, plan=plan, options=options)
             except KeyboardInterrupt as error:
                 if checkpoint is None or arguments.distributed:
                     raise

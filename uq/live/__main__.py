@@ -39,13 +39,12 @@ def main(arguments: list[str]) -> int:
     jax.config.update("jax_enable_x64", True)
     from identify.exceptions import RunError
     from rig.exceptions import RigError
-    from uq.files.compilation_cache import keep_compiled, keep_programs
+    from uq.files.compilation_cache import keep_compiled
     from uq.files.document import ExperimentError
     from uq.live.estimator import LiveEstimator
     from uq.live.viewer import Viewer
 
     keep_compiled()
-    keep_programs()
     try:
         viewer = None if given.live is None else Viewer(given.live)
         estimator = LiveEstimator(given.rig, given.experiment, given.run, given.target, viewer)

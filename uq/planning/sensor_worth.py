@@ -17,7 +17,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import fixed, significant
 from identify.text_tables import Table
 from uq.experiment.experiment import Experiment
-from uq.gram_sums.setup import cases_of
+from uq.gram_sums.cases import cases_of
 from uq.planning.required_duration import average
 from uq.propagation.experiment_law import PreparedLaw, prepare_law
 from uq.sources.source import Source

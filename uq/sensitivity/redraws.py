@@ -115,7 +115,7 @@ class _Redrawn(NamedTuple):
     """Points of quasi-random trials; None: trials are random."""
 
 
-def _outputs(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> Float[Array, "trials rows outputs"]:
+def _outputs(problem: _Redrawn, key: Array, indices: Array) -> Float[Array, "trials rows outputs"]:
     model, inputs, joint, fixed, net = problem
     gains = _gains(inputs, joint, fixed)
 
@@ -145,7 +145,7 @@ def walks(
     return all_trials(_walks, problem, trials, seed, **_options(trials, len(holds) + 1))
 
 
-def _walks(problem: _Redrawn, key: Array, indices: Array, *, at_once: bool) -> tuple[Array, Array]:
+def _walks(problem: _Redrawn, key: Array, indices: Array) -> tuple[Array, Array]:
     model, inputs, joint, holds, net = problem
     orders = jax.random.fold_in(key, stream_number("order of the players"))
 

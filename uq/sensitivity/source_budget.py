@@ -2,8 +2,8 @@
 
 Every source is drawn twice, under its own name and under a twin's, and each pair of trials is solved with every choice
 of one or the other. Two choices that differ by swapping some sources give the variance that these sources cause
-(:mod:`uq.sensitivity.effects`). All choices share the sources' draws, so that only the gyro's samples cost time, twice.
-The Monte Carlo's engine computes it all: the sources, and the cases in which they act, are its inputs.
+(:mod:`uq.sensitivity.effects`). The Monte Carlo's engine computes it all: the sources, and the cases in which they act,
+are its inputs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,21 +15,22 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
-from uq.campaign.campaign import Statistics, distinct
-from uq.campaign.trial_setup import prepare_setup
+from uq.campaign.campaign import Statistics, chosen_estimators, distinct
+from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
-from uq.gram_sums.setup import Case, Setup
+from uq.gram_sums.cases import Case
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import FEWEST_PAIRS, Effects, MeanSquare, SourceBudget
 from uq.sensitivity.effects import Design, PairEffects
 from uq.sensitivity.variance_shares import closure, mean, plain_variance
-from uq.trials.engines import default_batch, run_trials
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
+from uq.trials.chooser import EngineName
+from uq.trials.engine import run_trials
 from uq.trials.progress_bar import Progress, progress_of
-from uq.trials.samplewise import SampledSetup
-from uq.trials.trial_loop import default_devices, finite_trials
+from uq.trials.trial_loop import all_trials, default_devices, finite_trials
 
-AnySetup = Setup | SampledSetup
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 """Number of entries of the tensor that equal each packed component. The sum of the variances of its nine entries, the
 trace of their covariance, does not depend on the body frame's axes."""
@@ -43,6 +44,7 @@ def budget(
     seed: int = 0,
     trajectories: str | Sequence[str] | None = None,
     estimators: str | Sequence[str] | None = None,
+    engine: EngineName = "sums",
     dtype: str = "float64",
     batch: int | None = None,
     devices: Sequence[jax.Device] | None = None,
@@ -62,8 +64,9 @@ def budget(
         seed: seed of every draw.
         trajectories: name or names of the trajectories; None for all.
         estimators: name or names of the estimators; None for all.
-        dtype: precision of the draws and features, ``"float64"`` or ``"float32"``.
-        batch: pairs that one device computes at a time; None for 1 on a CPU, 64 elsewhere.
+        engine: ``"sums"``, or ``"samples"`` for every sample (:class:`uq.campaign.campaign_options.SamplingPlan`).
+        dtype: precision of samples that are drawn, ``"float64"`` or ``"float32"``.
+        batch: pairs that one device computes at a time; None for what suits the engine.
         devices: devices to spread the pairs over; None for all.
         progress: called after each segment of pairs; True: a bar.
 
@@ -77,24 +80,22 @@ def budget(
     warnings = check_precision(dtype)
     dtype = "float32" if warnings else dtype
     devices = list(devices or default_devices())
-    batch = batch or default_batch(devices[0])
-    chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
-    if not chosen:
-        raise ExperimentError("no [[estimator]] in the experiment: add one")
+    chosen = chosen_estimators(experiment, estimators)
+    twins = twinned(experiment.sources, experiment.mixing)
+    doubled = replace(experiment, sources=twins.doubled, mixing=twins.mixing)
     budgets: dict[str, dict[str, SourceBudget]] = {}
     tell = progress_of(progress, "pairs")
     for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
         name, spec = experiment.select(name)
-        setup = prepare_setup(experiment, spec, chosen, dtype=dtype)
-        if not isinstance(setup, AnySetup):  # a budget's cases are not those of the breakdown
-            setup = prepare_setup(experiment, spec, chosen, dtype=dtype, sampling="samples")
-        assert isinstance(setup, AnySetup)  # noqa: S101
-        twins = twinned(setup)
+        prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine, dtype=dtype).engine
         report = None if tell is None else lambda done, asked, name=name: tell(f"{name} budget", done, asked)
-        estimates = run_trials(twins.setup, trials, seed, devices, batch, report)
+        estimates = all_trials(
+            run_trials, prepared, trials, seed, devices=devices, batch=batch or prepared.batch(devices[0]),
+            segment=prepared.segment, progress=report,
+        )  # fmt: skip
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
-    record = provenance(**experiment.inputs(), seed=seed, trials=trials, dtype=dtype, batch=batch)
+    record = provenance(**experiment.inputs(), seed=seed, trials=trials, engine=engine, dtype=dtype)
     return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warnings), record)
 
 
@@ -108,61 +109,61 @@ class Player(NamedTuple):
 
 
 class Twinned(NamedTuple):
-    """A set-up with every source twice."""
+    """Every source twice, and the cases that a budget needs."""
 
-    setup: AnySetup
-    """Set-up whose cases are none, each group's player alone, each source's alone, then the choices between the two
-    draws."""
+    doubled: tuple[Source, ...]
+    """The sources, then their twins."""
+    mixing: tuple[Mixing, ...]
+    cases: tuple[Case, ...]
+    """Cases: no source, each group's player alone, each source's alone, then the choices between the two draws."""
     sources: tuple[Player, ...]
     groups: tuple[Player, ...]
     design: Design
 
 
-def twinned(setup: AnySetup) -> Twinned:
-    """Return the set-up with a twin of every source, and the cases that a budget needs.
+def twinned(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Twinned:
+    """Return a twin of every source, and the cases that a budget needs.
 
     A choice has the sources of some draws from the first draws, which are those of the Monte Carlo's trials, and the
     twins of the others.
     """
     mark = "′"
-    while any(s.name + mark in {other.name for other in setup.sources} for s in setup.sources):
+    while any(s.name + mark in {other.name for other in sources} for s in sources):
         mark += "′"
-    draws = _independent(setup)
-    sources = _players({s.name: s.name for s in setup.sources}, setup, draws)
-    groups = _players({s.name: s.group for s in setup.sources}, setup, draws)
-    design = Design.of(len(draws), [[p.draws for p in sources], [p.draws for p in groups]])
-    alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *sources))]
-    fixed = {source.name for source in setup.sources if not source.drawn}
+    draws = _independent(sources, mixing)
+    of_sources = _players({s.name: s.name for s in sources}, draws)
+    groups = _players({s.name: s.group for s in sources}, draws)
+    design = Design.of(len(draws), [[p.draws for p in of_sources], [p.draws for p in groups]])
+    alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *of_sources))]
+    fixed = {source.name for source in sources if not source.drawn}
 
     def choice(w: int) -> Case:
         active = [n if w >> k & 1 else n + mark for k, names in enumerate(draws) for n in names]
         return Case(f"choice:{w}", frozenset([*fixed, *active]))
 
-    doubled = replace(
-        setup,
-        sources=(*setup.sources, *(replace(s, name=s.name + mark) for s in setup.sources)),
-        mixing=(*setup.mixing, *(replace(m, names=tuple(n + mark for n in m.names)) for m in setup.mixing)),
-        cases=(*alone, *map(choice, design.choices)),
-    )
-    return Twinned(doubled, sources, groups, design)
+    return Twinned(
+        doubled=(*sources, *(replace(s, name=s.name + mark) for s in sources)),
+        mixing=(*mixing, *(replace(m, names=tuple(n + mark for n in m.names)) for m in mixing)),
+        cases=(*alone, *map(choice, design.choices)), sources=of_sources, groups=groups, design=design,
+    )  # fmt: skip
 
 
-def _independent(setup: AnySetup) -> list[frozenset[str]]:
+def _independent(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[frozenset[str]]:
     """The sources that are drawn, each with those that are correlated with it."""
-    joint = {name: frozenset(mix.names) for mix in setup.mixing for name in mix.names}
-    return list(dict.fromkeys(joint.get(s.name, frozenset([s.name])) for s in setup.sources if s.drawn))
+    joint = {name: frozenset(mix.names) for mix in mixing for name in mix.names}
+    return list(dict.fromkeys(joint.get(s.name, frozenset([s.name])) for s in sources if s.drawn))
 
 
-def _players(label: Mapping[str, str], setup: AnySetup, draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:
+def _players(label: Mapping[str, str], draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:
     """The sources of one label, joined with those of another where correlation joins them."""
     labels = dict.fromkeys(label.values())
-    sets = [frozenset([s.name for s in setup.sources if label[s.name] == each]) for each in labels]
+    sets = [frozenset(name for name in label if label[name] == each) for each in labels]
     for names in draws:
         joined = frozenset().union(*(members for members in sets if members & names))
         sets = list(dict.fromkeys(joined if members & names else members for members in sets))
     players = []
     for names in sets:
-        name = " + ".join(dict.fromkeys(label[s.name] for s in setup.sources if s.name in names))
+        name = " + ".join(dict.fromkeys(label[name] for name in label if name in names))
         players.append(Player(name, names, sum(1 << k for k, correlated in enumerate(draws) if correlated <= names)))
     return tuple(players)
 

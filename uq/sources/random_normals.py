@@ -64,7 +64,8 @@ def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64")
 
 def normals_of_keys(keys: Key[Array, " trials"], count: int) -> Float[Array, "count trials"]:
     """Return what :func:`normals` gives of each key, side by side."""
-    of_place = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, float))(keys)  # noqa: E731
+    dtype = jnp.result_type(float)  # float32 without float64
+    of_place = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, dtype))(keys)  # noqa: E731
     pairs = drawn_in_turn(of_place, -(-count // 2))
     return jnp.concatenate([pairs.real, pairs.imag])[:count]
 

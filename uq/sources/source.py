@@ -83,11 +83,6 @@ class Source(Pytree):
         return kind_of(self.target, self.kind)
 
     @property
-    def acting_classes(self) -> tuple[type, ...]:
-        """Classes whose code acts on the source, for :mod:`identify.compiled_program`: a kind's may be a user's own."""
-        return (type(self.error_kind),)
-
-    @property
     def standard_deviation(self) -> Any:
         """Standard deviation of the draw on each axis, in SI."""
         return self.sigma * self.shape.standard_deviation
@@ -158,7 +153,7 @@ class Beside(NamedTuple):
     alike: int
     """Number of other sources of this kind on this signal."""
     remainder: float
-    """Remainder of the delayed angular velocity's polynomial, in parts of the delay's effect."""
+    """Error of sums interpolated between delays of the gyro, in parts of the delay's effect."""
     reach: Float[np.ndarray, "3"]
     """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added [SI]."""
 
@@ -189,9 +184,9 @@ class ErrorKind:
     """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
     it."""
     needs_samples: ClassVar[bool] = False
-    """Whether sums over samples give the error's effect only nearly, or not at all (:meth:`in_sums`)."""
+    """Whether sums over samples do not tell the error's effect, or only where :meth:`in_sums` says so."""
     in_sums_as: ClassVar[str] = ""
-    """Approximation of the error where sums give its effect nearly, in words."""
+    """Approximation of the error in sums that tell its effect nearly, in words."""
     averages_out: ClassVar[bool] = False
     """Whether the error's effect falls with the length of the run, as that of noise does."""
     sizes: ClassVar[tuple[str, ...]] = ()
@@ -302,12 +297,12 @@ class ErrorKind:
         """
         return signal
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | None:
-        """Return a source whose effect sums over samples tell and that stands for this one; None: there is none.
+    def in_sums(self, source: Source, beside: Beside) -> Source | str:
+        """Return a source whose effect sums over samples tell and that stands for this one, or why there is none.
 
         What stands for a source is the same in every case for which there is something.
         """
-        return None if self.needs_samples else source
+        return f"{source.name} changes every sample" if self.needs_samples else source
 
     def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
         """Return noise as white noises behind filters, at a sample rate [Hz]: what trials on sums need of it."""

@@ -92,14 +92,25 @@ def add_window_options(parser: argparse.ArgumentParser, without: str = "the segm
 
 
 def finish(result: Any, out: Path | None, *more: Any, unsaid: Sequence[Any] = ()) -> None:
-    """Print results, but for those that are ``unsaid``, and write their files, if there is a folder for them."""
+    """Print results, but for those that are ``unsaid``, and write their files, if there is a folder for them.
+
+    The figures are drawn as matplotlib does by itself, whatever a ``matplotlibrc`` in the working folder says.
+    """
     print(*(result, *more), sep="\n\n")
     if out is not None:
+        import matplotlib
+
         from uq.report.report_files import write
 
-        write(result, out, *more, *unsaid)
+        with matplotlib.rc_context(matplotlib.rcParamsDefault):
+            write(result, out, *more, *unsaid)
         name = getattr(result, "file_name", "result.json")
         print(f"\n{on_one_line(f'{name}, report.html and figures are in {out}')}")
+
+
+def add_samples_option(parser: argparse._ActionsContainer) -> None:
+    """Add the option of a campaign by samples."""
+    parser.add_argument("--samples", action="store_true", help="draw every sample of every trial: slow, the reference")
 
 
 def whole_number(text: str) -> int:

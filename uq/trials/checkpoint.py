@@ -23,7 +23,7 @@ import numpy as np
 from rig.atomic_files import naming
 from uq.files.document import ExperimentError
 from uq.sources.draws import stream_number
-from uq.trials.trial import TrialEstimates
+from uq.trials.engine import TrialEstimates
 
 FORMAT = 2
 """Version of the files' format."""

@@ -10,9 +10,10 @@ Each source of noise has draws of its own, which every case and every estimator 
 make a trial that quasi-random ones save most of the trials (:mod:`uq.sources.quasi_random`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -35,14 +36,14 @@ from uq.gram_sums.case_equations import (
     times,
     weighted_sums,
 )
+from uq.gram_sums.cases import Case
 from uq.gram_sums.error_maps import Columns, Platform, gyro_map
-from uq.gram_sums.setup import Case
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import Mixing, block_key, constant_coordinates, constants_at, draw_constants, stream_number
 from uq.sources.quasi_random import SobolPoints, sobol_points
 from uq.sources.random_normals import normals_of_keys
 from uq.sources.source import Source
-from uq.trials.trial import TrialEstimates
+from uq.trials.engine import Engine, TrialEstimates
 
 CELL_MAPS = frozenset(
     {"cell_scale", "cell_misalignment", "cell_cross_talk", "cell_drift", "gravity", "r_cg_from_omb", "tilt",
@@ -51,34 +52,44 @@ CELL_MAPS = frozenset(
 """Errors that map the wrench."""
 
 
-class GyroStream(Pytree):
-    """What a source of the gyro's noise makes the sums of a case fluctuate by."""
+class GyroStreams(Pytree):
+    """What each source of the gyro's noise, and each pair of them, makes the sums of a case fluctuate by."""
 
-    name: str = static_field()
-    cases: tuple[bool, ...] = static_field()
-    """Whether it acts, case by case."""
-    root: Float[Array, "estimators 247 rank"]
-    """Square root of the covariance of the features' Gram matrix (169 entries) and their sums with the wrench (78)."""
-
-
-class CellStream(Pytree):
-    """Noise of the load cell that is drawn together: of a source, or of several that are correlated."""
-
-    name: str = static_field()
-    white: Float[Array, "cases 6 6"]
-    """Covariance of its white part at one sample, force before moment."""
-    coloured: tuple[tuple[Float[Array, "cases 6 6"], Float[Array, "estimators elements elements"]], ...]
-    """Covariances of the white noises that drive its other parts; the elements' Gram matrix behind each filter."""
+    names: tuple[str, ...] = static_field()
+    """Names of their random streams."""
+    acts: Float[Array, "streams cases"]
+    """1 where a stream acts, else 0."""
+    roots: Float[Array, "streams estimators 247 rank"]
+    """Square roots of the covariances of the features' Gram matrix (169 entries) and of their sums with the wrench."""
 
 
-class SumsEngine(Pytree):
-    """Everything that a trial on sums needs besides its key."""
+class ColouredNoise(Pytree):
+    """Noise of the load cell behind one filter."""
+
+    streams: tuple[int, ...] = static_field()
+    """Numbers of the streams that have such noise."""
+    driving: Float[Array, "cases 6 6 streams"]
+    """Covariances of the white noises that drive the filter, force before moment."""
+    behind: Float[Array, "estimators elements elements"]
+    """Gram matrix of the elements behind the filter."""
+
+
+class CellStreams(Pytree):
+    """Noise of the load cell by what is drawn together: of a source, or of several that are correlated."""
+
+    names: tuple[str, ...] = static_field()
+    white: Float[Array, "cases 6 6 streams"]
+    """Covariance of the white part at one sample, force before moment."""
+    coloured: tuple[ColouredNoise, ...]
+
+
+class SumsEngine(Engine):
+    """An experiment on one trajectory as sums over its samples, and what noise makes of them."""
 
     body: Body
     platform: Platform
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    cases: tuple[Case, ...] = static_field()
     columns: Columns = static_field()
     gram: Float[Array, "delays estimators elements elements"]
     """Noise-free sums of the elements at each node of the delay."""
@@ -91,14 +102,36 @@ class SumsEngine(Pytree):
     """Half of the nodes' range of delays [s]."""
     expectation: NoiseExpectation
     """What the gyro's noise adds to expected sums, (cases, estimators, …)."""
-    gyro: tuple[GyroStream, ...]
-    cell: tuple[CellStream, ...]
+    gyro: GyroStreams
+    cell: CellStreams
     points: SobolPoints | None = None
+    """Points of quasi-random trials; None: they are random."""
+
+    def batch(self, device: jax.Device) -> int:
+        """Return as many trials as fill a processor's vector units and stay in its cache."""
+        return 500
+
+    @property
+    def segment(self) -> int:
+        """Return some thousands of trials: a fraction of a second."""
+        return 5000
 
     @property
     def estimators(self) -> int:
         """Number of estimators."""
         return self.gram.shape[1]
+
+    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+        """Return the estimates of trials, which stand side by side on the last axis of all that is computed."""
+        draws = _draw(self, key, indices)
+        order, parts = [], []
+        for moving in (True, False):
+            members = [k for k, case in enumerate(self.cases) if _moves(self, case) is moving]
+            order += members
+            if members:
+                parts.append(jax.lax.map(partial(_case, self, draws, moving=moving), np.array(members)))
+        inertia, ok = (jnp.concatenate(leaves)[np.argsort(order)] for leaves in zip(*parts, strict=True))
+        return TrialEstimates(inertia.transpose(3, 1, 0, 2), ok.transpose(2, 1, 0))
 
 
 class _Draws(NamedTuple):
@@ -106,33 +139,23 @@ class _Draws(NamedTuple):
 
     errors: Mapping[str, Float[Array, "cases *shape trials"]]
     """Fields of :class:`uq.sources.constant_errors.Errors` that some source sets, case by case."""
-    gyro: tuple[Float[Array, "estimators 247 trials"], ...]
+    gyro: Float[Array, "streams estimators 247 trials"]
     """Fluctuations of the sums by each stream of the gyro's noise."""
-    cell: tuple[Float[Array, "6 trials"], ...]
+    cell: Float[Array, "6 streams trials"]
     """Standard normal numbers of each stream of the load cell's noise."""
     trials: int
     """Number of trials."""
 
 
-def with_points(engine: SumsEngine, trials: int, seed: int) -> SumsEngine:
-    """Return the engine of quasi-random trials, as many as this."""
-    normal = 6 * len(engine.cell) + sum(stream.root.shape[-1] for stream in engine.gyro)
-    return replace(engine, points=sobol_points(max(normal + constant_coordinates(engine.sources), 1), trials, seed))
+def quasi_random(engine: SumsEngine, trials: int, seed: int) -> SumsEngine:
+    """Return the engine with quasi-random trials, so many of them."""
+    return replace(engine, points=sobol_points(max(sum(_coordinates(engine)), 1), trials, seed))
 
 
-def sums_trials(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
-    """Run many trials at a time; the result has them on the leading axis."""
-    draws = _draw(engine, key, indices)
-    order, parts = [], []
-    for moving in (True, False):
-        members = [k for k, case in enumerate(engine.cases) if _moves(engine, case) is moving]
-        order += members
-        if members:
-            parts.append(
-                jax.lax.map(lambda k, moving=moving: _case(engine, draws, k, moving=moving), np.array(members))
-            )
-    inertia, ok = (jnp.concatenate(leaves)[np.argsort(order)] for leaves in zip(*parts, strict=True))
-    return TrialEstimates(inertia.transpose(3, 1, 0, 2), ok.transpose(2, 1, 0))
+def _coordinates(engine: SumsEngine) -> tuple[int, int, int]:
+    """Return how many numbers a trial draws: for the load cell's noise, the constants, the gyro's noise."""
+    streams, *_, rank = engine.gyro.roots.shape
+    return 6 * len(engine.cell.names), constant_coordinates(engine.sources), streams * rank
 
 
 def _moves(engine: SumsEngine, case: Case) -> bool:
@@ -142,34 +165,42 @@ def _moves(engine: SumsEngine, case: Case) -> bool:
 
 def _draw(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"]) -> _Draws:
     sets, fields = [case.sources for case in engine.cases], sorted(perturbed(engine.sources))
-    sizes = [6] * len(engine.cell), [stream.root.shape[-1] for stream in engine.gyro]
+    streams, *_, rank = engine.gyro.roots.shape
 
     def errors(draws: dict[str, Array]) -> dict[str, Array]:
         errors = errors_of_cases(engine.sources, draws, sets)
         return {field: getattr(errors, field) for field in fields}
 
     if engine.points is None:
-        names = [*(stream.name for stream in engine.cell), *(stream.name for stream in engine.gyro)]
-        keys = [jax.vmap(lambda i, n=n: block_key(stream_number(n), key, i, 0))(indices) for n in names]
-        numbers = [normals_of_keys(*drawn) for drawn in zip(keys, [*sizes[0], *sizes[1]], strict=True)]
-        constants = jax.vmap(lambda i: draw_constants(engine.sources, engine.mixing, key, i, float), out_axes=-1)(
-            indices
-        )
+        cell, gyro = (_normals(*drawn, key, indices) for drawn in ((engine.cell.names, 6), (engine.gyro.names, rank)))
+        constants = jax.vmap(
+            lambda i: draw_constants(engine.sources, engine.mixing, key, i, jnp.result_type(float)), out_axes=-1
+        )(indices)
     else:  # what matters most takes the first coordinates, which are the most even
         point = jax.vmap(engine.points.of_trial, out_axes=-1)(indices)
-        parts = jnp.split(point, np.cumsum([*sizes[0], constant_coordinates(engine.sources), *sizes[1]])[:-1])
-        uniform = parts.pop(len(engine.cell))
-        numbers = [jax.scipy.special.ndtri(part) for part in parts]
+        cell, uniform, gyro = jnp.split(point, np.cumsum(_coordinates(engine))[:-1])
+        cell, gyro = (
+            jax.scipy.special.ndtri(part).reshape(-1, size, len(indices)).swapaxes(0, 1)
+            for part, size in ((cell, 6), (gyro[: streams * rank], rank))
+        )
         constants = jax.vmap(lambda at: constants_at(engine.sources, engine.mixing, at), in_axes=-1, out_axes=-1)(
             uniform
         )
-    cell, gyro = numbers[: len(engine.cell)], numbers[len(engine.cell) :]
     return _Draws(
         jax.vmap(errors, in_axes=-1, out_axes=-1, axis_size=len(indices))(constants),
-        tuple(stream.root @ normal for stream, normal in zip(engine.gyro, gyro, strict=True)),
-        tuple(cell),
+        jnp.einsum("serk,kst->sert", engine.gyro.roots, gyro),
+        cell,
         len(indices),
     )
+
+
+def _normals(
+    names: Sequence[str], count: int, key: Key[Array, ""], indices: Int[Array, " trials"]
+) -> Float[Array, "count streams trials"]:
+    """Return standard normal numbers of each stream in each trial."""
+    numbers = jnp.asarray([stream_number(name) for name in names], jnp.uint32)
+    keys = jax.vmap(lambda number: jax.vmap(lambda i: block_key(number, key, i, 0))(indices))(numbers)
+    return normals_of_keys(keys.ravel(), count).reshape(count, len(names), len(indices))
 
 
 def _case(
@@ -188,15 +219,14 @@ def _case(
         sums = FeatureSums(
             *(jnp.moveaxis(jnp.tensordot(weights, x[:, k], (0, 0)), 0, -1) for x in (engine.gram, engine.wrench))
         )
-        if moving and engine.gyro:
+        if moving and engine.gyro.names:
             sums = _fluctuating(engine, draws, sums, case, k)
         noise = jax.tree.map(lambda leaf: leaf[case, k], engine.expectation)
         equations = equations_of(sums, features, noise, cell, errors.cell_bias, r_cg)
         right = equations.right
-        if engine.cell:
-            covariances = [_cell_covariance(stream, equations, features, case, k, r_cg) for stream in engine.cell]
-            noise = noise_of_right_side(jnp.stack(covariances, axis=1), jnp.stack(draws.cell, axis=1))
-            right = right + jnp.sum(noise, axis=1)
+        if engine.cell.names:
+            covariance = _cell_covariance(engine.cell, equations, features, case, k, r_cg)
+            right = right + jnp.sum(noise_of_right_side(covariance, draws.cell), axis=1)
         estimate = solve_normal(symmetric(jnp.sum(equations.by_axes[:3], axis=0)), right)
         return jnp.broadcast_to(estimate.inertia, (6, count)), jnp.broadcast_to(estimate.ok, (count,))
 
@@ -204,15 +234,19 @@ def _case(
 
 
 def _cell_covariance(
-    stream: CellStream, equations: Equations, features: Array, case: Array, estimator: Array, r_cg: Array
-) -> Float[Array, "21 #trials"]:
-    """Return the covariance of what a stream of the load cell's noise adds to the right side."""
-    covariance = weighted_sums(equations.by_axes, stream.white[case], r_cg)
-    for driving, behind in stream.coloured:
+    cell: CellStreams, equations: Equations, features: Array, case: Array, estimator: Array, r_cg: Array
+) -> Float[Array, "21 streams #trials"]:
+    """Return the covariance of what each stream of the load cell's noise adds to the right side."""
+
+    def weighted(by_axes: Array, covariances: Array) -> Array:
+        return weighted_sums(by_axes[:, :, None], covariances[case][..., None], r_cg[:, None])
+
+    covariance = weighted(equations.by_axes, cell.white)
+    for noise in cell.coloured:
         of_omega_r = features[OF_OMEGA_R]
-        mapped = times(of_omega_r, behind[estimator][:, :, None])
+        mapped = times(of_omega_r, noise.behind[estimator][:, :, None])
         by_axes = sums_by_axes(times(jax.lax.optimization_barrier(mapped), of_omega_r.swapaxes(0, 1)))
-        covariance = covariance + weighted_sums(by_axes, driving[case], r_cg)
+        covariance = covariance.at[:, np.array(noise.streams)].add(weighted(by_axes, noise.driving))
     return covariance
 
 
@@ -245,10 +279,7 @@ def _powers(x: Float[Array, " trials"], count: int) -> Float[Array, "powers tria
 
 def _fluctuating(engine: SumsEngine, draws: _Draws, sums: FeatureSums, case: Array, estimator: Array) -> FeatureSums:
     """Add what the gyro's noise of a case makes the sums fluctuate by."""
-    total: Any = 0.0
-    for stream, fluctuation in zip(engine.gyro, draws.gyro, strict=True):
-        acts = jnp.array(stream.cases, float)[case]
-        total = total + acts * fluctuation[estimator]
+    total = jnp.tensordot(engine.gyro.acts[:, case], draws.gyro[:, estimator], 1)
     gram, wrench = total[:169].reshape(13, 13, -1), total[169:].reshape(13, 6, -1)
     time = len(sums.gram) - 13  # the elements that hold time have no noise
     gram = _with_gap(_with_gap(gram, time).swapaxes(0, 1), time)

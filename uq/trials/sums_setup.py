@@ -1,7 +1,8 @@
-"""Set-up of trials on sums: one pass over a noise-free run leaves all that they need (:mod:`uq.trials.sums_engine`)."""
+"""Set-up of trials on sums: what they need of a noise-free run and of the noise (:mod:`uq.trials.sums_engine`)."""
 
 from collections.abc import Sequence
 from itertools import combinations, product
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -10,17 +11,15 @@ from jaxtyping import Array, Float
 from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
 from identify.signals.differentiate import derivative
-from uq.gram_sums.case_equations import LOWER9, NoiseExpectation
+from uq.gram_sums.case_equations import NoiseExpectation
+from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
-from uq.gram_sums.noise_algebra import expectation_terms
 from uq.gram_sums.run_moments import RunMoments, filtered_backwards, run_moments
-from uq.gram_sums.setup import Case, Estimator, cases_of
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 from uq.sources.source import Source
-from uq.trials.sums_engine import CellStream, GyroStream, SumsEngine
-from uq.trials.trial import valid_samples
+from uq.trials.sums_engine import CellStreams, ColouredNoise, GyroStreams, SumsEngine
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of the sums' correlations, in parts of the largest, that are rounding."""
@@ -28,53 +27,115 @@ DELAY_NODES = 7
 """Chebyshev's points at which exact sums are interpolated: six powers of the delay beyond the constant."""
 
 
-def prepare_sums(
-    motion: Motion,
-    body: Body,
-    platform: Platform,
-    sources: Sequence[Source],
-    estimators: Sequence[Estimator],
-    *,
-    trajectory: Trajectory,
-    mixing: Sequence[Mixing] = (),
-    cases: Sequence[Case] | None = None,
-) -> SumsEngine:
-    """Return what trials on sums need of a noise-free motion, in float64.
+class TrueRun(NamedTuple):
+    """A noise-free run: its signals as the gyro sees them, and their sums at several delays of the gyro, in NumPy."""
+
+    rate: float
+    """Sample rate [Hz]."""
+    valid: Float[np.ndarray, " n"]
+    """1 where every estimator has a derivative, else 0."""
+    taps: list[np.ndarray]
+    """Every estimator's differentiator."""
+    signals: Float[np.ndarray, "signals n"]
+    """Omega, every estimator's alpha, force and moment, omega at the delay in the middle."""
+    elements: Float[np.ndarray, "estimators elements n"]
+    """Elements of :func:`uq.gram_sums.case_equations.feature_map`, likewise."""
+    gram: Float[np.ndarray, "delays estimators elements elements"]
+    """Sums of the elements' products at each node of the delay."""
+    wrench: Float[np.ndarray, "delays estimators elements columns"]
+    nodes: Float[np.ndarray, " delays"]
+    """Delays in parts of ``reach`` from the middle."""
+    middle: float
+    """Delay in the middle of the nodes' range [s]."""
+    reach: float
+    """Half of that range [s]; zero: nothing is delayed."""
+    remainder: float
+    """Error of the sums that are interpolated, in parts of the delay's largest effect."""
+
+
+def true_run(
+    motion: Motion, trajectory: Trajectory, body: Body, sources: Sequence[Source], estimators: Sequence[Estimator]
+) -> TrueRun:
+    """Sum over a noise-free run, at as many delays as the sources need.
 
     Args:
         motion: the samples of the trajectory.
-        body: that is moved.
-        platform: what carries it.
-        sources: all of whose effects sums tell.
-        estimators: with their differentiators.
         trajectory: of the motion, which a delayed gyro reads at other instants.
-        mixing: sources that are correlated.
-        cases: sets of sources that act together; None for all of the breakdown.
+        body: that is moved.
+        sources: those that delay the gyro, that drift, and that need further columns of the wrench decide what is kept.
+        estimators: with their differentiators.
     """
-    cases, columns = tuple(cases or cases_of(sources)), Columns.of(sources)
     on_host = jax.tree.map(np.asarray, motion)
     t, rate = on_host.t - on_host.t[0], (len(on_host.t) - 1) / (on_host.t[-1] - on_host.t[0])
     valid, taps = valid_samples(len(t), estimators), [np.asarray(e.taps) for e in estimators]
-    wrench = columns.sampled(jax.tree.map(np.asarray, body), on_host)
+    wrench = Columns.of(sources).sampled(jax.tree.map(np.asarray, body), on_host)
     drifts = "gyro_drift" in perturbed(sources)
     middle, reach = delay_range(sources)
+
+    def omega_at(delay: float) -> np.ndarray:
+        return np.asarray(_omega_at(trajectory, motion.t, np.float64(delay))) if reach else on_host.omega
+
+    def elements_at(delay: float) -> list[np.ndarray]:
+        omega = omega_at(delay)
+        return [_elements(omega, h, t, drifts) * valid for h in taps]
+
     nodes = np.cos(np.pi * (np.arange(DELAY_NODES) + 0.5) / DELAY_NODES) if reach else np.zeros(1)
-    gram, with_wrench = [], []
-    for node in nodes:
-        omega = omega_at(trajectory, motion.t, middle + reach * node) if reach else on_host.omega
-        elements = [_elements(omega, h, t, drifts) * valid for h in taps]
-        gram.append([phi @ phi.T for phi in elements])
-        with_wrench.append([phi @ wrench.T for phi in elements])
-    omega = omega_at(trajectory, motion.t, middle) if reach else on_host.omega
-    signals = np.concatenate([omega, *(_alpha(omega, h) for h in taps), wrench[:6]])
-    gyro, expectation = _gyro_streams(sources, mixing, cases, rate, signals, valid, taps)
-    place = jax.device_put
+    at_nodes = [elements_at(middle + reach * node) for node in nodes]
+    gram = np.array([[phi @ phi.T for phi in elements] for elements in at_nodes])
+    with_wrench = np.array([[phi @ wrench.T for phi in elements] for elements in at_nodes])
+    remainder = 0.0
+    if reach:  # at the end of the range, where the interpolation is worst
+        exact = np.array([phi @ wrench.T for phi in elements_at(middle + reach)])
+        interpolated = _weights_at(nodes, 1.0) @ with_wrench.reshape(len(nodes), -1)
+        remainder = float(np.abs(interpolated - exact.ravel()).max() / np.abs(exact - with_wrench[-1]).max())
+    elements = at_nodes[len(nodes) // 2]
+    signals = np.concatenate([omega_at(middle), *(phi[-3:] for phi in elements), wrench[:6]])
+    return TrueRun(
+        rate=float(rate), valid=valid, taps=taps, signals=signals, elements=np.array(elements), gram=gram,
+        wrench=with_wrench, nodes=nodes, middle=middle, reach=reach, remainder=remainder,
+    )  # fmt: skip
+
+
+def _weights_at(nodes: np.ndarray, place: float) -> np.ndarray:
+    """Return the nodes' weights in the polynomial through them, at a place in parts of the reach."""
+    return place ** np.arange(len(nodes)) @ np.linalg.inv(np.vander(nodes, increasing=True))
+
+
+def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[np.ndarray, " n"]:
+    """Return 1 where every estimator has a derivative, else 0."""
+    index, halo = np.arange(n), max(len(estimator.taps) for estimator in estimators)
+    return ((index >= halo) & (index < n - halo)).astype(float)
+
+
+def prepare_sums(
+    run: TrueRun,
+    body: Body,
+    platform: Platform,
+    sources: Sequence[Source],
+    *,
+    mixing: Sequence[Mixing],
+    cases: Sequence[Case],
+    moments: RunMoments,
+) -> SumsEngine:
+    """Return what trials on sums need.
+
+    Args:
+        run: without noise.
+        body: that is moved.
+        platform: what carries it.
+        sources: all of whose effects sums tell.
+        mixing: sources that are correlated.
+        cases: sets of sources that act together.
+        moments: of the run's sums (:func:`moments_of`).
+    """
+    place, cases = jax.device_put, tuple(cases)
+    gyro, expectation = _gyro_streams(gyro_noises(sources, mixing, run.rate), cases, moments)
     return SumsEngine(
-        body=body, platform=platform, sources=tuple(sources), mixing=tuple(mixing), cases=cases, columns=columns,
-        gram=place(np.array(gram)), wrench=place(np.array(with_wrench)),
-        delay_weights=place(np.linalg.inv(np.vander(nodes, increasing=True)).T),
-        middle=place(np.float64(middle)), reach=place(np.float64(reach or 1.0)),
-        expectation=expectation, gyro=gyro, cell=_cell_streams(sources, mixing, cases, rate, elements),
+        cases=cases, body=body, platform=platform, sources=tuple(sources), mixing=tuple(mixing),
+        columns=Columns.of(sources), gram=place(run.gram), wrench=place(run.wrench),
+        delay_weights=place(np.linalg.inv(np.vander(run.nodes, increasing=True)).T),
+        middle=place(np.float64(run.middle)), reach=place(np.float64(run.reach or 1.0)),
+        expectation=expectation, gyro=gyro, cell=_cell_streams(sources, mixing, cases, run.rate, run.elements),
     )  # fmt: skip
 
 
@@ -94,47 +155,52 @@ SIGMAS = 6.0
 
 
 def delay_range(sources: Sequence[Source]) -> tuple[float, float]:
-    """Return middle and half width of the delays that matter [s]: none, and all sources' expectations ± six σ."""
-    delays = [source for source in sources if source.perturbs == "gyro_delay"]
-    mean, spread = (
-        sum(float(effect(s, draw)) for s, draw in zip(delays, draws, strict=True))
-        for draws in ([s.mean for s in delays], [SIGMAS * s.standard_deviation for s in delays])
-    )
-    low, high = min(0.0, mean - abs(spread)), max(0.0, mean + abs(spread))
+    """Return middle and half width of the delays of any set of sources [s]: expectations ± six σ, and none."""
+    low = high = 0.0
+    for source in sources:
+        if source.perturbs == "gyro_delay":
+            mean, spread = (float(effect(source, x)) for x in (source.mean, SIGMAS * source.standard_deviation))
+            low, high = low + min(0.0, mean - abs(spread)), high + max(0.0, mean + abs(spread))
     return (low + high) / 2, (high - low) / 2
 
 
 @jax.jit
-def _omega_at(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
-    return jax.vmap(trajectory.omega, out_axes=1)(t)
-
-
-def omega_at(trajectory: Trajectory, t: Float[Array, " n"], delay: float) -> Float[np.ndarray, "3 n"]:
+def _omega_at(trajectory: Trajectory, t: Float[Array, " n"], delay: Float[Array, ""]) -> Float[Array, "3 n"]:
     """Return the angular velocity that a gyro reads which is late by a delay [s]."""
-    return np.asarray(_omega_at(trajectory, t - delay))
+    return jax.vmap(trajectory.omega, out_axes=1)(t - delay)
+
+
+def gyro_noises(sources: Sequence[Source], mixing: Sequence[Mixing], rate: float) -> dict[str, GyroNoise]:
+    """Return the noise of omega of each source that makes some, by name."""
+    return {s.name: _gyro_noise(s, mixing, rate) for s in sources if s.noise and s.of_gyro}
+
+
+def moments_of(run: TrueRun, noises: Sequence[GyroNoise]) -> RunMoments:
+    """Return the moments of a run's sums under these noises of omega, whatever their size."""
+    filters = list(dict.fromkeys(f for noise in noises for f in noise.parts)) or [WHITE]
+    return run_moments(run.signals, run.valid, run.taps, filters)
 
 
 def _gyro_streams(
-    sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case], rate: float,
-    signals: np.ndarray, valid: np.ndarray, taps: Sequence[np.ndarray],
-) -> tuple[tuple[GyroStream, ...], NoiseExpectation]:  # fmt: skip
+    noises: dict[str, GyroNoise], cases: Sequence[Case], moments: RunMoments
+) -> tuple[GyroStreams, NoiseExpectation]:
     """Return the streams of the gyro's noise, and what it adds to the expected sums."""
-    noises = {s.name: _gyro_noise(s, mixing, rate) for s in sources if s.noise and s.of_gyro}
-    filters = list(dict.fromkeys(f for noise in noises.values() for f in noise.parts)) or [WHITE]
-    moments = run_moments(signals, valid, taps, filters)
-    alone = {name: moments.covariance(noise) for name, noise in noises.items()}
-    streams = [
-        GyroStream(name, tuple(name in case.sources for case in cases), _root_rows(moments, covariance))
-        for name, covariance in alone.items()
-    ]
+    covariances: dict[tuple[str, ...], np.ndarray] = {(name,): moments.covariance(x) for name, x in noises.items()}
     for a, b in combinations(noises, 2):  # the products of two sources' noises
-        both = moments.covariance(_together([noises[a], noises[b]])) - alone[a] - alone[b]
-        acts = tuple({a, b} <= case.sources for case in cases)
-        streams.append(GyroStream(f"{a} {b}", acts, _root_rows(moments, both)))
+        if any({a, b} <= case.sources for case in cases):
+            both = moments.covariance(together([noises[a], noises[b]]))
+            covariances[a, b] = both - covariances[a,] - covariances[b,]
+    acts = np.array([[float(case.sources >= set(names)) for case in cases] for names in covariances])
+    roots = np.array([_root_rows(moments, covariance) for covariance in covariances.values()])
     acting = [[noises[name] for name in noises if name in case.sources] for case in cases]
-    terms = [[_expectation(moments, _together(noise), k) for k in range(len(taps))] for noise in acting]
-    gram, feature = (jax.device_put(np.array([[x[i] for x in row] for row in terms])) for i in (0, 1))
-    return tuple(streams), NoiseExpectation(gram, feature)
+    terms = [[moments.expectation(together(x), k) for k in range(len(moments.algebra.gram))] for x in acting]
+    gram, feature = (jax.device_put(np.array([[term[i] for term in row] for row in terms])) for i in (0, 1))
+    shape = (len(covariances), len(moments.algebra.gram), 247, len(moments.algebra.products))
+    streams = GyroStreams(
+        tuple(map(" ".join, covariances)), jax.device_put(acts.reshape(len(covariances), len(cases))),
+        jax.device_put(roots.reshape(shape)),
+    )  # fmt: skip
+    return streams, NoiseExpectation(gram, feature)
 
 
 def _gyro_noise(source: Source, mixing: Sequence[Mixing], rate: float) -> GyroNoise:
@@ -148,7 +214,7 @@ def _gyro_noise(source: Source, mixing: Sequence[Mixing], rate: float) -> GyroNo
     )  # fmt: skip
 
 
-def _together(noises: Sequence[GyroNoise]) -> GyroNoise:
+def together(noises: Sequence[GyroNoise]) -> GyroNoise:
     """Return independent noises added."""
     parts: dict[NoiseFilter, np.ndarray] = {}
     for noise in noises:
@@ -160,7 +226,7 @@ def _together(noises: Sequence[GyroNoise]) -> GyroNoise:
     )
 
 
-def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[Array, "estimators 247 rank"]:
+def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[np.ndarray, "estimators 247 rank"]:
     """Return a square root of the sums' covariance, its rows in every estimator's order."""
     scale = np.sqrt(np.maximum(np.diag(covariance), 0))
     inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
@@ -168,20 +234,7 @@ def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[Array, "est
     values = np.where(values > NEGLIGIBLE * values[-1], values, 0)  # not left out: another noise, the same program
     root = (scale[:, None] * vectors * np.sqrt(values))[:, ::-1]  # the largest first
     gram, wrench = (x.reshape(len(x), -1) for x in (moments.algebra.gram, moments.algebra.wrench))
-    return jax.device_put(root[np.concatenate([gram, wrench], axis=1)])
-
-
-def _expectation(moments: RunMoments, noise: GyroNoise, estimator: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what noise adds to expected sums of an estimator: exact for normal noise of any size."""
-    sizes = [(size, moments.omega[f], moments.alpha[f][estimator]) for f, size in noise.parts.items()]
-    covariances = np.zeros((2, 3, 3))
-    for size, of_omega, of_alpha in sizes:
-        covariances += np.array([of_omega, of_alpha])[:, None, None] * size
-    terms = np.einsum("kmcijf,cij->kmf", expectation_terms(), covariances)
-    features = terms[0, :, 0]  # of a feature alone, which is its product with 1
-    pairs = terms[4 + LOWER9[:, 0], 4 + LOWER9[:, 1]]
-    pairs[:, 0] += pairs @ features / 2  # fourth order
-    return pairs, features[4:]
+    return np.asarray(root[np.concatenate([gram, wrench], axis=1)])
 
 
 def _cell_streams(
@@ -189,8 +242,8 @@ def _cell_streams(
     mixing: Sequence[Mixing],
     cases: Sequence[Case],
     rate: float,
-    elements: Sequence[np.ndarray],
-) -> tuple[CellStream, ...]:
+    elements: Float[np.ndarray, "estimators elements n"],
+) -> CellStreams:
     """Return the streams of the load cell's noise.
 
     Args:
@@ -203,28 +256,23 @@ def _cell_streams(
     noise = {s.name: s for s in sources if s.noise and not s.of_gyro}
     joined = {name: frozenset(mix.names) & set(noise) for mix in mixing for name in mix.names if name in noise}
     groups = list(dict.fromkeys(joined.get(name, frozenset([name])) for name in noise))
-    behind: dict[NoiseFilter, Array] = {}
-    streams = []
-    for names in groups:
-        members = [noise[name] for name in noise if name in names]
-        driving: dict[NoiseFilter, np.ndarray] = {WHITE: np.zeros((len(cases), 6, 6))}
-        for number, case in enumerate(cases):
-            acting = [s for s in members if s.name in case.sources]
-            driving[WHITE][number] = white_covariance([s for s in acting if s.white], mixing)
-            for source in acting:
-                if source.white:
-                    continue
-                for part in source.error_kind.noise_parts(source, rate):
-                    first = CELL_CHANNELS[source.target]
-                    size = driving.setdefault(part.filter, np.zeros((len(cases), 6, 6)))
-                    size[number, range(first, first + 3), range(first, first + 3)] += part.sigma**2
-        for filter_ in driving.keys() - behind.keys() - {WHITE}:
-            filtered = [filtered_backwards(phi, filter_) for phi in elements]
-            behind[filter_] = jax.device_put(np.array([phi @ phi.T for phi in filtered]))
-        white = jax.device_put(driving.pop(WHITE))
-        coloured = tuple((jax.device_put(size), behind[f]) for f, size in driving.items())
-        streams.append(CellStream(members[0].name, white, coloured))
-    return tuple(streams)
+    nothing = np.zeros((len(cases), 6, 6, len(groups)))
+    white, driving = nothing.copy(), dict[NoiseFilter, np.ndarray]()
+    for (k, case), (stream, names) in product(enumerate(cases), enumerate(groups)):
+        acting = [source for source in noise.values() if source.name in names & case.sources]
+        white[k, :, :, stream] = white_covariance([s for s in acting if s.white], mixing)
+        for source in (s for s in acting if not s.white):
+            for part in source.error_kind.noise_parts(source, rate):
+                channels = CELL_CHANNELS[source.target] + np.arange(3)
+                size = white if part.filter == WHITE else driving.setdefault(part.filter, nothing.copy())
+                size[k, channels, channels, stream] += part.sigma**2
+    coloured = []
+    for filter_, size in driving.items():
+        streams, filtered = np.flatnonzero(size.any(axis=(0, 1, 2))), [filtered_backwards(x, filter_) for x in elements]
+        behind = np.array([phi @ phi.T for phi in filtered])
+        coloured.append(ColouredNoise(tuple(streams.tolist()), *jax.device_put((size[..., streams], behind))))
+    first = tuple(next(name for name in noise if name in group) for group in groups)
+    return CellStreams(first, jax.device_put(white), tuple(coloured))
 
 
 def white_covariance(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Float[np.ndarray, "6 6"]:

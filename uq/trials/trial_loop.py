@@ -1,8 +1,8 @@
 """The Monte Carlo loop: batches of trials over devices and processes, resumable; the same numbers for any split.
 
-Whatever is repeated with other draws runs here: campaigns and budgets (:mod:`uq.trials.engines`), systematic errors of
+Whatever is repeated with other draws runs here: campaigns and budgets (:mod:`uq.trials.engine`), systematic errors of
 recorded runs (:mod:`uq.identification.systematic_errors`), redraws of a model's inputs (:mod:`uq.sensitivity.redraws`),
-emulated experiments (:mod:`uq.campaign.emulated_tables`), blocks of an adaptive propagation
+blocks of an adaptive propagation
 (:mod:`uq.propagation.propagation_of_distributions`).
 
 What runs is a function of the problem, the campaign's key and the numbers of some trials. It draws by these numbers
@@ -38,8 +38,8 @@ class RunTrials(Protocol):
     processor these calls deadlock.
     """
 
-    def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /, *, at_once: bool) -> Any:
-        """Return the batch's results, trials leading; ``at_once``: the device is wide, so that all fit side by side."""
+    def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /) -> Any:
+        """Return the batch's results, trials leading."""
 
 
 class TrialLoop:
@@ -181,10 +181,9 @@ def _on_mesh(
     run: RunTrials, problem: Any, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int, gathered: bool
 ) -> Any:
     """Trials spread over the mesh; ``gathered``: every process is given all results."""
-    at_once = mesh.devices.flat[0].platform != "cpu"
 
     def on_one_device(problem, key, mine):
-        results = _in_batches(lambda indices: run(problem, key, indices, at_once=at_once), mine, batch)
+        results = _in_batches(lambda indices: run(problem, key, indices), mine, batch)
         return jax.lax.all_gather(results, "trials", tiled=True) if gathered else results
 
     arrays, static = partition(problem)

@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.gram import Sums, normal_equations, ordinary_least_squares, shift_omega, solve, solve_normal
+from identify.estimators.gram import Sums, normal_equations, ordinary_least_squares, solve, solve_normal
 from identify.estimators.least_squares import ordinary
 from identify.identification import identify
-from identify.rigid_body.regressor import features, omega_r
+from identify.rigid_body.regressor import omega_r
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
-from tests.gram_lab import accumulate, with_offsets
+from tests.gram_lab import accumulate
 
 
 @pytest.fixture
@@ -38,30 +38,6 @@ def test_sums_add_over_blocks(samples):
     parts = [accumulate(*(s[:, part] for s in samples)) for part in (slice(0, 123), slice(123, None))]
     for sums, added in zip(whole, jax.tree.map(jnp.add, *parts), strict=True):
         np.testing.assert_allclose(sums, added, atol=1e-11)
-
-
-def test_the_features_of_a_shifted_omega(samples, generator):
-    omega, alpha, *_ = samples
-    offset = jnp.asarray(generator.normal(size=3))
-    shifted = shift_omega(offset) @ features(omega, alpha)
-    np.testing.assert_allclose(shifted, features(omega + offset[:, None], alpha), atol=1e-13)
-
-
-def test_no_offset_is_shifted_by_in_silence_without_float64() -> None:
-    with jax.enable_x64(False):
-        shifted = shift_omega(np.zeros(3))
-    assert shifted.dtype == jnp.float32
-    np.testing.assert_array_equal(shifted, np.eye(13))
-
-
-def test_offsets_act_on_sums_as_on_samples(samples, generator):
-    omega, alpha, force, moment = samples
-    b_omega, b_force, b_moment = (jnp.asarray(generator.normal(size=3)) for _ in range(3))
-    on_samples = accumulate(omega + b_omega[:, None], alpha, force + b_force[:, None], moment + b_moment[:, None])
-    for by_sums, by_samples in zip(
-        with_offsets(accumulate(*samples), b_omega, b_force, b_moment), on_samples, strict=True
-    ):
-        np.testing.assert_allclose(by_sums, by_samples, atol=1e-9)
 
 
 def test_normal_equations_are_those_of_the_rows(samples):

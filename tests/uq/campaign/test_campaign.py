@@ -1,4 +1,4 @@
-"""The Monte Carlo: exact without errors, closed forms, the same numbers however it is batched, equal samplings."""
+"""The Monte Carlo: exact without errors, closed forms, the same numbers however it is batched, by either engine."""
 
 import dataclasses
 
@@ -14,15 +14,15 @@ from identify.identification import identify
 from identify.rigid_body.regressor import omega_r
 from identify.signals.differentiate import gain
 from tests.gram_lab import accumulate
-from tests.source_lab import any_trial, draw_block
-from uq.campaign.campaign import Statistics, montecarlo
+from tests.source_lab import IN_FLOAT32, draw_block, one_trial
+from uq.campaign.campaign import SamplingPlan, Statistics, montecarlo
 from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import prepare_setup, true_motion, true_motions
+from uq.campaign.trial_setup import prepare_engine, true_motion, true_motions
 from uq.experiment.experiment import ExperimentError
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
-from uq.trials.engines import run_trials
-from uq.trials.trial_loop import SEGMENT
+from uq.trials.engine import run_trials
+from uq.trials.trial_loop import all_trials
 
 
 def only(experiment, *names):
@@ -32,13 +32,15 @@ def only(experiment, *names):
 BOTH = ("central", "smoothed")
 
 
-def estimates(experiment, trials, *, name="T1", estimators=("central",), devices=None, batch=1, **options):
-    """On one device at least a whole segment is run: any number of trials is one compiled program."""
+def estimates(experiment, trials, *, name="T1", estimators=("central",), devices=None, batch=None, **options):
+    """On one device at least a hundred trials are run: any number of them is one compiled program."""
     chosen = [experiment.estimator(e) for e in estimators]
-    setup = prepare_setup(experiment, experiment.trajectories[name], chosen, **options)
-    whole = max(trials, SEGMENT) if experiment.sources and devices is None else trials
-    found = run_trials(setup, whole, 0, devices or jax.devices()[:1], batch)
-    return setup, jax.tree.map(lambda leaf: leaf[:trials], found)
+    engine = prepare_engine(experiment, experiment.trajectories[name], chosen, **options).engine
+    enough = max(trials, 100) if experiment.sources and devices is None else trials
+    devices = devices or jax.devices()[:1]
+    batch = batch or engine.batch(devices[0])
+    drawn = all_trials(run_trials, engine, enough, 0, devices=devices, batch=batch, segment=100)
+    return engine, jax.tree.map(lambda leaf: leaf[:trials], drawn)
 
 
 def errors(experiment, trials, **options):
@@ -86,11 +88,14 @@ def test_motions_computed_together_are_those_computed_alone(brief):
 # --- closed forms ---
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", pytest.param("samples", marks=pytest.mark.study)])
-def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
+ENGINES = pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
+
+
+@ENGINES
+def test_load_cell_and_cg_variances_are_the_closed_form(brief, engine):
     """With the true omega the estimate is linear in F, M and r: variance (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹."""
     trials = 500
-    setup, result = estimates(brief, trials, estimators=("central",), sampling=sampling)
+    prepared, result = estimates(brief, trials, estimators=("central",), engine=engine)
     without = estimates(only(brief), 1, estimators=("central",))[1].inertia[0, 0, 0]
     motion = true_motion(brief, brief.trajectories["T1"])
     alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
@@ -110,7 +115,7 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
             three := np.einsum("nji,njr->ir", rows, np.stack([np.cross(f, np.eye(3)).T for f in force]))
         ) @ np.diag(sigma["r_cg"] ** 2) @ three.T,
     }  # fmt: skip
-    for k, case in enumerate(setup.cases):
+    for k, case in enumerate(prepared.cases):
         name = case.name.removeprefix("source:")
         if name in closed:
             variance = np.diag(inverse @ closed[name] @ inverse)
@@ -122,10 +127,10 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, sampling):
 
 
 @pytest.mark.study
-def test_conditioned_and_sampled_noise_have_the_same_distribution(brief):
+def test_both_engines_have_the_same_distribution(brief):
     """Either against the reference trial: ``trials/test_reference_trial.py``."""
     trials = 600
-    one, two = (errors(brief, trials, name="T3", estimators=BOTH, sampling=s) for s in ("conditioned", "samples"))
+    one, two = (errors(brief, trials, name="T3", estimators=BOTH, engine=e) for e in ("sums", "samples"))
     first, second = one.std(0, ddof=1), two.std(0, ddof=1)
     # 2 estimators x 11 cases x 6: relative standard error of the ratio 1/√N; 5 of them: 1e-4 false alarms
     np.testing.assert_allclose(first, second, rtol=5 / np.sqrt(trials), atol=1e-12)
@@ -141,9 +146,9 @@ def test_groups_share_their_draws(brief):
     tiny = dataclasses.replace(
         brief, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 1e-4 * s.sigma) for s in brief.sources)
     )
-    setup, result = estimates(tiny, 8)
+    engine, result = estimates(tiny, 8)
     error = result.inertia - np.asarray(errors(only(brief), 1))[0, :, :1][None] - np.asarray(brief.inertia)
-    position = {case.name: k for k, case in enumerate(setup.cases)}
+    position = {case.name: k for k, case in enumerate(engine.cases)}
     groups = sum(error[:, :, k] for name, k in position.items() if name.startswith("group:"))
     sources = sum(error[:, :, k] for name, k in position.items() if name.startswith("source:"))
     scale = np.abs(error[:, :, 0]).max()
@@ -168,7 +173,7 @@ def plain(found):
 def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
     """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
     one = dataclasses.replace(brief, estimators=(brief.estimator(estimator),))
-    _, result = estimates(one, 4, estimators=(estimator,), sampling="samples")
+    _, result = estimates(one, 4, estimators=(estimator,), engine="samples")
     found = identify(
         simulate(one, "T1", seed=0, trial=3).run,
         r_cg=np.asarray(brief.r_cg_from_q + drawn_constants(brief, 3)["r_cg"]),
@@ -179,11 +184,12 @@ def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
 
 
 @pytest.mark.parametrize(
-    ("sampling", "dtype", "tolerance"),
-    [("conditioned", "float64", 1e-12), pytest.param("samples", "float32", 1e-5, marks=pytest.mark.study)],
+    ("engine", "dtype", "tolerance"),
+    [("samples", "float64", 1e-12), pytest.param("samples", "float32", 1e-5, marks=pytest.mark.study)],
 )
-def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, sampling):
-    options = {"dtype": dtype, "sampling": sampling}
+def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, engine):
+    """Trials on sums: ``trials/test_sums_engine.py``."""
+    options = {"dtype": dtype, "engine": engine}
     _, reference = estimates(brief, 6, **options)
     _, other = estimates(brief, 6, devices=jax.devices()[:2], batch=2, **options)  # the last batch is filled up
     assert other.ok.all()
@@ -194,7 +200,7 @@ def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, samp
 def test_float32_draws_agree_with_float64_in_distribution(brief):
     """Briefly below, without float64; and in ``sources/test_sources.py``."""
     trials = 300
-    one, two = (errors(brief, trials, dtype=d) for d in ("float64", "float32"))
+    one, two = (errors(brief, trials, engine="samples", dtype=d) for d in ("float64", "float32"))
     np.testing.assert_allclose(one.std(0), two.std(0), rtol=5 / np.sqrt(trials), atol=1e-9)
 
 
@@ -231,12 +237,13 @@ def test_no_two_draws_are_alike(brief):
     np.testing.assert_allclose(np.std(draws), 1, atol=5 / np.sqrt(2 * 60_000))
 
 
-def test_an_added_source_changes_no_draw(brief):
-    setup, both = estimates(brief, 3)
-    fewer_setup, fewer = estimates(only(brief, "M_bias", "omega_precision"), 3)
+@pytest.mark.parametrize("engine", ["sums", "samples"])
+def test_an_added_source_changes_no_draw(brief, engine):
+    many, both = estimates(brief, 3, engine=engine)
+    few, fewer = estimates(only(brief, "M_bias", "omega_precision"), 3, engine=engine)
     for name in ("source:M_bias", "source:omega_precision"):
-        one = both.inertia[:, :, [c.name for c in setup.cases].index(name)]
-        two = fewer.inertia[:, :, [c.name for c in fewer_setup.cases].index(name)]
+        one = both.inertia[:, :, [c.name for c in many.cases].index(name)]
+        two = fewer.inertia[:, :, [c.name for c in few.cases].index(name)]
         np.testing.assert_allclose(one, two, atol=1e-14)
 
 
@@ -274,15 +281,17 @@ def test_without_float64_it_warns_and_still_answers(brief):
     with jax.enable_x64(False):
         with pytest.warns(PrecisionWarning, match="JAX's float64 is off"):
             result = montecarlo(few, **options)
-        asked = montecarlo(few, dtype="float32", **options)
+        asked = montecarlo(few, plan=SamplingPlan(dtype="float32"), **options)
+        sampled = montecarlo(few, plan=IN_FLOAT32, **options)
     assert "computed in float32" in result.findings()[0]
     assert asked.warnings == ()
-    for estimator in ("central", "smoothed"):
-        assert asked["T1", estimator].failed == 0
-        assert np.abs(asked["T1", estimator].total.mean_error).max() < 0.05
     reference = montecarlo(few, **options)
-    ratio = asked["T1", "smoothed"].total.three_sigma / reference["T1", "smoothed"].total.three_sigma
-    assert (np.abs(np.log(ratio)) < np.log(2)).all()  # 20 trials each: standard error 0.23 of the logarithm
+    for answer in (asked, sampled):
+        for estimator in ("central", "smoothed"):
+            assert answer["T1", estimator].failed == 0
+            assert np.abs(answer["T1", estimator].total.mean_error).max() < 0.05
+        ratio = answer["T1", "smoothed"].total.three_sigma / reference["T1", "smoothed"].total.three_sigma
+        assert (np.abs(np.log(ratio)) < np.log(2)).all()  # 20 trials each: standard error 0.23 of the logarithm
 
 
 @pytest.mark.parametrize("seconds", [*(pytest.param(s, marks=pytest.mark.study) for s in (2.5, 3.0)), 3.0025])
@@ -295,7 +304,7 @@ def test_any_number_of_samples(brief, seconds):
     experiment = dataclasses.replace(
         few, trajectories={"T": dataclasses.replace(spec, duration=seconds, trajectory=fewer)}
     )
-    options = {"name": "T", "estimators": ("central",), "devices": jax.devices(), "sampling": "samples"}
+    options = {"name": "T", "estimators": ("central",), "devices": jax.devices(), "engine": "samples"}
     first, again = (errors(experiment, 3, **options) for _ in range(2))
     np.testing.assert_array_equal(first, again)
     run, r_cg = simulate(experiment, "T", trial=1).run, brief.r_cg_from_q + drawn_constants(experiment, 1)["r_cg"]
@@ -351,7 +360,7 @@ def test_the_result_is_the_contract(brief):
     total = result["T2", "smoothed"].total
     assert block["groups"]["total"]["three_sigma"]["I33"] == 1e3 * total.three_sigma[5]
     assert content["provenance"]["trials"] == 4
-    assert content["provenance"]["sampling"] == "conditioned"
+    assert content["provenance"]["engine"] == "sums"
     assert "T2" in repr(result)
     assert "<table>" in result._repr_html_()
     table = result.share_table()
@@ -369,10 +378,11 @@ def test_no_trials_are_refused(brief, trials):
         montecarlo(brief, trials=trials)
 
 
-def test_a_trial_is_a_pure_function_of_its_key(brief):
-    setup = prepare_setup(brief, brief.trajectories["T1"], brief.estimators[:1])
-    first = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
-    again = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(2))
-    other = eqx.filter_jit(any_trial)(setup, jax.random.key(1), jnp.asarray(3))
+@pytest.mark.parametrize("engine", ["sums", "samples"])
+def test_a_trial_is_a_pure_function_of_its_key(brief, engine):
+    prepared = prepare_engine(brief, brief.trajectories["T1"], brief.estimators[:1], engine=engine).engine
+    first = eqx.filter_jit(one_trial)(prepared, jax.random.key(1), jnp.asarray(2))
+    again = eqx.filter_jit(one_trial)(prepared, jax.random.key(1), jnp.asarray(2))
+    other = eqx.filter_jit(one_trial)(prepared, jax.random.key(1), jnp.asarray(3))
     assert (first.inertia == again.inertia).all()
     assert not (first.inertia == other.inertia).all()

@@ -154,7 +154,7 @@ def test_the_monte_carlo_runs_it_as_it_is(content, report, tmp_path, capsys):
     """200 trials: a 3σ has a standard error of 5 %; six of them, and mean errors, within four and a half (8e-5)."""
     for name in ("designed.toml", "designed.csv"):
         (tmp_path / name).write_bytes(content[name])
-    run = ["montecarlo", str(tmp_path / "designed.toml"), "--trajectory", "designed", "--collapsed", "--trials", "200"]
+    run = ["montecarlo", str(tmp_path / "designed.toml"), "--trajectory", "designed", "--trials", "200"]
     assert main([*run, "--out", str(tmp_path / "mc")]) == 0
     said = json.loads((tmp_path / "mc" / "result.json").read_text())["trajectories"]["designed"]["designed"]
     got = said["groups"]["total"]

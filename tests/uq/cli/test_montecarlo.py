@@ -77,22 +77,37 @@ def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
 def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
     class Interrupted(command.TerminalBar):
         def __call__(self, name, done, asked):
-            if done == 384:
+            if done == 400:
                 raise KeyboardInterrupt
 
-    out = tmp_path / "out"
+    out, run = tmp_path / "out", arguments(experiment, "--samples", "--trials", 500)
     with monkeypatch.context() as patch:
         patch.setattr(command, "TerminalBar", Interrupted)
-        assert main(arguments(experiment, "--trials", 500, "--out", out)) == 130
+        assert main([*run, "--out", str(out)]) == 130
     assert capsys.readouterr().err == "error: interrupted; the same command goes on from there\n"
-    assert main(arguments(experiment, "--trials", 500, "--seed", 1, "--out", out)) == 2
+    assert main([*run, "--seed", "1", "--out", str(out)]) == 2
     assert "is of another campaign (other seed): give the same arguments" in capsys.readouterr().err
-    assert main(arguments(experiment, "--trials", 500, "--out", out)) == 0
-    assert capsys.readouterr().err == "resuming T3 at trial 384 of 500\n"
+    assert main([*run, "--out", str(out)]) == 0
+    assert capsys.readouterr().err == "resuming T3 at trial 400 of 500\n"
     assert not (out / "checkpoint").exists()
-    assert main(arguments(experiment, "--trials", 500, "--out", tmp_path / "whole")) == 0
+    assert main([*run, "--out", str(tmp_path / "whole")]) == 0
     one, two = (json.loads((folder / "result.json").read_text()) for folder in (out, tmp_path / "whole"))
     assert one["trajectories"] == two["trajectories"]
+
+
+@pytest.mark.parametrize(
+    ("option", "engine", "points", "words"),
+    [
+        (["--quasi-random"], "sums", "quasi-random", ""),
+        (["--collapsed"], "sums", "random", "--collapsed is the default now: leave it out\n"),
+    ],
+)
+def test_how_trials_are_drawn_is_an_option(experiment, tmp_path, capsys, option, engine, points, words):
+    """And what was an option and is the default is taken without harm."""
+    assert main(arguments(experiment, *option, "--trials", 128, "--out", tmp_path / "out")) == 0
+    provenance = json.loads((tmp_path / "out" / "result.json").read_text())["provenance"]
+    assert (provenance["engine"], provenance["points"]) == (engine, points)
+    assert capsys.readouterr().err == words
 
 
 def test_several_bodies_in_one_campaign(tmp_path, capsys):
@@ -133,6 +148,7 @@ def test_a_body_whose_name_is_no_folder(tmp_path):
         (("--adaptive", "--tolerance=-1 g*m^2"), "`tolerance` must be above zero"),
         (("--adaptive", "--tolerance", "1 g*m^2", "--digits", "1"), "choose one"),
         (("--trajectory", "T9"), "unknown trajectory 'T9'"),
+        (("--quasi-random", "--trials", "100"), "quasi-random trials are on sums, not adaptive, and 128 or more"),
     ],
 )
 def test_mistakes_leave_nothing_behind(experiment, tmp_path, capsys, more, words):

@@ -1,21 +1,16 @@
 """Changing a number never compiles again; where compiled code is kept."""
 
 import dataclasses
-import os
 
 import jax
 import numpy as np
 import pytest
 
-from identify.compiled_program import CompiledProgram
 from tests.small_campaign import document
-from uq.campaign.campaign import montecarlo
-from uq.campaign.trial_setup import _sampled
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.experiment.experiment import Experiment
-from uq.files import compilation_cache
-from uq.files.compilation_cache import MONTH, ProgramFolder, cache_folder, keep_compiled
+from uq.files.compilation_cache import cache_folder, keep_compiled
 from uq.propagation.experiment_law import law, prepare_law
-from uq.trials.trial_loop import _sharded
 
 EVENT = "/jax/core/compile/backend_compile_duration"
 
@@ -85,9 +80,9 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     assert spread[0] < first.three_sigma[0] < spread[-1]
 
 
-@pytest.mark.parametrize("sampling", ["conditioned", pytest.param("collapsed", marks=pytest.mark.study)])
-def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, sampling):
-    options = {"trials": 200, "estimators": "central", "sampling": sampling}
+@pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
+def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, engine):
+    options = {"trials": 200, "estimators": "central", "plan": SamplingPlan(engine=engine)}
     montecarlo(brief, **options)
     before = compilations()
     assert before > 0
@@ -97,14 +92,13 @@ def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, sampl
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("sampling", ["conditioned", "collapsed"])
-def test_a_hundred_noise_levels_of_a_thousand_trials(brief, compilations, sampling):
-    options = {"trials": 1000, "estimators": "central", "sampling": sampling}
+def test_a_hundred_noise_levels_of_a_thousand_trials(brief, compilations):
+    options = {"trials": 1000, "estimators": "central"}
     montecarlo(brief, **options)
     before = compilations()
     for factor in LEVELS:
         montecarlo(louder(brief, factor), **options)
-    print(f"{sampling}: {before} compilations at the first call, {compilations() - before} at 100 more")
+    print(f"{before} compilations at the first call, {compilations() - before} at 100 more")
     assert compilations() == before
 
 
@@ -124,57 +118,3 @@ def test_a_folder_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
     before = jax.config.jax_compilation_cache_dir
     keep_compiled()
     assert jax.config.jax_compilation_cache_dir == before
-
-
-def test_a_kept_program_is_read_whole_or_not_at_all(tmp_path):
-    folder = ProgramFolder(tmp_path)
-    folder.save("a", b"compiled")
-    assert (folder.load("a"), folder.load("b")) == (b"compiled", None)
-    (path,) = folder.folder.iterdir()
-    content = path.read_bytes()
-    for harm in (content[:-1], content[:10], b"", content.replace(b"m", b"n")):
-        path.write_bytes(harm)
-        assert folder.load("a") is None
-    folder.save("a", b"again")
-    assert folder.load("a") == b"again"
-    assert [path.name for path in folder.folder.iterdir()] == ["a"]
-
-
-def test_programs_of_other_code_stand_apart_and_go_when_unused(monkeypatch, tmp_path):
-    folders = []
-    for digest in ("old", "recent", "new"):
-        monkeypatch.setattr(compilation_cache, "code_digest", lambda digest=digest: digest)
-        folders.append(ProgramFolder(tmp_path))
-    old, recent, new = folders
-    old.save("a", b"old")
-    recent.save("a", b"recent")
-    unused = old.folder.stat().st_mtime - 1.1 * MONTH
-    os.utime(old.folder, (unused, unused))
-    new.save("a", b"new")
-    assert [folder.load("a") for folder in folders] == [None, b"recent", b"new"]
-    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_enable_fast_math=true")
-    assert ProgramFolder(tmp_path).load("a") is None
-
-
-def test_programs_are_not_kept_where_nothing_can_be_written(tmp_path):
-    (tmp_path / "file").write_text("")
-    folder = ProgramFolder(tmp_path / "file")
-    folder.save("a", b"compiled")
-    assert folder.load("a") is None
-
-
-def test_a_campaign_of_kept_programs_gives_the_same_bits(brief, monkeypatch, tmp_path):
-    """On two devices; the second time its programs are loaded, for which none is compiled."""
-    options = {"trials": 60, "trajectories": "T1", "estimators": "central", "devices": jax.devices()}
-    plain = montecarlo(brief, **options)
-    jax.clear_caches()  # what JAX's own cache folder gave lacks functions when it is serialized
-    monkeypatch.setattr(CompiledProgram, "store", ProgramFolder(tmp_path))
-    for program in (_sampled, _sharded):
-        monkeypatch.setattr(program, "loaded", {})
-    kept = montecarlo(brief, **options)
-    for program in (_sampled, _sharded):
-        program.loaded.clear()
-        monkeypatch.setattr(program, "_compiled", None)
-    again = montecarlo(brief, **options)
-    for result in (kept, again):
-        np.testing.assert_array_equal(result.errors["T1"], plain.errors["T1"])

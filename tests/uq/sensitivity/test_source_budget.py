@@ -14,9 +14,9 @@ import pytest
 from identify.rigid_body.inertia import COMPONENTS, unpack
 from identify.rigid_body.regressor import omega_r
 from tests.small_campaign import document
-from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import prepare_setup, true_motion
+from uq.campaign.trial_setup import prepare_engine, true_motion
 from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.files.toml_text import toml_text
@@ -25,7 +25,8 @@ from uq.sensitivity.budget_shares import COLUMNS, _name
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.trials.engines import run_trials
+from uq.trials.engine import run_trials
+from uq.trials.trial_loop import all_trials
 
 LINEAR = ("F_precision", "F_bias", "M_precision", "M_bias", "r_cg")
 
@@ -34,11 +35,15 @@ def only(experiment, *names):
     return dataclasses.replace(experiment, sources=tuple(s for s in experiment.sources if s.name in names))
 
 
-def run(experiment, trials, **options):
-    """The twinned set-up on T1, estimator central, and the errors of its cases: (trials, cases, 6)."""
-    chosen = [experiment.estimator("central")]
-    twins = twinned(prepare_setup(experiment, experiment.trajectories["T1"], chosen, **options))
-    return twins, (run_trials(twins.setup, trials, 0, jax.devices()[:1]).inertia - np.asarray(experiment.inertia))[:, 0]
+def run(experiment, trials, engine="sums"):
+    """The twinned sources on T1, estimator central, and the errors of their cases: (trials, cases, 6)."""
+    twins = twinned(experiment.sources, experiment.mixing)
+    doubled = dataclasses.replace(experiment, sources=twins.doubled, mixing=twins.mixing)
+    spec, chosen = experiment.trajectories["T1"], [experiment.estimator("central")]
+    prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine).engine
+    device = jax.devices()[:1]
+    drawn = all_trials(run_trials, prepared, trials, 0, devices=device, batch=prepared.batch(device[0]), segment=1000)
+    return twins, (drawn.inertia - np.asarray(experiment.inertia))[:, 0]
 
 
 @pytest.fixture(scope="module")
@@ -141,32 +146,25 @@ def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(brief, close
     assert 0.90 <= covered <= 0.99
 
 
-@pytest.fixture(scope="module")
-def bare(brief):
-    """A set-up without sources."""
-    return prepare_setup(only(brief), brief.trajectories["T1"], [brief.estimator("central")])
-
-
-def board(bare, *groups, mixing=()):
-    """The set-up with sources a, b, c … of these groups."""
-    sources = tuple(Source("abcdefghijklmnop"[k], "F", "bias", g, np.ones(3)) for k, g in enumerate(groups))
-    return dataclasses.replace(bare, sources=sources, mixing=mixing)
+def board(*groups, mixing=()):
+    """Twins of sources a, b, c … of these groups."""
+    return twinned([Source("abcdefghijklmnop"[k], "F", "bias", g, np.ones(3)) for k, g in enumerate(groups)], mixing)
 
 
 def played(twins, model, generator, trials):
     """Errors of all cases of a model of standard normal draws {name: values}, the same for all six components."""
-    drawn = {s.name: generator.normal(size=trials) for s in twins.setup.sources}
-    names = [s.name for s in twins.setup.sources if "′" not in s.name]
+    drawn = {s.name: generator.normal(size=trials) for s in twins.doubled}
+    names = [s.name for s in twins.doubled if "′" not in s.name]
 
     def of_case(case):
         return model({n: drawn[n] * (n in case.sources) + drawn[f"{n}′"] * (f"{n}′" in case.sources) for n in names})
 
-    return np.repeat(np.stack([of_case(case) for case in twins.setup.cases], axis=1)[:, :, None], 6, axis=2)
+    return np.repeat(np.stack([of_case(case) for case in twins.cases], axis=1)[:, :, None], 6, axis=2)
 
 
-def test_an_interaction_is_shared_in_halves(bare, generator):
+def test_an_interaction_is_shared_in_halves(generator):
     """Y = 5 + a + 2 b + 3 a b of standard normals, c idle: V = 1 + 4 + 9, the product's part in halves."""
-    twins = twinned(board(bare, "one", "one", "two"))
+    twins = board("one", "one", "two")
     estimated = budget_of(
         twins, played(twins, lambda x: 5 + x["a"] + 2 * x["b"] + 3 * x["a"] * x["b"], generator, 40_000)
     )
@@ -181,9 +179,9 @@ def test_an_interaction_is_shared_in_halves(bare, generator):
     assert abs(share[0] - 25 / 39) <= 4 * share[1]
 
 
-def test_more_than_ten_sources_walk(bare, generator):
+def test_more_than_ten_sources_walk(generator):
     """Twelve sources: Σ k x_k, and a triple product of a, b, c: V = Σ k² + 400, the product's part in thirds."""
-    twins = twinned(board(bare, *4 * ["one"], *4 * ["two"], *4 * ["three"]))
+    twins = board(*4 * ["one"], *4 * ["two"], *4 * ["three"])
     assert len(twins.design.choices) < 400
     names = "abcdefghijkl"
 
@@ -210,17 +208,18 @@ def test_more_than_ten_sources_walk(bare, generator):
     assert estimated.sources.shapley.standard_error[0, 0] > 2 * estimated.sources.first.standard_error[0, 0]
 
 
-def test_correlated_sources_are_one_player_and_fixed_ones_none(bare):
-    joined = twinned(board(bare, "one", "one", "two", "three", mixing=(Mixing(("b", "c"), (3, 3), np.eye(6)),)))
+def test_correlated_sources_are_one_player_and_fixed_ones_none():
+    joined = board("one", "one", "two", "three", mixing=(Mixing(("b", "c"), (3, 3), np.eye(6)),))
     assert [p.name for p in joined.sources] == ["a", "b + c", "d"]
     assert [(p.name, p.draws) for p in joined.groups] == [("one + two", 0b011), ("three", 0b100)]
-    assert joined.setup.mixing[1].names == ("b′", "c′")
+    assert joined.mixing[1].names == ("b′", "c′")
     assert len(joined.design.choices) == 8
-    assert all(("b" in case.sources) == ("c" in case.sources) for case in joined.setup.cases[-8:])
-    sources = (*board(bare, "one").sources, Source("range", "M", "saturation", "two", np.ones(3)))
-    fixed = twinned(dataclasses.replace(bare, sources=sources))
+    assert all(("b" in case.sources) == ("c" in case.sources) for case in joined.cases[-8:])
+    fixed = twinned(
+        [Source("a", "F", "bias", "one", np.ones(3)), Source("range", "M", "saturation", "two", np.ones(3))], ()
+    )
     assert [p.draws for p in fixed.sources] == [1, 0]
-    assert all("range" in case.sources for case in fixed.setup.cases[-2:])
+    assert all("range" in case.sources for case in fixed.cases[-2:])
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.05, 0.5, 2.0])
@@ -239,20 +238,19 @@ def test_the_bias_share_has_an_honest_standard_error(bias, generator):
 # --- the engine's draws ---
 
 
-@pytest.mark.parametrize("sampling", [pytest.param("conditioned", marks=pytest.mark.study), "samples"])
-def test_choices_are_the_campaigns_own_trials(brief, sampling):
+@pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
+def test_choices_are_the_campaigns_own_trials(brief, engine):
     """All from the first draws is the campaign's total; a twin's is the campaign's with that source renamed."""
     some = only(brief, "M_precision", "omega_precision", "omega_bias")
-    options = {"trials": 3, "trajectories": "T1", "estimators": "central", "sampling": sampling}
-    (setup, *_), errors = run(some, 3, sampling=sampling)
-    np.testing.assert_allclose(errors[:, -1], montecarlo(some, **options).errors["T1"][:, 0, 0], atol=1e-13)
-    assert [c.name for c in setup.cases[:4]] == ["none", "alone:load_cell", "alone:imu", "alone:M_precision"]
-    twin = setup.sources[4]
+    given = {"trials": 3, "trajectories": "T1", "estimators": "central", "plan": SamplingPlan(engine=engine)}
+    twins, errors = run(some, 3, engine)
+    np.testing.assert_allclose(errors[:, -1], montecarlo(some, **given).errors["T1"][:, 0, 0], atol=1e-13)
+    assert [c.name for c in twins.cases[:4]] == ["none", "alone:load_cell", "alone:imu", "alone:M_precision"]
+    twin = twins.doubled[4]
     assert (twin.name, twin.target) == ("omega_precision′", "omega")
     renamed = dataclasses.replace(some, sources=(some.sources[0], twin, some.sources[2]))
-    if sampling == "samples":  # what noise leaves in the sums is drawn in the order of the gyro's variants
-        other = montecarlo(renamed, **options).errors["T1"][:, 0, 0]
-        np.testing.assert_allclose(errors[:, -8 + 0b101], other, atol=1e-13)
+    other = montecarlo(renamed, **given).errors["T1"][:, 0, 0]
+    np.testing.assert_allclose(errors[:, -8 + 0b101], other, atol=1e-13)
 
 
 def test_each_alone_has_the_campaigns_mean_error(quiet, result):

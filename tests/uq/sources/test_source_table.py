@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from identify.identification import identify
-from tests.source_lab import experiment, source
+from tests.source_lab import BY_SAMPLES, experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
@@ -196,7 +196,7 @@ def many():
 def test_the_example_has_every_kind_of_source_and_runs(many, tmp_path, unjudged):
     assert {s.kind for s in many.sources} == {kind for _, kind in KINDS}
     assert {s.target for s in many.sources} == {target for target, _ in KINDS}
-    result = montecarlo(many, trials=2, estimators="smoothed", sampling="samples")
+    result = montecarlo(many, trials=2, estimators="smoothed", plan=BY_SAMPLES)
     assert result["T1", "smoothed"].failed == 0
     provenance = result.to_dict()["provenance"]
     assert provenance["experiment"] == many.document

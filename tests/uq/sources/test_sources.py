@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.source_lab import any_trial, experiment, least_squares, simulated, source
-from uq.campaign.campaign import montecarlo
+from tests.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, least_squares, simulated, source
+from tests.source_lab import one_trial as plain_trial
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import fitted_estimators, platform_of, prepare_setup, true_motion
-from uq.gram_sums.setup import Setup
+from uq.campaign.trial_setup import platform_of, prepare_engine, true_motion
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
-from uq.trials.samplewise import SampledSetup, prepare_samples, smooth_signals
-from uq.trials.split import in_sums
-from uq.trials.trial import prepare
+from uq.trials.samples_engine import prepare_samples, smooth_signals
 
 THREE = {
     "N": ["1 N", "-2 N", "3 N"], "N*m": ["0.1 N*m", "-0.2 N*m", "0.3 N*m"], "rad/s": ["1 mrad/s", "-2 mrad/s", "3 mrad/s"],
@@ -80,33 +78,27 @@ def known(target, kind, mean, keys, *, name="s"):
     return source(name, target, kind, mean=mean, sigma=zeros_like(mean), **keys)
 
 
-one_trial = eqx.filter_jit(any_trial)  # one for all tests: setups that differ in numbers only compile once
+one_trial = eqx.filter_jit(plain_trial)  # one for all tests: engines that differ in numbers only compile once
 
 
-def setups(e):
-    """What a trial needs, by samples."""
-    spec = e.trajectories["T"]
-    motion = true_motion(e, spec)
-    fitted = fitted_estimators(e.estimators, spec, len(motion.t))
-    return prepare_samples(
-        motion, e.body, platform_of(e, spec), e.sources, fitted, trajectory=spec.trajectory, mixing=e.mixing
-    )
+def engine_of(e, name="sums", **options):
+    return prepare_engine(e, e.trajectories["T"], e.estimators, engine=name, **options).engine
 
 
-def estimates(e, setup=None, key=0, index=0, **options):
+def estimates(e, engine=None, key=0, index=0):
     """One trial's estimates by case, (estimators, 6)."""
-    setup = setup or prepare_setup(e, e.trajectories["T"], e.estimators, **options)
-    found = one_trial(setup, jax.random.key(key), jnp.asarray(index)).inertia
-    return dict(zip([case.name for case in setup.cases], np.asarray(found).swapaxes(0, 1), strict=True))
+    engine = engine or engine_of(e)
+    inertia = one_trial(engine, jax.random.key(key), jnp.asarray(index)).inertia
+    return dict(zip([case.name for case in engine.cases], np.asarray(inertia).swapaxes(0, 1), strict=True))
 
 
 @eqx.filter_jit
-def records(setup):
+def records(engine):
     """The noiseless record of every case, on the leading axis."""
-    draws = draw_constants(setup.sources, setup.mixing, jax.random.key(0), 0, jnp.dtype(float))
+    draws = draw_constants(engine.sources, engine.mixing, jax.random.key(0), 0, jnp.dtype(float))
     return jax.lax.map(
-        lambda errors: smooth_signals(setup, errors),
-        errors_of_cases(setup.sources, draws, [case.sources for case in setup.cases]),
+        lambda errors: smooth_signals(engine, errors),
+        errors_of_cases(engine.sources, draws, [case.sources for case in engine.cases]),
     )
 
 
@@ -138,30 +130,31 @@ def without_delay(e):
 
 def test_each_source_alone_does_what_plain_numpy_says(every):
     """To the sensors; and to the estimates, both from sums and from samples."""
-    setup = setups(every)
-    of_samples, of_sums = estimates(every, setup), estimates(without_delay(every))
-    wrenches, omegas = records(setup)
-    names = [case.name for case in setup.cases]
+    engine = engine_of(every, "samples")
+    of_samples, of_sums = estimates(every, engine), estimates(every)
+    forces, moments, omegas = records(engine)
+    names = [case.name for case in engine.cases]
     for k, (target, kind, *_, told) in enumerate(CONSTANTS):
         name = f"source:s{k}"
         wrench, omega = simulated(every, **told)
-        np.testing.assert_allclose(wrenches[names.index(name)].T, wrench, atol=2e-11, err_msg=f"{target} {kind}")
+        sensed = np.hstack([forces[names.index(name)].T, moments[names.index(name)].T])
+        np.testing.assert_allclose(sensed, wrench, atol=2e-11, err_msg=f"{target} {kind}")
         np.testing.assert_allclose(omegas[names.index(name)].T, omega, atol=1e-14, err_msg=f"{target} {kind}")
         for j, estimator in enumerate(("central", "smoothed")):
             expected = least_squares(every, wrench, omega, every.r_cg_from_q, estimator)
-            for found in (of_samples, of_sums) if kind != "delay" else (of_samples,):
-                np.testing.assert_allclose(found[name][j], expected, atol=1e-12, err_msg=f"{target} {kind}")
+            for tensors in (of_samples, of_sums):
+                np.testing.assert_allclose(tensors[name][j], expected, atol=1e-12, err_msg=f"{target} {kind}")
 
 
 def test_a_source_that_is_off_gives_nothing(silent, truth):
-    setup = setups(silent)
-    wrenches, omegas = records(setup)
+    engine = engine_of(silent, "samples")
+    forces, moments, omegas = records(engine)
     wrench, omega = simulated(experiment())
-    for one, two in zip(wrenches, omegas, strict=True):
-        np.testing.assert_allclose(one.T, wrench, atol=2e-11)
-        np.testing.assert_allclose(two.T, omega, atol=1e-14)
-    for found in (estimates(silent, setup), estimates(without_delay(silent))):
-        np.testing.assert_allclose(list(found.values()), np.broadcast_to(truth, (len(found), 2, 6)), atol=1e-12)
+    for force, moment, rate in zip(forces, moments, omegas, strict=True):
+        np.testing.assert_allclose(np.hstack([force.T, moment.T]), wrench, atol=2e-11)
+        np.testing.assert_allclose(rate.T, omega, atol=1e-14)
+    for tensors in (estimates(silent, engine), estimates(silent)):
+        np.testing.assert_allclose(list(tensors.values()), np.broadcast_to(truth, (len(tensors), 2, 6)), atol=1e-12)
 
 
 def test_all_together_in_sums_in_samples_and_in_numpy(every):
@@ -222,72 +215,7 @@ DRAWN = [
 ]  # fmt: skip
 
 
-def both_ways(e, trial_number, **options):
-    """The smoothed estimates of one trial from sums, and sample by sample."""
-    spec = e.trajectories["T"]
-    motion = true_motion(e, spec)
-    usual = {"mixing": e.mixing, "dtype": options.get("dtype", "float64")}
-    given = motion, e.body, platform_of(e, spec), e.sources, fitted_estimators(e.estimators[1:], spec, len(motion.t))
-    delayed = in_sums(motion, spec.trajectory, e.body, e.sources, e.mixing).delayed
-    setup = prepare(*given, sampling=options.get("sampling", "samples"), delayed=delayed, **usual)
-    plain = prepare_samples(*given, trajectory=spec.trajectory, **usual)
-    number = jnp.asarray(trial_number)
-    return tuple(np.asarray(one_trial(one, jax.random.key(3), number).inertia) for one in (setup, plain))
-
-
-def test_sums_and_samples_give_the_same_trial():
-    links = [
-        {"sources": ["s0", "s6"], "coefficient": 0.5},
-        {"sources": ["F_noise", "s_noise"], "coefficient": -0.4},
-        {"sources": ["w_noise", "w_third"], "coefficient": [[0.3, 0, 0], [0, 0.3, 0.5], [0, 0, 0.1]]},
-    ]
-    more = [
-        source("s_noise", "M", "precision", sigma=["0.1 N*m"] * 3),
-        source("w_third", "omega", "precision", sigma=["1 mrad/s"] * 3),
-    ]
-    some = [s for s in DRAWN if s["kind"] in ("bias", "scale", "cross_talk") or s["target"] == "omega"]
-    e = experiment(*NOISY, *more, *some, correlations=links)
-    of_sums, of_samples = both_ways(e, 2)
-    assert np.ptp(of_samples[0], axis=0).min() > 1e-4  # the cases differ
-    np.testing.assert_allclose(of_sums, of_samples, atol=2e-11)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_sums_and_samples_agree_over_the_seams_of_blocks(dtype):
-    """Two blocks, the second not full, with errors that map the angular velocity; with more sources below."""
-    mapped = [s for s in DRAWN if s["kind"] in ("scale", "drift") and s["target"] == "omega"]
-    of_sums, of_samples = both_ways(experiment(NOISY[0], NOISY[2], *mapped, duration="41 s"), 1, dtype=dtype)
-    np.testing.assert_allclose(of_sums, of_samples, atol={"float64": 2e-11, "float32": 1e-5}[dtype])
-
-
-LATE_AND_COLOURED = [
-    source("late", "omega", "delay", mean="2 ms", sigma="3 ms"),
-    source("later", "omega", "delay", sigma="1 ms"),
-    source("w_coloured", "omega", "coloured", flicker=["1 mrad/s"] * 3, random_walk=["1 mrad/s/s**0.5"] * 3),
-    source("F_coloured", "F", "coloured", white=["0.1 N*s**0.5"] * 3, flicker=["1 N"] * 3),
-]
-
-
-ALSO_PLAIN = pytest.mark.parametrize("mapped", [pytest.param(False, marks=pytest.mark.study), True])
-
-
-@ALSO_PLAIN
-def test_delay_and_coloured_noise_in_sums_are_those_of_samples(mapped):
-    """Over the seams of blocks, beside other noise, through the gyro's scale; the delay's polynomial is off by 2e-8."""
-    mapped_errors = [s for s in DRAWN if s["kind"] in ("scale", "drift") and s["target"] == "omega" and mapped]
-    e = experiment(NOISY[0], NOISY[2], *LATE_AND_COLOURED, *mapped_errors, duration="41 s")
-    of_sums, of_samples = both_ways(e, 1)
-    assert np.ptp(of_samples[0], axis=0).min() > 1e-4  # the cases differ
-    np.testing.assert_allclose(of_sums, of_samples, atol=1e-9)
-
-
-def test_noise_of_other_distributions_is_drawn_by_sample_also_when_conditioned():
-    e = experiment(NOISY[1], NOISY[2])
-    np.testing.assert_allclose(*both_ways(e, 0, sampling="conditioned"), atol=1e-12)
-
-
-def test_conditioned_correlated_noise_has_the_distribution_of_its_samples():
+def test_drawn_correlated_noise_has_the_distribution_of_its_samples():
     noise = [
         NOISY[0],
         source("M_normal", "M", "precision", sigma=["0.4 N*m"] * 3, correlation=[[1, 0.9, 0], [0.9, 1, 0], [0, 0, 1]]),
@@ -295,8 +223,8 @@ def test_conditioned_correlated_noise_has_the_distribution_of_its_samples():
     link = {"sources": ["F_noise", "M_normal"], "coefficient": [[0, 0.3, 0], [0.3, 0, 0], [0, 0, 0.8]]}
     e = experiment(*noise, correlations=[link])
     runs = [
-        montecarlo(e, trials=1500, sampling=s, estimators="smoothed").errors["T"][:, 0, 0]
-        for s in ("conditioned", "samples")
+        montecarlo(e, trials=1500, plan=plan, estimators="smoothed").errors["T"][:, 0, 0]
+        for plan in (SamplingPlan(), BY_SAMPLES)
     ]
     one, two = (np.cov(run.T) for run in runs)
     # a covariance's standard error is √((cᵢᵢcⱼⱼ + cᵢⱼ²)/N): 21 comparisons at 5 of them: 1e-5 false alarms
@@ -304,35 +232,29 @@ def test_conditioned_correlated_noise_has_the_distribution_of_its_samples():
     assert (np.abs(one - two) < 5 * error).all()
 
 
-@ALSO_PLAIN
-def test_drawn_sums_beside_two_sources_of_the_gyro_are_the_same_in_either_precision(mapped):
-    """The two make three variants of the features, whose noise is linearly dependent."""
-    more = [known("omega", "scale", THREE["%"], {})] if mapped else []
-    second = source("w_second", "omega", "precision", sigma=["1 mrad/s"] * 3)
-    e = experiment(NOISY[0], NOISY[2], second, *more, duration="41 s")
-    one, two = (
-        one_trial(prepare_setup(e, e.trajectories["T"], e.estimators[1:], dtype=d), jax.random.key(3), jnp.asarray(1))
-        for d in ("float64", "float32")
-    )
-    assert one.ok.all()
-    np.testing.assert_allclose(one.inertia, two.inertia, atol=1e-5)
-
-
-def test_noise_that_is_correlated_between_gyro_and_load_cell_gets_samples():
-    crossed = experiment(NOISY[0], NOISY[2], correlations=[{"sources": ["F_noise", "w_noise"], "coefficient": 0.5}])
-    setup = prepare_setup(crossed, crossed.trajectories["T"], crossed.estimators)
-    assert [case.name for part in setup.parts if isinstance(part, SampledSetup) for case in part.cases] == ["total"]
-    assert isinstance(prepare_setup(experiment(NOISY[0]), crossed.trajectories["T"], crossed.estimators), Setup)
+def test_constant_errors_beside_noise_are_the_same_by_samples_and_on_sums():
+    """Correlated constants of every kind, and a delay, over the seam of two blocks: the cases without noise agree."""
+    link = [{"sources": ["s0", "s6"], "coefficient": 0.5}]
+    late = source("late", "omega", "delay", mean="2 ms", sigma="3 ms")
+    e = experiment(*NOISY[:3], *DRAWN, late, correlations=link, duration="16 s")
+    by_samples, on_sums = (estimates(e, engine_of(e, name), key=3, index=2) for name in ("samples", "sums"))
+    noisy = {"total", *(f"{kind}{s['name']}" for s in NOISY[:3] for kind in ("source:", "group:group of "))}
+    names = [name for name in by_samples if name not in noisy]
+    assert len(names) > 2 * len(DRAWN)
+    scatter = np.ptp([by_samples[name] for name in names], axis=0)
+    assert scatter.min() > 1e-4  # the cases differ
+    for name in names:
+        np.testing.assert_allclose(on_sums[name], by_samples[name], atol=2e-9, err_msg=name)
 
 
 def test_samples_in_float32_agree_and_numbers_do_not_compile_again():
-    some, run = (NOISY[0], NOISY[2]), partial(montecarlo, trials=40, estimators="smoothed", sampling="samples")
+    some, run = (NOISY[0], NOISY[2]), partial(montecarlo, trials=40, estimators="smoothed")
     e = experiment(*some, known("omega", "delay", "3 ms", {}), source("q", "F", "quantisation", step=["1 N"] * 3))
-    double, single = (run(e, dtype=d)["T", "smoothed"].total for d in ("float64", "float32"))
+    double, single = (run(e, plan=plan)["T", "smoothed"].total for plan in (BY_SAMPLES, IN_FLOAT32))
     np.testing.assert_allclose(double.three_sigma, single.three_sigma, rtol=5 / np.sqrt(40))
     before = trial_loop._sharded.jitted._cache_size()
     other = experiment(*some, known("omega", "delay", "4 ms", {}), source("q", "F", "quantisation", step=["2 N"] * 3))
-    run(other)
+    run(other, plan=BY_SAMPLES)
     assert trial_loop._sharded.jitted._cache_size() == before
 
 

@@ -12,12 +12,20 @@ import numpy as np
 import pytest
 
 from tests.small_campaign import document
-from uq.campaign.campaign import montecarlo
+from tests.source_lab import BY_SAMPLES
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.trials.checkpoint import Checkpoint
 
 TRIALS = 500
-OPTIONS = {"devices": jax.devices(), "batch": 4, "trajectories": ["T1", "T3"], "estimators": "central"}
+
+
+def run(experiment, *, checkpoint=None, progress=None, **changed):
+    """A campaign by samples, whose segments are short."""
+    options = RunOptions(devices=jax.devices(), batch=4, checkpoint=checkpoint, progress=progress)
+    usual = {"trials": TRIALS, "trajectories": ["T1", "T3"], "estimators": "central", "plan": BY_SAMPLES}
+    return montecarlo(experiment, options=options, **usual | changed)
 
 
 def brief():
@@ -35,7 +43,7 @@ def experiment():
 
 @pytest.fixture(scope="module")
 def whole(experiment):
-    return montecarlo(experiment, trials=TRIALS, **OPTIONS)
+    return run(experiment)
 
 
 class Killed(BaseException):
@@ -66,7 +74,7 @@ class Mortal(Checkpoint):
 
 def interrupted(experiment, folder, writes):
     with pytest.raises(Killed):
-        montecarlo(experiment, trials=TRIALS, checkpoint=Mortal(folder, writes), **OPTIONS)
+        run(experiment, checkpoint=Mortal(folder, writes))
 
 
 def assert_the_same(first, second):
@@ -80,7 +88,7 @@ def test_a_killed_campaign_goes_on_to_the_same_bits(experiment, whole, tmp_path,
     """Before the first write, within the first trajectory, within the second."""
     interrupted(experiment, tmp_path, writes)
     lines = []
-    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=lines.append), **OPTIONS)
+    resumed = run(experiment, checkpoint=Checkpoint(tmp_path, say=lines.append))
     assert_the_same(whole, resumed)
     at_trial, three = "resuming T1 at trial {} of 500".format, "resuming T3 at trial 200 of 500"
     assert lines == {0: [], 1: [at_trial(200)], 4: [at_trial(500), three]}[writes]
@@ -94,19 +102,18 @@ def test_an_interrupt_keeps_all_that_is_done(experiment, whole, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, progress=stop, **OPTIONS)
+        run(experiment, checkpoint=tmp_path, progress=stop)
     lines = []
-    resumed = montecarlo(experiment, trials=TRIALS, checkpoint=Checkpoint(tmp_path, say=lines.append), **OPTIONS)
+    resumed = run(experiment, checkpoint=Checkpoint(tmp_path, say=lines.append))
     assert lines == ["resuming T1 at trial 400 of 500"]
     assert_the_same(whole, resumed)
 
 
 def test_more_trials_go_on_from_those_that_are_done(experiment, tmp_path):
     interrupted(experiment, tmp_path, 2)
-    options = OPTIONS | {"trajectories": "T1"}
-    resumed = montecarlo(experiment, trials=700, checkpoint=tmp_path, **options)
-    assert_the_same(montecarlo(experiment, trials=700, **options), resumed)
-    fewer = montecarlo(experiment, trials=300, checkpoint=tmp_path, **options)
+    resumed = run(experiment, trials=700, trajectories="T1", checkpoint=tmp_path)
+    assert_the_same(run(experiment, trials=700, trajectories="T1"), resumed)
+    fewer = run(experiment, trials=300, trajectories="T1", checkpoint=tmp_path)
     np.testing.assert_array_equal(fewer.errors["T1"], resumed.errors["T1"][:300])
 
 
@@ -127,7 +134,7 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, ha
     harm(parts[0])
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(ExperimentError, match=r"(cut or edited|is missing).*: delete .* to start again") as error:
-        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+        run(experiment, checkpoint=tmp_path)
     assert str(tmp_path) in str(error.value)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
@@ -147,33 +154,36 @@ def test_a_damaged_head_is_refused(experiment, tmp_path, change, words):
     text = change(head.read_text())
     head.unlink() if text is None else head.write_text(text)
     with pytest.raises(ExperimentError, match=words):
-        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+        run(experiment, checkpoint=tmp_path)
 
 
 def test_a_checkpoint_of_another_campaign_is_refused(experiment, tmp_path):
     interrupted(experiment, tmp_path, 1)
     with pytest.raises(ExperimentError, match=r"of another campaign \(other seed, batch, estimators\): give the same"):
-        montecarlo(experiment, trials=TRIALS, seed=1, trajectories="T1", checkpoint=tmp_path)
+        montecarlo(
+            experiment, trials=TRIALS, seed=1, trajectories="T1", plan=BY_SAMPLES,
+            options=RunOptions(checkpoint=tmp_path),
+        )  # fmt: skip
     heavier = Experiment.from_dict({**brief(), "body": {**brief()["body"], "mass": "19.8 kg"}})
     with pytest.raises(ExperimentError, match=r"other experiment"):
-        montecarlo(heavier, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+        run(heavier, checkpoint=tmp_path)
 
 
 def test_a_part_of_another_campaign_is_refused(experiment, tmp_path):
     interrupted(experiment, tmp_path / "a", 1)
     with pytest.raises(Killed):
-        montecarlo(experiment, trials=TRIALS, seed=1, checkpoint=Mortal(tmp_path / "b", 1), **OPTIONS)
+        run(experiment, seed=1, checkpoint=Mortal(tmp_path / "b", 1))
     (segment,) = (tmp_path / "b").glob("*.part")
     (tmp_path / "a" / segment.name).write_bytes(segment.read_bytes())
     with pytest.raises(ExperimentError, match="is of another campaign"):
-        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path / "a", **OPTIONS)
+        run(experiment, checkpoint=tmp_path / "a")
 
 
 def test_two_campaigns_do_not_share_a_checkpoint(experiment, tmp_path):
     first = Checkpoint(tmp_path)
     first.open({"seed": 0})
     with pytest.raises(ExperimentError, match="another campaign writes in"):
-        montecarlo(experiment, trials=TRIALS, checkpoint=tmp_path, **OPTIONS)
+        run(experiment, checkpoint=tmp_path)
     first.close()
 
 
@@ -181,16 +191,17 @@ def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
     content = brief()
     content["source"] = [source for source in content["source"] if source["target"] == "M"]
     experiment = Experiment.from_dict(content)
-    options = {"trials": 4000, "adaptive": True, "trajectories": "T1", "estimators": "central"}
+    plan = SamplingPlan(engine="samples", goal=Goal(digits=1))
+    given = {"trials": 4000, "plan": plan, "trajectories": "T1"}
 
     def stop(name, done, asked):
         if done >= 2400:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        montecarlo(experiment, checkpoint=tmp_path, progress=stop, **options)
-    resumed = montecarlo(experiment, checkpoint=tmp_path, **options)
-    assert_the_same(montecarlo(experiment, **options), resumed)
+        run(experiment, checkpoint=tmp_path, progress=stop, **given)
+    resumed = run(experiment, checkpoint=tmp_path, **given)
+    assert_the_same(run(experiment, **given), resumed)
     assert resumed.trials == 4000
     assert resumed.to_dict()["adaptive"]["blocks"] == 2
     assert "the limit of 4,000 trials came before the asked tolerance" in resumed.findings()[0]
@@ -203,12 +214,12 @@ import numpy as np
 from uq.terminal.common import start_jax
 start_jax()
 from tests.small_campaign import document
-from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.trials.checkpoint import Checkpoint
 from uq.experiment.experiment import Experiment
-experiment, checkpoint = Experiment.from_dict(document()), Checkpoint(sys.argv[1], every=0.05)
-options = {"trials": 20_000, "trajectories": "T1", "estimators": "central", "devices": jax.devices()[:1]}
-result = montecarlo(experiment, checkpoint=checkpoint, **options)
+options = RunOptions(checkpoint=Checkpoint(sys.argv[1], every=0.05), devices=jax.devices()[:1])
+given = {"trials": 4_000, "trajectories": "T1", "estimators": "central", "plan": SamplingPlan(engine="samples")}
+result = montecarlo(Experiment.from_dict(document()), options=options, **given)
 np.savez(sys.argv[2], **result.errors)
 """
 

@@ -4,7 +4,7 @@ import pytest
 import tqdm.auto
 
 from tests.small_campaign import document
-from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign import RunOptions, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.trials.progress_bar import ProgressBar, progress_of
 
@@ -55,5 +55,5 @@ def test_a_bar_is_shown_where_it_is_asked_for(bars):
 
 
 def test_a_campaign_shows_one(bars):
-    montecarlo(Experiment.from_dict(document()), trials=20, trajectories="T1", progress=True)
+    montecarlo(Experiment.from_dict(document()), trials=20, trajectories="T1", options=RunOptions(progress=True))
     assert [(each.desc, each.n, each.total) for each in bars] == [("T1", 20, 20)]

@@ -10,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.source_lab import any_trial
-from uq.campaign.campaign import montecarlo
+from tests.source_lab import one_trial
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.statistics import Statistics
-from uq.campaign.trial_setup import platform_of, prepare_setup, true_motion
+from uq.campaign.trial_setup import prepare_engine
 from uq.propagation.experiment_law import law
 from uq.sources.draws import draw_constants
-from uq.trials.samplewise import draw_noise, prepare_samples
+from uq.trials.samples_engine import draw_noise
 
 SCRIPT = Path(__file__).parents[3] / "docs" / "reference_trial.py"
 TRIALS = 200
@@ -41,12 +41,10 @@ def only(experiment, *names):
     return dataclasses.replace(experiment, sources=tuple(s for s in experiment.sources if s.name in names))
 
 
-def by_samples(experiment):
-    """The set-up that keeps every sample."""
-    spec = experiment.trajectories["T1"]
-    fitted = prepare_setup(experiment, spec, [experiment.estimator("central")]).estimators
-    motion, platform = true_motion(experiment, spec), platform_of(experiment, spec)
-    return prepare_samples(motion, experiment.body, platform, experiment.sources, fitted, trajectory=spec.trajectory)
+def engine_of(experiment, name):
+    """What runs trials of T1 by central differences."""
+    chosen = [experiment.estimator("central")]
+    return prepare_engine(experiment, experiment.trajectories["T1"], chosen, engine=name).engine
 
 
 def engines_draws(setup):
@@ -56,26 +54,19 @@ def engines_draws(setup):
     return {name: value[None] for name, value in constants.items()} | {name: value.T for name, value in noise.items()}
 
 
-@pytest.mark.parametrize(
-    ("sampling", "names"),
-    [
-        ("samples", None),
-        ("samplewise", None),
-        ("conditioned", (*CONSTANT, "omega_precision")),  # the load cell's noise is drawn as sums
-        ("collapsed", CONSTANT),  # all noise is
-    ],
-)
-def test_fed_with_an_engines_draws_the_estimates_are_its_own(reference, truth, brief, sampling, names):
-    """All cases of a trial; another arithmetic (QR of 9,300 rows against sums) differs by rounding alone."""
+@pytest.mark.parametrize(("name", "names"), [("samples", None), ("sums", CONSTANT)])
+def test_fed_with_an_engines_draws_the_estimates_are_its_own(reference, truth, brief, name, names):
+    """All cases of a trial; another arithmetic (QR of 9,300 rows against sums) differs by rounding alone.
+
+    Of trials on sums without noise, which they draw as sums.
+    """
     experiment = brief if names is None else only(brief, *names)
-    sampled, spec = by_samples(experiment), experiment.trajectories["T1"]
-    chosen = [experiment.estimator("central")]
-    setup = sampled if sampling == "samplewise" else prepare_setup(experiment, spec, chosen, sampling=sampling)
-    estimates = eqx.filter_jit(any_trial)(setup, KEY, INDEX)
+    engine = engine_of(experiment, name)
+    estimates = eqx.filter_jit(one_trial)(engine, KEY, INDEX)
     assert estimates.ok.all()
-    draws = engines_draws(sampled)
-    acting = [case.sources for case in setup.cases]
-    expected = [reference.estimate(truth, spec.rate, experiment.sources, draws, names) for names in acting]
+    draws = engines_draws(engine_of(experiment, "samples"))
+    rate = experiment.trajectories["T1"].rate
+    expected = [reference.estimate(truth, rate, experiment.sources, draws, case.sources) for case in engine.cases]
     np.testing.assert_allclose(estimates.inertia[0], expected, atol=1e-11 * experiment.inertia.max())
     assert np.ptp(expected, axis=0).min() > 1e-6  # the cases differ
 
@@ -94,15 +85,11 @@ def statistics(reference, truth, brief, groups):
     return {name: Statistics.of(errors[:, k]) for k, name in enumerate(groups)}
 
 
-STUDIED = [pytest.param(sampling, marks=pytest.mark.study) for sampling in ("samples", "collapsed")]
-"""The one has each trial from the same draws above, the other the distribution of the one in ``test_collapsed.py``."""
-
-
-@pytest.mark.parametrize("sampling", ["conditioned", *STUDIED])
-def test_an_engines_campaign_has_the_references_distribution(statistics, brief, sampling):
-    """4 groups, 6 components, 2 figures, 3 engines: 144 comparisons at 4.5 standard errors, a false alarm in 1,000."""
-    trials = 20_000 if sampling == "collapsed" else TRIALS
-    result = montecarlo(brief, trials=trials, trajectories="T1", estimators="central", sampling=sampling)
+@pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
+def test_an_engines_campaign_has_the_references_distribution(statistics, brief, engine):
+    """4 groups, 6 components, 2 figures, 2 engines: 96 comparisons at 4.5 standard errors, a false alarm in 1,500."""
+    trials, plan = {"sums": 20_000, "samples": TRIALS}[engine], SamplingPlan(engine=engine)
+    result = montecarlo(brief, trials=trials, trajectories="T1", estimators="central", plan=plan)
     for name, expected in statistics.items():
         of_engine = result["T1", "central"].groups[name]
         for figure in ("mean_error", "three_sigma"):

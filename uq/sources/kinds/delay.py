@@ -3,15 +3,14 @@
 from uq.sources.source import Beside, ErrorKind, Source
 
 LARGEST_REMAINDER = 1e-4
-"""Largest remainder of the polynomial in the delay, in parts of the delay's largest effect; beyond it, the trajectory
-is evaluated."""
+"""Largest error of sums that are interpolated between delays, in parts of the delay's largest effect."""
 
 
 class Delay(ErrorKind):
     """The sample with the stamp t is ω(t - θ), beside the load cell's of t.
 
-    The law has it by the sums' first and second derivatives; a trial as a polynomial in θ
-    (:mod:`uq.gram_sums.delayed_omega`), or by the trajectory at other instants.
+    The law has it by the sums' first and second derivatives; a trial on sums interpolates exact sums at seven delays
+    (:class:`uq.trials.sums_setup.TrueRun`); a trial by samples has the trajectory at other instants.
     """
 
     name = "delay"
@@ -23,6 +22,6 @@ class Delay(ErrorKind):
     in_sums_as = "a polynomial in the delay"
     perturbs = {"omega": "gyro_delay"}
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | None:
+    def in_sums(self, source: Source, beside: Beside) -> Source | str:
         """Return the source where the polynomial is good enough."""
-        return source if beside.remainder <= LARGEST_REMAINDER else None
+        return source if beside.remainder <= LARGEST_REMAINDER else f"{source.name} is too long for a polynomial"

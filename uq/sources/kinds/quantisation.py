@@ -44,14 +44,16 @@ class Quantisation(ErrorKind):
         steps = [source.settings["step"] for source in sources]
         return quantised(signal, strictest(steps, acting, jnp.maximum, jnp.zeros((3, 1), signal.dtype)))
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | None:
+    def in_sums(self, source: Source, beside: Beside) -> Source | str:
         """Return white noise of variance step²/12, where the signal's own noise is large enough (Widrow & Kollár).
 
         Rectangular of each sample; normal here, since sums over many samples do not tell the difference.
         """
         step = np.asarray(source.settings["step"])
-        if beside.alike or np.any(STEPS_OF_NOISE * step > beside.white):
-            return None
+        if beside.alike:
+            return f"{source.name} is one of several resolutions of a signal"
+        if np.any(STEPS_OF_NOISE * step > beside.white):
+            return f"{source.name} is coarse against the noise beside it"
         sigma = np.sqrt(self.white_variance(source, 1.0))
         return replace(source, kind="precision", sigma=sigma, shape=Normal(0.0, 1.0), settings={})
 

@@ -121,4 +121,4 @@ def test_a_simulated_run_has_it():
     n = len(noise)
     coloured = drawn(e.sources[0], 0, 2, n)
     white = draw_block(e.sources[1], jax.random.key(0), 2, 0, jnp.dtype(float))[:, :n]
-    np.testing.assert_allclose(noise, (coloured + white).T, atol=1e-13)
+    np.testing.assert_allclose(noise, (coloured + white).T, atol=1e-8)  # flicker of 3e-4 is filtered in float32

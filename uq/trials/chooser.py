@@ -1,0 +1,193 @@
+"""The choice of an engine, case by case: sums where they tell what the sources do, samples where not.
+
+Each kind of error says what stands for it in sums beside the sources that act with it, or why there is nothing
+(:meth:`uq.sources.source.ErrorKind.in_sums`). A case in which nothing is drawn is the same in every trial: where it
+needs samples, these are visited once.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int, Key
+
+from identify.compiled_program import CompiledProgram
+from identify.motion.trajectory import Motion, Trajectory
+from identify.pytree import static_field
+from identify.rigid_body.inertia import Body
+from uq.gram_sums.cases import Case, Estimator, cases_of
+from uq.gram_sums.error_maps import Platform
+from uq.sources.distributions import Normal
+from uq.sources.draws import Mixing
+from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source
+from uq.trials.engine import Engine, TrialEstimates
+from uq.trials.samples_engine import SamplesEngine, prepare_samples
+from uq.trials.sums_engine import quasi_random
+from uq.trials.sums_limits import beyond_sums
+from uq.trials.sums_setup import TrueRun, gyro_noises, moments_of, prepare_sums, together, true_run, white_covariance
+
+EngineName = Literal["sums", "samples"]
+
+
+class CombinedEngine(Engine):
+    """Engines of some cases each, and the estimates of those that are the same in every trial."""
+
+    parts: tuple[Engine, ...]
+    same: TrialEstimates
+    """Estimates of the cases in which nothing is drawn."""
+    order: tuple[int, ...] = static_field()
+    """Place of each case among those of the parts, one part after the other, and the same ones last."""
+
+    def batch(self, device: jax.Device) -> int:
+        """Return what suits the part that does least at a time."""
+        return min((part.batch(device) for part in self.parts), default=1)
+
+    @property
+    def segment(self) -> int:
+        """Return that of the slowest part."""
+        return min((part.segment for part in self.parts), default=1)
+
+    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+        """Return the estimates of all cases, from each part's draws."""
+        same = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(indices), *leaf.shape)), self.same)
+        parts = [*(part.run(key, indices) for part in self.parts), same]
+        return jax.tree.map(lambda *leaves: jnp.concatenate(leaves, axis=2)[:, :, np.array(self.order)], *parts)
+
+
+class Choice(NamedTuple):
+    """An engine, and what a result says of how it was chosen."""
+
+    engine: Engine
+    computed: dict[str, Any]
+    """``in_sums``: what stands for a source that sums tell only nearly; ``by_samples``: why a case needs samples;
+    ``once``: cases that are the same in every trial."""
+
+
+def engine_of(
+    motion: Motion,
+    body: Body,
+    platform: Platform,
+    sources: Sequence[Source],
+    estimators: Sequence[Estimator],
+    *,
+    trajectory: Trajectory,
+    mixing: Sequence[Mixing] = (),
+    cases: Sequence[Case] | None = None,
+    engine: EngineName = "sums",
+    dtype: str = "float64",
+    points: tuple[int, int] | None = None,
+) -> Choice:
+    """Return what runs the trials of an experiment on one trajectory.
+
+    Args:
+        motion: the samples of the trajectory.
+        body: that is moved.
+        platform: what carries it.
+        sources: of error.
+        estimators: with their differentiators.
+        trajectory: of the motion, which a delayed gyro reads at other instants.
+        mixing: sources that are correlated.
+        cases: sets of sources that act together; None for all of the breakdown.
+        engine: ``sums``, but for cases that they do not tell, or ``samples`` for all.
+        dtype: precision of noise and signals, where samples are drawn.
+        points: number of trials and seed, if those on sums are to be quasi-random.
+    """
+    cases = tuple(cases or cases_of(sources))
+
+    def by_samples(cases: Sequence[Case]) -> SamplesEngine:
+        acting = [source for source in sources if any(source.name in case.sources for case in cases)]
+        return prepare_samples(
+            motion, body, platform, acting, estimators, trajectory=trajectory, mixing=mixing, dtype=dtype, cases=cases
+        )
+
+    if engine == "samples":
+        return Choice(by_samples(cases), {})
+    run = true_run(motion, trajectory, body, sources, estimators)
+    standing, reasons = _in_sums(run, sources, mixing, cases)
+    noises = gyro_noises(tuple(standing.values()), mixing, run.rate)
+    moments = moments_of(run, list(noises.values()))
+    for case in cases:
+        acting = [noises[name] for name in noises if name in case.sources]
+        cell = [s for s in standing.values() if s.white and not s.of_gyro and s.name in case.sources]
+        if acting and case.name not in reasons:
+            reason = beyond_sums(run, moments, together(acting), white_covariance(cell, mixing), body)
+            reasons |= {case.name: reason} if reason else {}
+    drawn = {s.name for s in sources if s.drawn}
+    summed = [case for case in cases if case.name not in reasons]
+    sampled = [case for case in cases if case.name in reasons and case.sources & drawn]
+    same = [case for case in cases if case.name in reasons and not case.sources & drawn]
+    parts: list[Engine] = []
+    if summed:
+        stand = tuple(standing[s.name] for s in sources if s.name in standing)
+        sums = prepare_sums(run, body, platform, stand, mixing=mixing, cases=summed, moments=moments)
+        parts.append(sums if points is None else quasi_random(sums, *points))
+    if sampled:
+        parts.append(by_samples(sampled))
+    names = {name for case in summed for name in case.sources}
+    computed = {
+        "in_sums": {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.in_sums_as and s.name in names},
+        "by_samples": {case.name: reasons[case.name] for case in sampled},
+        "once": [case.name for case in same],
+    }
+    computed = {key: value for key, value in computed.items() if value}
+    if len(parts) == 1 and not same:
+        return Choice(parts[0], computed)
+    once = _first_trial(by_samples(same)) if same else TrialEstimates.none(len(estimators))
+    places = {case: k for k, case in enumerate([*summed, *sampled, *same])}
+    order = tuple(places[case] for case in cases)
+    return Choice(CombinedEngine(cases=cases, parts=tuple(parts), same=once, order=order), computed)
+
+
+def _in_sums(
+    run: TrueRun, sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case]
+) -> tuple[dict[str, Source], dict[str, str]]:
+    """Return what stands for each source in sums, by name, and why the other cases need samples, by the case's name."""
+    largest = [np.abs(rows).max(axis=1) for rows in (run.signals[-6:-3], run.signals[-3:], run.signals[:3])]
+    standing: dict[str, Source] = {}
+    reasons: dict[str, str] = {}
+    for case in cases:
+        acting = [source for source in sources if source.name in case.sources]
+        beside = [s.error_kind.in_sums(s, _beside(s, acting, mixing, run, largest)) for s in acting]
+        words = [answer for answer in (*beside, _of_noise(acting, mixing)) if isinstance(answer, str)]
+        if words:
+            reasons[case.name] = words[0]
+        else:
+            standing |= {s.name: answer for s, answer in zip(acting, beside, strict=True) if isinstance(answer, Source)}
+    return standing, reasons
+
+
+def _beside(
+    source: Source, acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
+) -> Beside:
+    others = [other for other in acting if other.name != source.name and other.signal == source.signal]
+    mixed = {name for mix in mixing for name in mix.names}
+    noise = [s for s in others if s.noise and isinstance(s.shape, Normal) and s.name not in mixed]
+    variances = [variance for s in noise if (variance := s.error_kind.white_variance(s, run.rate)) is not None]
+    white = np.sqrt(sum(variances, np.zeros(3)))
+    alike = sum(other.error_kind is source.error_kind for other in others)
+    spread = np.sqrt(sum((other.error_kind.added_variance(other) for other in others), np.zeros(3)))
+    reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread
+    return Beside(white, alike, run.remainder, reach)
+
+
+def _of_noise(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
+    """Return why the sums' moments do not hold the noise of a case; None: they do."""
+    noise = [source for source in acting if source.noise]
+    for source in noise:
+        if type(source.error_kind).noise_parts is ErrorKind.noise_parts:
+            return f"noise of the kind {source.kind} states no filters"
+        if source.white and source.of_gyro and not np.all(np.isfinite(source.shape.excess_kurtosis)):
+            return f"{source.name} has no fourth moment"
+    gyro = {source.name for source in noise if source.of_gyro}
+    if any(gyro & set(mix.names) and len({s.name for s in noise} & set(mix.names)) > 1 for mix in mixing):
+        return "noise of the gyro is correlated with other noise"
+    return None
+
+
+@CompiledProgram
+def _first_trial(engine: SamplesEngine) -> TrialEstimates:
+    """Return the estimates of one trial: where nothing is drawn, of every trial."""
+    estimates = engine.run(jax.random.key(0), jnp.zeros(1, int))
+    return jax.tree.map(lambda leaf: leaf[0], estimates)
