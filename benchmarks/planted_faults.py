@@ -98,7 +98,7 @@ FAULTS = (
           "reference_trial sums_engine",
           ("(start + jnp.arange(size) >= first)", "(start + jnp.arange(size) >= start)")),
     fault("acting_noise", "the gyro's noise acts in every case", "sums_engine chooser",
-          ("acts = jnp.array(stream.cases, float)[case]", "acts = jnp.ones(())")),
+          ("jnp.tensordot(engine.gyro.acts[:, case],", "jnp.tensordot(jnp.ones_like(engine.gyro.acts[:, case]),")),
     fault("case_order", "cases by samples and on sums in the order of their engines", "chooser",
           ("places = {case: k for k, case in enumerate([*summed, *sampled, *same])}",
            "places = {case: k for k, case in enumerate(cases)}")),
