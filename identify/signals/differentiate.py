@@ -109,3 +109,8 @@ def derivative(signal: Float[Array, "3 n"], taps: Float[Array, " h"]) -> Float[A
         (taps[j - 1] * (signal[:, h + j : h + j + n] - signal[:, h - j : h - j + n]) for j in range(2, h + 1)),
         start=taps[0] * (signal[:, h + 1 : h + 1 + n] - signal[:, h - 1 : h - 1 + n]),
     )
+
+
+def padded_derivative(signal: Float[np.ndarray, "3 n"], taps: Float[np.ndarray, " h"]) -> Float[np.ndarray, "3 n"]:
+    """Return :func:`derivative` of samples in NumPy, with a zero for each sample that has none."""
+    return np.pad(derivative(signal, taps), ((0, 0), (len(taps),) * 2))

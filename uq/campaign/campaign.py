@@ -218,7 +218,7 @@ def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRu
             batch=asked.options.batch or choice.engine.batch(devices[0]),
             keep=None if store is None else partial(store.keep, name),
         )  # fmt: skip
-        loop.begin(asked.trials)
+        loop.begin(asked.trials if asked.plan.goal is None else asked.plan.goal.least_block)
         runs[name] = _TrajectoryRun(choice, loop)
     return runs
 

@@ -18,7 +18,7 @@ from uq.terminal.common import (
     ERRORS,
     GOES_ON,
     TerminalBar,
-    add_samples_option,
+    add_samples_options,
     finish,
     output_folder,
     say,
@@ -41,12 +41,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
     parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
-    parser.add_argument(
-        "--dtype", choices=("float64", "float32"), default="float64",
-        help="precision of the samples that are drawn (float64)",
-    )  # fmt: skip
     sampling = parser.add_mutually_exclusive_group()
-    add_samples_option(sampling)
+    add_samples_options(parser, sampling)
     sampling.add_argument("--quasi-random", action="store_true", help="quasi-random trials: fewer of them know as much")
     sampling.add_argument("--collapsed", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(

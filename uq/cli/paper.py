@@ -10,7 +10,7 @@ from uq.terminal.common import (
     ERRORS,
     GOES_ON,
     TerminalBar,
-    add_samples_option,
+    add_samples_options,
     finish,
     output_folder,
     say,
@@ -26,11 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
-    parser.add_argument(
-        "--dtype", choices=("float64", "float32"), default="float64",
-        help="precision of the samples that are drawn (float64)",
-    )  # fmt: skip
-    add_samples_option(parser)
+    add_samples_options(parser)
     parser.add_argument(
         "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
     )

@@ -122,9 +122,9 @@ def feature_map(
     parts = [bias[:, None], gyro, *([] if drift is None else [drift[:, None]])]
     xp = library_of(*parts)
     sensed = xp.concat([xp.broadcast_to(x, (*x.shape[:2], *trials)) for x in parts], axis=1)
-    left, right = (xp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
+    first, second = (xp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
     twice = TWO_WAYS[:count].reshape(count, *[1] * len(trials))
-    rows = [left[i] * right[j] + twice * right[i] * left[j] for i, j in PAIRS]
+    rows = [first[i] * second[j] + twice * second[i] * first[j] for i, j in PAIRS]
 
     def placed(rows: Array, before: int) -> Array:
         after = count + 3 - before - rows.shape[1]
@@ -159,14 +159,14 @@ def equations_of(
     """
     barrier = jax.lax.optimization_barrier  # between products, each of whose factors XLA would else compute many times
     sums, features = barrier((sums, features))
-    of_omega_r = features[OF_OMEGA_R]
-    mapped = barrier(times(of_omega_r, sums.gram))
-    gram = times(mapped, of_omega_r.swapaxes(0, 1))
+    rows_of_omega_r = features[OF_OMEGA_R]
+    mapped = barrier(times(rows_of_omega_r, sums.gram))
+    gram = times(mapped, rows_of_omega_r.swapaxes(0, 1))
     totals = times(features, sums.gram[:, :1])[:, 0]
     trials = gram.shape[2:]
     gram = jnp.concatenate([gram[i, : i + 1] for i in range(9)]) + jnp.tensordot(noise.gram, totals, 1)
     wrench = (
-        times(of_omega_r, sums.wrench)
+        times(rows_of_omega_r, sums.wrench)
         + jnp.expand_dims(noise.feature, (1, *range(2, 2 + len(trials)))) * sums.wrench[:1]
     )
     gram, totals, wrench = barrier((gram, totals, wrench))

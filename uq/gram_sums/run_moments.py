@@ -223,25 +223,28 @@ def _quadratic_sums(
     for k, (_, c, d) in enumerate(algebra.quadratic):
         groups.setdefault((c, d), []).append(k)
     rows = {group: np.stack([values[algebra.quadratic[k][0]] for k in members]) for group, members in groups.items()}
-    sums, alike = np.zeros((2, *(len(algebra.quadratic),) * 2)), first is second
-    pairs = combinations_with_replacement(groups.items(), 2) if alike else product(groups.items(), repeat=2)
-    for ((c, d), left), ((e, f), right) in pairs:
+    sums, one_noise = np.zeros((2, *(len(algebra.quadratic),) * 2)), first is second
+    pairs = combinations_with_replacement(groups.items(), 2) if one_noise else product(groups.items(), repeat=2)
+    for ((c, d), members), ((e, f), others) in pairs:
         block = _lagged_sums(rows[c, d], rows[e, f], first[c, e] * second[d, f], inner)
-        same = alike and (c == d or e == f)
-        other = block if same else _lagged_sums(rows[c, d], rows[e, f], first[c, f] * second[d, e], inner)
-        sums[:, np.array(left)[:, None], right] = block, other
-        if alike:  # both are symmetric
-            sums[:, np.array(right)[:, None], left] = block.T, other.T
+        symmetric = one_noise and (c == d or e == f)
+        exchanged = block if symmetric else _lagged_sums(rows[c, d], rows[e, f], first[c, f] * second[d, e], inner)
+        sums[:, np.array(members)[:, None], others] = block, exchanged
+        if one_noise:  # both are symmetric
+            sums[:, np.array(others)[:, None], members] = block.T, exchanged.T
     return sums
 
 
 def _lagged_sums(
-    left: Float[np.ndarray, "left wide"], right: Float[np.ndarray, "right wide"], kernel: np.ndarray, inner: slice
-) -> Float[np.ndarray, "left right"]:
+    first_rows: Float[np.ndarray, "rows wide"],
+    second_rows: Float[np.ndarray, "columns wide"],
+    kernel: np.ndarray,
+    inner: slice,
+) -> Float[np.ndarray, "rows columns"]:
     """Return the sums of pairs of rows, one at an inner sample, with a centred kernel of the samples between them."""
-    if len(right) > len(left):  # the shorter side is convolved
-        return _convolved(left, kernel, inner) @ right[:, inner].T
-    return left[:, inner] @ _convolved(right, kernel[::-1], inner).T
+    if len(second_rows) > len(first_rows):  # the shorter side is convolved
+        return _convolved(first_rows, kernel, inner) @ second_rows[:, inner].T
+    return first_rows[:, inner] @ _convolved(second_rows, kernel[::-1], inner).T
 
 
 def _squares_layout(algebra: NoiseAlgebra) -> list[int]:

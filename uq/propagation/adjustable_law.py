@@ -98,14 +98,14 @@ def parts_of(
     gyro, expected = inputs.gyro[:n].sum(axis=0), constants.errors @ constants.mean
     quiet = run.expansion(expected, np.zeros(3), constants.errors)
     by_level = [_at(run, constants, inputs, n, expected, level * gyro, quiet) for level in levels]
-    first, second, mean, variance, shift = (np.stack(each, axis=1) for each in zip(*by_level, strict=True))
+    first, second, mean, variance, shift = (np.stack(part, axis=1) for part in zip(*by_level, strict=True))
     nominal = run.body.inertia
     means = (inputs.acts[:n] * constants.mean) @ quiet.jacobian.swapaxes(-1, -2)
     share = inputs.gyro[:n].sum(axis=1) / (gyro.sum() or 1.0)
     joint = _joint(run, constants, inputs, both, expected, gyro)
     rest = quiet.value - nominal - means.sum(axis=1)
-    each = levels[:, None]
-    return Parts(first, second, mean, share, variance / each, shift / each, means, rest, joint)
+    level = levels[:, None]
+    return Parts(first, second, mean, share, variance / level, shift / level, means, rest, joint)
 
 
 def _at(
@@ -119,17 +119,17 @@ def _at(
     cell = run.cell_scatter(noise.mean[:, None], inputs.wrench[:n])
     scatter = noise.covariance[:, None]
     none = np.zeros_like(covariance[:1])
-    alone, of_gyro = propagate_case(about, covariance, cell), propagate_case(about, none, scatter)
+    constants_alone, gyro_alone = propagate_case(about, covariance, cell), propagate_case(about, none, scatter)
     together = propagate_case(about, covariance, cell + scatter)
-    crossed = _diagonal(together.covariance - alone.covariance - of_gyro.covariance)
-    first = _diagonal(alone.first_order)
+    crossed = _diagonal(together.covariance - constants_alone.covariance - gyro_alone.covariance)
+    first = _diagonal(constants_alone.first_order)
     value = about.value
     return (
         first + crossed,
-        _diagonal(alone.covariance) - first,
-        alone.mean - value,
-        _diagonal(of_gyro.covariance)[:, 0],
-        of_gyro.mean[:, 0] - quiet.value,
+        _diagonal(constants_alone.covariance) - first,
+        constants_alone.mean - value,
+        _diagonal(gyro_alone.covariance)[:, 0],
+        gyro_alone.mean[:, 0] - quiet.value,
     )
 
 
@@ -143,11 +143,11 @@ def _joint(
     cell = run.cell_scatter(noise.mean[:, None], inputs.wrench)
     moments = propagate_case(about, _covariance(constants, inputs), cell)
     first = _diagonal(moments.first_order)
-    each = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - about.value], axis=2)
-    n = each.shape[1] - len(both)
+    effects = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - about.value], axis=2)
+    n = effects.shape[1] - len(both)
     joint = []
     for k, (i, j) in enumerate(both):
-        beyond, variance = each[:, n + k] - each[:, i] - each[:, j], each[:, n + k, :2].sum(axis=1)
+        beyond, variance = effects[:, n + k] - effects[:, i] - effects[:, j], effects[:, n + k, :2].sum(axis=1)
         if (abs(beyond[:, :2].sum(axis=1)) > NEGLIGIBLE * variance.max(axis=-1, keepdims=True)).any():
             joint.append((i, j, beyond))
     return joint

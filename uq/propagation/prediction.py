@@ -104,12 +104,12 @@ class Prediction(Pytree):
         """
         if each is None:
             each = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1) * self.rate
-        each = jnp.broadcast_to(jnp.asarray(each), motion.t.shape)
+        weights = jnp.broadcast_to(jnp.asarray(each), motion.t.shape)
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
-        inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", each, rows, rows))
-        noise = inverse @ (self._of_cell(rows, each) + self._of_gyro(motion, jerk, each)) @ inverse
-        sums, of_omega = self._sums(motion, jerk, each), jnp.diag(self.gyro)
-        expectation = noise_expectation(of_omega, jnp.square(jnp.asarray(gain, float)) * of_omega)
+        inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", weights, rows, rows))
+        noise = inverse @ (self._of_cell(rows, weights) + self._of_gyro(motion, jerk, weights)) @ inverse
+        sums, omega_noise = self._sums(motion, jerk, weights), jnp.diag(self.gyro)
+        expectation = noise_expectation(omega_noise, jnp.square(jnp.asarray(gain, float)) * omega_noise)
 
         def estimate(error):
             maps = error_maps(self.body, self.platform, self.columns, unravel(self.expected + error))
@@ -129,11 +129,11 @@ class Prediction(Pytree):
         about_cg = jnp.hstack([-cross_matrix(jnp.asarray(self.body.r_cg_from_q)), jnp.eye(3)])
         return about_cg @ self.wrench @ about_cg.T
 
-    def _of_cell(self, rows: Float[Array, "n 3 6"], each: Float[Array, " n"]) -> Float[Array, "6 6"]:
+    def _of_cell(self, rows: Float[Array, "n 3 6"], weights: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """Sum over instants of ``Ωᵀ S Ω``, S the covariance of the noise of ``M - r × F``."""
-        return jnp.einsum("n,nij,ik,nkl->jl", each, rows, self.moment_noise, rows)
+        return jnp.einsum("n,nij,ik,nkl->jl", weights, rows, self.moment_noise, rows)
 
-    def _of_gyro(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> Float[Array, "6 6"]:
+    def _of_gyro(self, motion: Motion, jerk: Array, weights: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """Return the covariance by omega's noise in ``Ω i``, the part through alpha by a summation by parts."""
         inertia, tensor = self.body.inertia, unpack(self.body.inertia)
 
@@ -143,9 +143,9 @@ class Prediction(Pytree):
             return rows.T @ by_omega - slope.T @ tensor
 
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
-        return jnp.einsum("n,nji,i,nki->jk", each, acts, self.gyro, acts)
+        return jnp.einsum("n,nji,i,nki->jk", weights, acts, self.gyro, acts)
 
-    def _sums(self, motion: Motion, jerk: Array, each: Float[Array, " n"]) -> DelayedSums:
+    def _sums(self, motion: Motion, jerk: Array, weights: Float[Array, " n"]) -> DelayedSums:
         """Sums without noise, and their derivatives by a delay of the gyro.
 
         From rest to rest, or over a period, the sums of omega's and alpha's products do not know a delay, and
@@ -159,14 +159,14 @@ class Prediction(Pytree):
             return jnp.concatenate([true_elements(omega, alpha, t), alpha])
 
         def sums(phi):
-            return FeatureSums(each[None] * phi @ phi.T, each[None] * phi @ wrench.T)
+            return FeatureSums(weights[None] * phi @ phi.T, weights[None] * phi @ wrench.T)
 
         phi, slopes = jax.jvp(features, (jnp.zeros(()),), (jnp.ones(()),))
         now, later = jax.jvp(sums, (phi,), (slopes,))
         of_instant = lambda *at: jax.jvp(lambda w, a: omega_r(w, a) @ self.body.inertia, at[:2], at[1:])[1]  # noqa: E731
         moment = jax.vmap(of_instant, in_axes=(1, 1, 1), out_axes=1)(motion.omega, motion.alpha, jerk)
         twice = FeatureSums(
-            jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(each[None] * slopes @ moment.T)
+            jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(weights[None] * slopes @ moment.T)
         )
         return now, later, twice
 

@@ -18,7 +18,7 @@ from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
-from identify.signals.differentiate import derivative
+from identify.signals.differentiate import padded_derivative
 from uq.gram_sums.case_equations import FeatureSums
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.run_moments import PIECE, RunMoments, run_moments
@@ -128,7 +128,9 @@ def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Seque
     gram, with_wrench = _gram_by_delay(*elements), np.array([phi @ wrench[:, inner].T for phi in elements])
     chosen = [np.r_[:15, 15 + 3 * e : 18 + 3 * e] for e in range(len(taps))]
     differentiable = slice(reach, -reach)
-    signals = np.concatenate([motion.omega, *(_alpha(motion.omega, h) for h in taps), wrench[:6]])[:, differentiable]
+    omega = np.asarray(motion.omega)
+    alphas = [padded_derivative(omega, h) for h in taps]
+    signals = np.concatenate([omega, *alphas, wrench[:6]])[:, differentiable]
     sensed = np.concatenate([wrench[:6], motion.omega])[:, inner.start - 1 : inner.stop]
     inside = (piece.numbers >= 0) & (piece.numbers < count)
     steps = np.diff(sensed) * inside[inner.start - 1 : inner.stop - 1] * inside[inner]
@@ -165,10 +167,5 @@ def _gram_by_delay(now: np.ndarray, *derivatives: np.ndarray) -> Float[np.ndarra
 
 def _elements(omega: Array, t: Array, taps: Sequence[np.ndarray]) -> Float[np.ndarray, "elements n"]:
     """Return the elements of :func:`uq.gram_sums.case_equations.feature_map`, every estimator's alpha last."""
-    alphas = [_alpha(omega, h) for h in taps]
+    alphas = [padded_derivative(omega, h) for h in taps]
     return np.concatenate([true_elements(omega, alphas[0], t), *alphas])
-
-
-def _alpha(omega: Array, taps: np.ndarray) -> Float[np.ndarray, "3 n"]:
-    """Return a differentiator's alpha of omega [rad/s²]; zero where it has none."""
-    return np.pad(derivative(omega, taps), ((0, 0), (len(taps),) * 2))

@@ -131,10 +131,10 @@ def twinned(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Twinned:
     while any(s.name + mark in {other.name for other in sources} for s in sources):
         mark += "′"
     draws = _independent(sources, mixing)
-    of_sources = _players({s.name: s.name for s in sources}, draws)
+    players = _players({s.name: s.name for s in sources}, draws)
     groups = _players({s.name: s.group for s in sources}, draws)
-    design = Design.of(len(draws), [[p.draws for p in of_sources], [p.draws for p in groups]])
-    alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *of_sources))]
+    design = Design.of(len(draws), [[p.draws for p in players], [p.draws for p in groups]])
+    alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *players))]
     fixed = {source.name for source in sources if not source.drawn}
 
     def choice(w: int) -> Case:
@@ -144,7 +144,7 @@ def twinned(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Twinned:
     return Twinned(
         doubled=(*sources, *(replace(s, name=s.name + mark) for s in sources)),
         mixing=(*mixing, *(replace(m, names=tuple(n + mark for n in m.names)) for m in mixing)),
-        cases=(*alone, *map(choice, design.choices)), sources=of_sources, groups=groups, design=design,
+        cases=(*alone, *map(choice, design.choices)), sources=players, groups=groups, design=design,
     )  # fmt: skip
 
 
@@ -157,7 +157,7 @@ def _independent(sources: Sequence[Source], mixing: Sequence[Mixing]) -> list[fr
 def _players(label: Mapping[str, str], draws: Sequence[frozenset[str]]) -> tuple[Player, ...]:
     """The sources of one label, joined with those of another where correlation joins them."""
     labels = dict.fromkeys(label.values())
-    sets = [frozenset(name for name in label if label[name] == each) for each in labels]
+    sets = [frozenset(name for name in label if label[name] == shared) for shared in labels]
     for names in draws:
         joined = frozenset().union(*(members for members in sets if members & names))
         sets = list(dict.fromkeys(joined if members & names else members for members in sets))

@@ -150,7 +150,7 @@ class Beside(NamedTuple):
 
     white: Float[np.ndarray, "3"]
     """Standard deviation of independent, normal, white noise on the source's signal, axis by axis [SI]."""
-    alike: int
+    same_kind: int
     """Number of other sources of this kind on this signal."""
     remainder: float
     """Error of sums interpolated between delays of the gyro, in parts of the delay's effect."""

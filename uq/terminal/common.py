@@ -108,9 +108,15 @@ def finish(result: Any, out: Path | None, *more: Any, unsaid: Sequence[Any] = ()
         print(f"\n{on_one_line(f'{name}, report.html and figures are in {out}')}")
 
 
-def add_samples_option(parser: argparse._ActionsContainer) -> None:
-    """Add the option of a campaign by samples."""
-    parser.add_argument("--samples", action="store_true", help="draw every sample of every trial: slow, the reference")
+def add_samples_options(parser: argparse.ArgumentParser, ways: argparse._ActionsContainer | None = None) -> None:
+    """Add the options of a campaign by samples; ``ways`` is the group of the ways to draw, where there are others."""
+    (ways or parser).add_argument(
+        "--samples", action="store_true", help="draw every sample of every trial: slow, the reference"
+    )
+    parser.add_argument(
+        "--dtype", choices=("float64", "float32"), default="float64",
+        help="precision of the samples that are drawn (float64)",
+    )  # fmt: skip
 
 
 def whole_number(text: str) -> int:

@@ -150,7 +150,7 @@ def _in_sums(
     for case in cases:
         acting = [source for source in sources if source.name in case.sources]
         beside = [s.error_kind.in_sums(s, _beside(s, acting, mixing, run, largest)) for s in acting]
-        words = [answer for answer in (*beside, _of_noise(acting, mixing)) if isinstance(answer, str)]
+        words = [answer for answer in (*beside, _noise_beyond_sums(acting, mixing)) if isinstance(answer, str)]
         if words:
             reasons[case.name] = words[0]
         else:
@@ -166,13 +166,13 @@ def _beside(
     noise = [s for s in others if s.noise and isinstance(s.shape, Normal) and s.name not in mixed]
     variances = [variance for s in noise if (variance := s.error_kind.white_variance(s, run.rate)) is not None]
     white = np.sqrt(sum(variances, np.zeros(3)))
-    alike = sum(other.error_kind is source.error_kind for other in others)
+    same_kind = sum(other.error_kind is source.error_kind for other in others)
     spread = np.sqrt(sum((other.error_kind.added_variance(other) for other in others), np.zeros(3)))
     reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread
-    return Beside(white, alike, run.remainder, reach)
+    return Beside(white, same_kind, run.remainder, reach)
 
 
-def _of_noise(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
+def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
     """Return why the sums' moments do not hold the noise of a case; None: they do."""
     noise = [source for source in acting if source.noise]
     for source in noise:

@@ -209,11 +209,11 @@ def _case(
     """Return the estimates of one case, and which of them could be solved."""
     drawn = {field: values[case] for field, values in draws.errors.items()}
     errors, count = _no_errors()._replace(**drawn), draws.trials
-    of_gyro = errors if moving else _no_errors()
-    features = _features_of(engine, of_gyro)
+    gyro_errors = errors if moving else _no_errors()
+    features = _features_of(engine, gyro_errors)
     cell = _cell_map(engine, drawn)
     r_cg = engine.body.r_cg_from_q[:, None] + errors.r_cg
-    weights = engine.delay_weights @ _powers((of_gyro.gyro_delay - engine.middle) / engine.reach, len(engine.gram))
+    weights = engine.delay_weights @ _powers((gyro_errors.gyro_delay - engine.middle) / engine.reach, len(engine.gram))
 
     def estimator(k: Int[Array, ""]) -> tuple[Array, Array]:
         sums = FeatureSums(
@@ -243,9 +243,9 @@ def _cell_covariance(
 
     covariance = weighted(equations.by_axes, cell.white)
     for noise in cell.coloured:
-        of_omega_r = features[OF_OMEGA_R]
-        mapped = times(of_omega_r, noise.behind[estimator][:, :, None])
-        by_axes = sums_by_axes(times(jax.lax.optimization_barrier(mapped), of_omega_r.swapaxes(0, 1)))
+        rows = features[OF_OMEGA_R]
+        mapped = times(rows, noise.behind[estimator][:, :, None])
+        by_axes = sums_by_axes(times(jax.lax.optimization_barrier(mapped), rows.swapaxes(0, 1)))
         covariance = covariance.at[:, np.array(noise.streams)].add(weighted(by_axes, noise.driving))
     return covariance
 

@@ -64,7 +64,7 @@ def predicted_skewness(
     of ``√8 σ_q (σ_l² + σ_q²) / √n`` for n independent squares. A random walk has few of them. Beside them the load
     cell's noise counts, other errors not.
     """
-    middle, features, r_cg = len(run.nodes) // 2, [*range(10), -3, -2, -1], np.asarray(body.r_cg_from_q)
+    middle, features, r_cg = len(run.gram) // 2, [*range(10), -3, -2, -1], np.asarray(body.r_cg_from_q)
     gram = run.gram[middle, estimator][np.ix_(features, features)]
     moment = run.wrench[middle, estimator][features, :6] @ about_cg(r_cg).T
     _, by_equations, _ = solution_series(packed_equations(gram, moment, NO_NOISE))

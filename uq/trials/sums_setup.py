@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
-from identify.signals.differentiate import derivative
+from identify.signals.differentiate import padded_derivative
 from uq.gram_sums.case_equations import NoiseExpectation
 from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
@@ -43,8 +43,8 @@ class TrueRun(NamedTuple):
     gram: Float[np.ndarray, "delays estimators elements elements"]
     """Sums of the elements' products at each node of the delay."""
     wrench: Float[np.ndarray, "delays estimators elements columns"]
-    nodes: Float[np.ndarray, " delays"]
-    """Delays in parts of ``reach`` from the middle."""
+    delay_weights: Float[np.ndarray, "delays powers"]
+    """Weight of each node's sums by the powers of the delay, in parts of ``reach`` from the middle."""
     middle: float
     """Delay in the middle of the nodes' range [s]."""
     reach: float
@@ -77,28 +77,25 @@ def true_run(
 
     def elements_at(delay: float) -> list[np.ndarray]:
         omega = omega_at(delay)
-        return [_elements(omega, h, t, drifts) * valid for h in taps]
+        alphas = [padded_derivative(omega, h) for h in taps]
+        shared = true_elements(omega, alphas[0], t)[: 15 if drifts else 10]
+        return [np.concatenate([shared, alpha]) * valid for alpha in alphas]
 
     nodes = np.cos(np.pi * (np.arange(DELAY_NODES) + 0.5) / DELAY_NODES) if reach else np.zeros(1)
     at_nodes = [elements_at(middle + reach * node) for node in nodes]
     gram = np.array([[phi @ phi.T for phi in elements] for elements in at_nodes])
     with_wrench = np.array([[phi @ wrench.T for phi in elements] for elements in at_nodes])
-    remainder = 0.0
+    delay_weights, remainder = np.linalg.inv(np.vander(nodes, increasing=True)).T, 0.0
     if reach:  # at the end of the range, where the interpolation is worst
         exact = np.array([phi @ wrench.T for phi in elements_at(middle + reach)])
-        interpolated = _weights_at(nodes, 1.0) @ with_wrench.reshape(len(nodes), -1)
+        interpolated = delay_weights.sum(axis=1) @ with_wrench.reshape(len(nodes), -1)
         remainder = float(np.abs(interpolated - exact.ravel()).max() / np.abs(exact - with_wrench[-1]).max())
     elements = at_nodes[len(nodes) // 2]
     signals = np.concatenate([omega_at(middle), *(phi[-3:] for phi in elements), wrench[:6]])
     return TrueRun(
         rate=float(rate), valid=valid, taps=taps, signals=signals, elements=np.array(elements), gram=gram,
-        wrench=with_wrench, nodes=nodes, middle=middle, reach=reach, remainder=remainder,
+        wrench=with_wrench, delay_weights=delay_weights, middle=middle, reach=reach, remainder=remainder,
     )  # fmt: skip
-
-
-def _weights_at(nodes: np.ndarray, place: float) -> np.ndarray:
-    """Return the nodes' weights in the polynomial through them, at a place in parts of the reach."""
-    return place ** np.arange(len(nodes)) @ np.linalg.inv(np.vander(nodes, increasing=True))
 
 
 def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[np.ndarray, " n"]:
@@ -133,21 +130,10 @@ def prepare_sums(
     return SumsEngine(
         cases=cases, body=body, platform=platform, sources=tuple(sources), mixing=tuple(mixing),
         columns=Columns.of(sources), gram=place(run.gram), wrench=place(run.wrench),
-        delay_weights=place(np.linalg.inv(np.vander(run.nodes, increasing=True)).T),
+        delay_weights=place(run.delay_weights),
         middle=place(np.float64(run.middle)), reach=place(np.float64(run.reach or 1.0)),
         expectation=expectation, gyro=gyro, cell=_cell_streams(sources, mixing, cases, run.rate, run.elements),
     )  # fmt: skip
-
-
-def _alpha(omega: np.ndarray, taps: np.ndarray) -> np.ndarray:
-    return np.pad(derivative(omega, taps), ((0, 0), (len(taps),) * 2))
-
-
-def _elements(omega: np.ndarray, taps: np.ndarray, t: np.ndarray, drifts: bool) -> Float[np.ndarray, "elements n"]:
-    """Return the elements of :func:`uq.gram_sums.case_equations.feature_map` at each sample."""
-    alpha = _alpha(omega, taps)
-    shared = true_elements(omega, alpha, t)
-    return np.concatenate([shared if drifts else shared[:10], alpha])
 
 
 SIGMAS = 6.0

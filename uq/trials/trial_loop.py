@@ -94,7 +94,7 @@ class TrialLoop:
             if self.keep:
                 self.keep(*local_share(self.devices, self.count, segment_results))
             self.segments.append(segment_results)
-            self.count += segment
+            self.count += trials_in(segment_results)
             if progress:
                 progress(min(self.count, asked), asked)
 

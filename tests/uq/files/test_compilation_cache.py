@@ -25,6 +25,9 @@ def compilations():
             counted.append(duration)
 
     jax.monitoring.register_event_duration_secs_listener(count)
+    jax.jit(lambda: 1.0)()
+    assert counted  # a new function is compiled, whatever earlier tests have left
+    counted.clear()
     yield lambda: len(counted)
     jax.monitoring.unregister_event_duration_listener(count)
 
@@ -67,7 +70,6 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     prepared = prepare_law(brief, "T1", "central")
     first = prepared.evaluate().breakdowns["T1"]["central"].total
     before = compilations()
-    assert before > 0
     swept = [prepared.evaluate(louder(brief, factor).sources) for factor in LEVELS[::10]]
     for other in others(brief):
         law(other, "T1", "central")
@@ -85,19 +87,21 @@ def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, engin
     options = {"trials": 200, "estimators": "central", "plan": SamplingPlan(engine=engine)}
     montecarlo(brief, **options)
     before = compilations()
-    assert before > 0
     for other in (louder(brief, 0.5), louder(brief, 2.0), *others(brief)):
         montecarlo(other, **options)
     assert compilations() == before
 
 
 @pytest.mark.study
-def test_a_hundred_noise_levels_of_a_thousand_trials(brief, compilations):
+def test_a_hundred_noise_levels_of_a_thousand_trials(compilations):
+    """On a run so long that sums tell every case at every level: the engine that is chosen is always the same."""
+    content = document()
+    experiment = Experiment.from_dict(content | {"trajectory": {"T1": content["trajectory"]["T1"]}})
     options = {"trials": 1000, "estimators": "central"}
-    montecarlo(brief, **options)
+    montecarlo(experiment, **options)
     before = compilations()
     for factor in LEVELS:
-        montecarlo(louder(brief, factor), **options)
+        montecarlo(louder(experiment, factor), **options)
     print(f"{before} compilations at the first call, {compilations() - before} at 100 more")
     assert compilations() == before
 

@@ -38,8 +38,8 @@ def figures(e, **options):
     """3σ and mean error of all sources together, then their standard errors."""
     total = montecarlo(e, estimators="smoothed", **options)["T", "smoothed"].total
     return [
-        np.concatenate([getattr(total, f"{figure}{of}") for figure in ("mean_error", "three_sigma")])
-        for of in ("", "_standard_error")
+        np.concatenate([getattr(total, f"{figure}{suffix}") for figure in ("mean_error", "three_sigma")])
+        for suffix in ("", "_standard_error")
     ]
 
 
@@ -196,10 +196,10 @@ def test_cases_by_samples_are_those_of_a_campaign_by_samples(three_ways, split):
     plain = montecarlo(three_ways, trials=5, plan=BY_SAMPLES, seed=3).errors["T"]
     computed, cases = how(three_ways), [case.name for case in cases_of(three_ways.sources)]
     drawn_otherwise = [k for k, name in enumerate(cases) if name in ("source:w_noise", "group:group of w_noise")]
-    alike = [k for k in range(len(cases)) if k not in drawn_otherwise]
+    drawn_the_same = [k for k in range(len(cases)) if k not in drawn_otherwise]
     assert list(computed["by_samples"]) == ["total"]
     assert computed["once"] == ["group:group of limit", "source:limit"]
-    np.testing.assert_allclose(split[:, :, alike], plain[:, :, alike], atol=1e-12)
+    np.testing.assert_allclose(split[:, :, drawn_the_same], plain[:, :, drawn_the_same], atol=1e-12)
     assert np.abs(np.diff(plain[:, 0, :2], axis=1)).min() > 0
     assert np.abs(split[:, :, drawn_otherwise] - plain[:, :, drawn_otherwise]).min() > 0
 

@@ -88,7 +88,7 @@ def test_two_processes_of_slurm_give_the_bits_of_one(experiment, tmp_path):
 @pytest.mark.parametrize(("killed", "resumed"), [(0, 1), (0, 2), (1, 1), (1, 2)])
 def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, killed, resumed):
     """SIGKILL of either process; the other ends within a minute with one line; one or two processes go on."""
-    trials, out = 6_000, tmp_path / "out"
+    trials, out = 20_000, tmp_path / "out"
     two = of_two(experiment, out, trials)
     while len(list(out.glob("checkpoint/*.part"))) < 4:
         assert all(process.poll() is None for process in two), finished(*two)

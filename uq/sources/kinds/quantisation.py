@@ -50,7 +50,7 @@ class Quantisation(ErrorKind):
         Rectangular of each sample; normal here, since sums over many samples do not tell the difference.
         """
         step = np.asarray(source.settings["step"])
-        if beside.alike:
+        if beside.same_kind:
             return f"{source.name} is one of several resolutions of a signal"
         if np.any(STEPS_OF_NOISE * step > beside.white):
             return f"{source.name} is coarse against the noise beside it"
