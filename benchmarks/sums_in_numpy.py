@@ -27,6 +27,8 @@ class Draws(NamedTuple):
     """Of the gyro's noise, (trials, rank)."""
     cell: list[np.ndarray]
     """Of each stream of the load cell's noise, (trials, 6)."""
+    crossed: list[np.ndarray]
+    """Of each of them with the gyro's noise, likewise."""
 
 
 def on_host(engine: SumsEngine) -> SumsEngine:
@@ -40,7 +42,7 @@ def draw(engine: SumsEngine, trials: int, generator: np.random.Generator) -> Dra
     return Draws(
         {s.name: s.standard_deviation * generator.standard_normal((trials, 3)) for s in constant},
         generator.standard_normal((trials, engine.gyro.roots.shape[-1])),
-        [generator.standard_normal((trials, 6)) for _ in engine.cell.names],
+        *([generator.standard_normal((trials, 6)) for _ in engine.cell.names] for _ in range(2)),
     )
 
 
@@ -64,7 +66,12 @@ def estimates(engine: SumsEngine, draws: Draws) -> np.ndarray:
         wrench[:, 4:] += of_features[:, None] * wrench[:, :1]
         cell_bias = np.concatenate(np.broadcast_arrays(error.get("F", still), error.get("M", still)), axis=1)
         white = np.moveaxis(engine.cell.white[k], -1, 0)
-        noise = [(size, z) for size, z in zip(white, draws.cell, strict=True) if size.any()]
+        weights = (np.moveaxis(x, -1, 0) for x in (engine.crossed.own[k, 0], engine.crossed.crossed[k, 0, 0]))
+        mixed = (
+            z @ own.T + with_gyro @ crossed.T
+            for own, crossed, z, with_gyro in zip(*weights, draws.cell, draws.crossed, strict=True)
+        )
+        noise = [(size, z) for size, z in zip(white, mixed, strict=True) if size.any()]
         solutions.append(solved(gram, wrench, cell_bias, engine.body.r_cg_from_q + error.get("r_cg", still), noise))
     return np.stack(solutions, axis=1)
 

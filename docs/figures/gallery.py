@@ -8,21 +8,18 @@ import jax
 from PIL import Image
 
 from identify.figure_style import COLUMN
-from uq import Experiment, identify_files, montecarlo, paper, simulate
+from uq import Experiment, budget, identify_files, montecarlo, paper, simulate
 
 DOCS = Path(__file__).parents[1]
 
 
 def draw():
     """Every picture by the name of its file."""
-    preset, robot, short = (
-        Experiment.load(name)
-        for name in ("barreto2016", DOCS / "experiments" / "robot.toml", DOCS / "experiments" / "t1-10s.toml")
-    )
-    yield "first-result", montecarlo(preset, trials=100, trajectories="T1").figures()["groups-T1-central"]
-    yield "robot-sources", montecarlo(robot, trials=200).figures()["sources-wrist-smoothed"]
-    figures = paper(trials=200).figures()
-    for name in ("figure4-simple-motions", "figure5-trajectories-central"):
+    robot, short = (Experiment.load(DOCS / "experiments" / f"{name}.toml") for name in ("robot", "t1-10s"))
+    yield "budget", budget(Experiment.load("barreto2016"), trials=300).figures()["budget"]
+    yield "robot-sources", montecarlo(robot).figures()["sources-wrist-smoothed"]
+    figures = paper().figures()
+    for name in ("figure3-groups-T1-central", "figure4-simple-motions", "figure5-trajectories-central"):
         yield name.split("-")[0], figures[name]
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "run.mcap"

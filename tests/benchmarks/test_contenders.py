@@ -80,7 +80,7 @@ def test_sums_in_numpy_give_the_engines_estimates_from_the_same_numbers(brief):
     draws = sums_in_numpy.Draws(
         jax.tree.map(np.asarray, constants),
         normals(engine.gyro.names[0], engine.gyro.roots.shape[-1]),
-        [normals(name, 6) for name in engine.cell.names],
+        *([normals(name, 6) for name in names] for names in (engine.cell.names, engine.crossed.names)),
     )
     expected = trials_of([engine], trials)[0].inertia[:, 0]
     estimated = sums_in_numpy.estimates(sums_in_numpy.on_host(engine), draws)

@@ -90,8 +90,9 @@ def noise_expectation(
 
 def sums_by_axes(gram: Float[Array, "9 9 *#trials"]) -> Float[Array, "6 21 *#trials"]:
     """Return ``Σ Ω_aᵀ Ω_b`` with its transpose, pair by pair of axes, from the Gram matrix of Omega_R's features."""
-    lower = jnp.concatenate([gram[i, : i + 1] for i in range(9)])
-    return jnp.tensordot(WEIGHTS, lower, 1).reshape(len(AXES), 21, *gram.shape[2:])
+    xp = library_of(gram)
+    lower = xp.concat([gram[i, : i + 1] for i in range(9)])
+    return xp.tensordot(WEIGHTS, lower, 1).reshape(len(AXES), 21, *gram.shape[2:])
 
 
 class Equations(NamedTuple):
@@ -192,7 +193,9 @@ def residual_covariance(
     def row(a: int, m: int) -> Array:
         return cell[3 + a, m] + sum(x * cell[k, m] for k, x in crossed[a].items())
 
-    return jnp.stack([row(a, 3 + b) + sum(row(a, k) * x for k, x in crossed[b].items()) for a, b in AXES])
+    return library_of(cell, r_cg).stack(
+        [row(a, 3 + b) + sum(row(a, k) * x for k, x in crossed[b].items()) for a, b in AXES]
+    )
 
 
 def weighted_sums(
@@ -214,4 +217,5 @@ def noise_of_right_side(
 def symmetric(lower: Float[Array, "21 *#trials"]) -> Float[Array, "6 6 *#trials"]:
     """Return the matrix with this lower triangle, row by row."""
     place = {(i, j): k for k, (i, j) in enumerate(LOWER6.tolist())}
-    return jnp.stack([jnp.stack([lower[place[max(i, j), min(i, j)]] for j in range(6)]) for i in range(6)])
+    xp = library_of(lower)
+    return xp.stack([xp.stack([lower[place[max(i, j), min(i, j)]] for j in range(6)]) for i in range(6)])

@@ -6,8 +6,10 @@ the covariance of :mod:`uq.gram_sums.run_moments`, and mapped by the errors as t
 as normal. Given these sums, the load cell's noise acts on the right side of the normal equations as one normal vector a
 source, with the covariance ``Σ Ωᵀ S Ω``; coloured noise likewise, with the regressor behind its filter.
 
-Each source of noise has draws of its own, which every case and every estimator in which it acts shares. So few numbers
-make a trial that quasi-random ones save most of the trials (:mod:`uq.sources.quasi_random`).
+Each source of noise has draws of its own, which every case and every estimator in which it acts shares. So has the
+product of the load cell's noise with the gyro's, whose noise stands in the regressor: a share of the variance that
+neither source makes alone. So few numbers make a trial that quasi-random ones save most of the trials
+(:mod:`uq.sources.quasi_random`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -83,6 +85,17 @@ class CellStreams(Pytree):
     coloured: tuple[ColouredNoise, ...]
 
 
+class CrossedNoise(Pytree):
+    """What makes the numbers that the root of a stream's covariance maps to the right side, where the gyro is noisy."""
+
+    names: tuple[str, ...] = static_field()
+    """Names of the random streams: each source of the gyro's noise with each stream of the load cell's."""
+    own: Float[Array, "cases estimators 6 6 streams"]
+    """Weights of a stream's own numbers."""
+    crossed: Float[Array, "cases estimators gyro 6 6 streams"]
+    """Weights of the numbers that it has with each source of the gyro's noise."""
+
+
 class SumsEngine(Engine):
     """An experiment on one trajectory as sums over its samples, and what noise makes of them."""
 
@@ -104,6 +117,7 @@ class SumsEngine(Engine):
     """What the gyro's noise adds to expected sums, (cases, estimators, …)."""
     gyro: GyroStreams
     cell: CellStreams
+    crossed: CrossedNoise
     points: SobolPoints | None = None
     """Points of quasi-random trials; None: they are random."""
 
@@ -143,6 +157,8 @@ class _Draws(NamedTuple):
     """Fluctuations of the sums by each stream of the gyro's noise."""
     cell: Float[Array, "6 streams trials"]
     """Standard normal numbers of each stream of the load cell's noise."""
+    crossed: Float[Array, "6 gyro*streams trials"]
+    """Likewise of each of these streams with each source of the gyro's noise."""
     trials: int
     """Number of trials."""
 
@@ -152,10 +168,11 @@ def quasi_random(engine: SumsEngine, trials: int, seed: int) -> SumsEngine:
     return replace(engine, points=sobol_points(max(sum(_coordinates(engine)), 1), trials, seed))
 
 
-def _coordinates(engine: SumsEngine) -> tuple[int, int, int]:
-    """Return how many numbers a trial draws: for the load cell's noise, the constants, the gyro's noise."""
+def _coordinates(engine: SumsEngine) -> tuple[int, int, int, int]:
+    """Return how many numbers a trial draws: load cell's noise, constants, gyro's noise, product of both noises."""
     streams, *_, rank = engine.gyro.roots.shape
-    return 6 * len(engine.cell.names), constant_coordinates(engine.sources), streams * rank
+    cell, crossed = 6 * len(engine.cell.names), 6 * len(engine.crossed.names)
+    return cell, constant_coordinates(engine.sources), streams * rank, crossed
 
 
 def _moves(engine: SumsEngine, case: Case) -> bool:
@@ -165,23 +182,26 @@ def _moves(engine: SumsEngine, case: Case) -> bool:
 
 def _draw(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"]) -> _Draws:
     sets, fields = [case.sources for case in engine.cases], sorted(perturbed(engine.sources))
-    streams, *_, rank = engine.gyro.roots.shape
+    rank = engine.gyro.roots.shape[-1]
 
     def errors(draws: dict[str, Array]) -> dict[str, Array]:
         errors = errors_of_cases(engine.sources, draws, sets)
         return {field: getattr(errors, field) for field in fields}
 
     if engine.points is None:
-        cell, gyro = (_normals(*drawn, key, indices) for drawn in ((engine.cell.names, 6), (engine.gyro.names, rank)))
+        drawn = ((engine.cell.names, 6), (engine.gyro.names, rank), (engine.crossed.names, 6))
+        cell, gyro, crossed = (_normals(names, size, key, indices) for names, size in drawn)
         constants = jax.vmap(
             lambda i: draw_constants(engine.sources, engine.mixing, key, i, jnp.result_type(float)), out_axes=-1
         )(indices)
     else:  # what matters most takes the first coordinates, which are the most even
         point = jax.vmap(engine.points.of_trial, out_axes=-1)(indices)
-        cell, uniform, gyro = jnp.split(point, np.cumsum(_coordinates(engine))[:-1])
-        cell, gyro = (
+        cell, uniform, gyro, crossed = jnp.split(
+            point[: sum(_coordinates(engine))], np.cumsum(_coordinates(engine))[:-1]
+        )
+        cell, gyro, crossed = (
             jax.scipy.special.ndtri(part).reshape(-1, size, len(indices)).swapaxes(0, 1)
-            for part, size in ((cell, 6), (gyro[: streams * rank], rank))
+            for part, size in ((cell, 6), (gyro, rank), (crossed, 6))
         )
         constants = jax.vmap(lambda at: constants_at(engine.sources, engine.mixing, at), in_axes=-1, out_axes=-1)(
             uniform
@@ -190,6 +210,7 @@ def _draw(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"
         jax.vmap(errors, in_axes=-1, out_axes=-1, axis_size=len(indices))(constants),
         jnp.einsum("serk,kst->sert", engine.gyro.roots, gyro),
         cell,
+        crossed,
         len(indices),
     )
 
@@ -226,11 +247,19 @@ def _case(
         right = equations.right
         if engine.cell.names:
             covariance = _cell_covariance(engine.cell, equations, features, case, k, r_cg)
-            right = right + jnp.sum(noise_of_right_side(covariance, draws.cell), axis=1)
+            normals = _cell_normals(engine, draws, case, k) if moving and engine.crossed.names else draws.cell
+            right = right + jnp.sum(noise_of_right_side(covariance, normals), axis=1)
         estimate = solve_normal(symmetric(jnp.sum(equations.by_axes[:3], axis=0)), right)
         return jnp.broadcast_to(estimate.inertia, (6, count)), jnp.broadcast_to(estimate.ok, (count,))
 
     return jax.lax.map(estimator, jnp.arange(engine.estimators))
+
+
+def _cell_normals(engine: SumsEngine, draws: _Draws, case: Array, estimator: Array) -> Float[Array, "6 streams trials"]:
+    """Return the numbers that the root of each stream's covariance maps, in a case with a noisy gyro."""
+    own, crossed = engine.crossed.own[case, estimator], engine.crossed.crossed[case, estimator]
+    numbers = draws.crossed.reshape(6, *crossed.shape[::3], draws.trials)
+    return jnp.einsum("ijs,jst->ist", own, draws.cell) + jnp.einsum("gijs,jgst->ist", crossed, numbers)
 
 
 def _cell_covariance(

@@ -11,7 +11,16 @@ from jaxtyping import Array, Float
 from identify.motion.trajectory import Motion, Trajectory
 from identify.rigid_body.inertia import Body
 from identify.signals.differentiate import padded_derivative
-from uq.gram_sums.case_equations import NoiseExpectation
+from uq.gram_sums.case_equations import (
+    AXES,
+    OF_OMEGA_R,
+    WEIGHTS,
+    NoiseExpectation,
+    feature_map,
+    residual_covariance,
+    sums_by_axes,
+    symmetric,
+)
 from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.run_moments import RunMoments, filtered_backwards, run_moments
@@ -19,7 +28,7 @@ from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 from uq.sources.source import Source
-from uq.trials.sums_engine import CellStreams, ColouredNoise, GyroStreams, SumsEngine
+from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsEngine
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of the sums' correlations, in parts of the largest, that are rounding."""
@@ -126,13 +135,15 @@ def prepare_sums(
         moments: of the run's sums (:func:`moments_of`).
     """
     place, cases = jax.device_put, tuple(cases)
-    gyro, expectation = _gyro_streams(gyro_noises(sources, mixing, run.rate), cases, moments)
+    noises = gyro_noises(sources, mixing, run.rate)
+    gyro, expectation = _gyro_streams(noises, cases, moments)
+    cell = _cell_streams(sources, mixing, cases, run.rate, run.elements)
     return SumsEngine(
         cases=cases, body=body, platform=platform, sources=tuple(sources), mixing=tuple(mixing),
         columns=Columns.of(sources), gram=place(run.gram), wrench=place(run.wrench),
         delay_weights=place(run.delay_weights),
         middle=place(np.float64(run.middle)), reach=place(np.float64(run.reach or 1.0)),
-        expectation=expectation, gyro=gyro, cell=_cell_streams(sources, mixing, cases, run.rate, run.elements),
+        expectation=expectation, gyro=gyro, cell=cell, crossed=_crossed_noise(noises, cell, run, body, cases, moments),
     )  # fmt: skip
 
 
@@ -259,6 +270,59 @@ def _cell_streams(
         coloured.append(ColouredNoise(tuple(streams.tolist()), *jax.device_put((size[..., streams], behind))))
     first = tuple(next(name for name in noise if name in group) for group in groups)
     return CellStreams(first, jax.device_put(white), tuple(coloured))
+
+
+def _crossed_noise(
+    noises: dict[str, GyroNoise],
+    cell: CellStreams,
+    run: TrueRun,
+    body: Body,
+    cases: Sequence[Case],
+    moments: RunMoments,
+) -> CrossedNoise:
+    """Return what the load cell's noise draws where the gyro is noisy, too.
+
+    The right side ``Ωᵀ e`` is ``Ω₀ᵀ e + Σ N_gᵀ e`` for a true regressor and the noise of each source of the gyro's in
+    it, terms that are uncorrelated. They are weighted by the root of the covariance of their sum, so that they do not
+    change its distribution.
+
+    Args:
+        noises: of the gyro, by source.
+        cell: streams of the load cell's noise.
+        run: without noise.
+        body: that is moved.
+        cases: sets of sources that act together.
+        moments: of the run's sums.
+    """
+    features = feature_map(np.eye(3), np.zeros(3), np.zeros(3) if run.elements.shape[1] > 13 else None)
+    rows, r_cg = features[OF_OMEGA_R], np.asarray(body.r_cg_from_q)[:, None, None]
+
+    def covariances(by_axes: np.ndarray, noise: Array) -> Float[np.ndarray, "cases streams 6 6"]:
+        spread = residual_covariance(np.moveaxis(np.asarray(noise), 0, 2), r_cg)
+        return symmetric(np.tensordot(by_axes.T, spread, 1)).transpose(2, 3, 0, 1)
+
+    own: list[np.ndarray] = []
+    crossed: list[list[np.ndarray]] = []
+    for k, gram in enumerate(run.gram[len(run.gram) // 2]):
+        true = covariances(sums_by_axes(rows @ gram @ rows.T), cell.white)
+        for noise in cell.coloured:
+            behind = sums_by_axes(rows @ np.asarray(noise.behind)[k] @ rows.T)
+            true[:, list(noise.streams)] += covariances(behind, noise.driving)
+        size = np.trace(true, axis1=2, axis2=3)[..., None, None]
+        true += np.where(size, NEGLIGIBLE * size, 1.0) * np.eye(6)  # so that it has a root where nothing acts
+        roots = []
+        for name, gyro in noises.items():
+            added = WEIGHTS @ moments.expectation(gyro, k).gram @ features @ gram[:, 0]
+            acts = np.array([name in case.sources for case in cases])[:, None, None, None]
+            values, vectors = np.linalg.eigh(acts * covariances(added.reshape(len(AXES), 21), cell.white))
+            roots.append(vectors * np.sqrt(np.maximum(values, 0))[..., None, :])
+        root = np.linalg.cholesky(true + sum(x @ x.swapaxes(2, 3) for x in roots))
+        own.append(np.linalg.solve(root, np.linalg.cholesky(true)))
+        crossed.append([np.linalg.solve(root, x) for x in roots])
+    names = tuple(f"{gyro} {stream}" for gyro in noises for stream in cell.names)
+    shape = (len(own), len(noises), len(cases), len(cell.names), 6, 6)
+    by_gyro = np.array(crossed).reshape(shape).transpose(2, 0, 1, 4, 5, 3)
+    return CrossedNoise(names, jax.device_put(np.array(own).transpose(1, 0, 3, 4, 2)), jax.device_put(by_gyro))
 
 
 def white_covariance(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Float[np.ndarray, "6 6"]:

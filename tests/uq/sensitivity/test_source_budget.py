@@ -179,6 +179,18 @@ def test_an_interaction_is_shared_in_halves(generator):
     assert abs(share[0] - 25 / 39) <= 4 * share[1]
 
 
+def test_what_two_noises_make_together_is_the_same_by_both_engines(brief):
+    """The gyro's noise stands in the regressor, which multiplies that of the moment: a share that neither has alone."""
+    noises = only(brief, "M_precision", "omega_precision")
+    first, second = (budget_of(*run(noises, 2000, engine)).sources for engine in ("sums", "samples"))
+    for a, b in zip(
+        (first.first, first.total, first.shapley), (second.first, second.total, second.shapley), strict=True
+    ):
+        assert (np.abs(a.value - b.value) <= 4 * np.hypot(a.standard_error, b.standard_error) + 1e-3).all()
+    together = first.total.value[-1] - first.first.value[-1]
+    assert together[-1] > 0.05  # of I33
+
+
 def test_more_than_ten_sources_walk(generator):
     """Twelve sources: Σ k x_k, and a triple product of a, b, c: V = Σ k² + 400, the product's part in thirds."""
     twins = board(*4 * ["one"], *4 * ["two"], *4 * ["three"])
