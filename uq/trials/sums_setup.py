@@ -225,13 +225,22 @@ def together(noises: Sequence[GyroNoise]) -> GyroNoise:
 
 def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[np.ndarray, "estimators 247 rank"]:
     """Return a square root of the sums' covariance, its rows in every estimator's order."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 0))
-    inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
-    values, vectors = np.linalg.eigh(covariance * np.outer(inverse, inverse))
-    values = np.where(values > NEGLIGIBLE * values[-1], values, 0)  # not left out: another noise, the same program
-    root = (scale[:, None] * vectors * np.sqrt(values))[:, ::-1]  # the largest first
     gram, wrench = (x.reshape(len(x), -1) for x in (moments.algebra.gram, moments.algebra.wrench))
-    return np.asarray(root[np.concatenate([gram, wrench], axis=1)])
+    return np.asarray(square_root(covariance)[np.concatenate([gram, wrench], axis=1)])
+
+
+def square_root(covariance: Float[np.ndarray, "*sets k k"]) -> Float[np.ndarray, "*sets k k"]:
+    """Return a square root of each covariance: of its correlations the symmetric one, which alone is continuous.
+
+    Eigenvectors of equal values are the rounding's choice, and so would be the draws of a seed.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0))
+    inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
+    values, vectors = np.linalg.eigh(covariance * inverse[..., :, None] * inverse[..., None, :])
+    values = np.where(
+        values > NEGLIGIBLE * values[..., -1:], values, 0
+    )  # not left out: another noise, the same program
+    return np.asarray(scale[..., None] * (vectors * np.sqrt(values)[..., None, :]) @ vectors.swapaxes(-1, -2))
 
 
 def _cell_streams(
@@ -314,8 +323,7 @@ def _crossed_noise(
         for name, gyro in noises.items():
             added = WEIGHTS @ moments.expectation(gyro, k).gram @ features @ gram[:, 0]
             acts = np.array([name in case.sources for case in cases])[:, None, None, None]
-            values, vectors = np.linalg.eigh(acts * covariances(added.reshape(len(AXES), 21), cell.white))
-            roots.append(vectors * np.sqrt(np.maximum(values, 0))[..., None, :])
+            roots.append(square_root(acts * covariances(added.reshape(len(AXES), 21), cell.white)))
         root = np.linalg.cholesky(true + sum(x @ x.swapaxes(2, 3) for x in roots))
         own.append(np.linalg.solve(root, np.linalg.cholesky(true)))
         crossed.append([np.linalg.solve(root, x) for x in roots])

@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from scipy.linalg import circulant
 
 from tests.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
 from uq.campaign.averages import average
@@ -15,6 +16,7 @@ from uq.campaign.statistics import Statistics
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import cases_of
+from uq.trials.sums_setup import square_root
 
 QUASI_RANDOM = SamplingPlan(points="quasi-random")
 
@@ -116,6 +118,16 @@ def test_quasi_random_trials_know_more_and_say_how_much(of_t1):
 def test_points_that_cannot_be_are_refused(brief, trials, changed):
     with pytest.raises(ExperimentError, match="quasi-random trials are on sums"):
         montecarlo(brief, trials=trials, trajectories="T1", plan=dataclasses.replace(QUASI_RANDOM, **changed))
+
+
+def test_a_seed_draws_the_same_whichever_eigenvectors_the_machine_finds(generator):
+    """Equal eigenvalues, as of a body that is turned about its axes in turn: their eigenvectors are rounding's choice."""
+    covariance = circulant([4.0, 2.0, 0.5, 0.2, 0.1, 0.2, 0.5, 2.0])  # its eigenvalues stand in pairs
+    first, second = (
+        square_root(covariance + 1e-14 * (x + x.T)) for x in (generator.standard_normal((8, 8)), np.zeros((8, 8)))
+    )
+    np.testing.assert_allclose(first @ first.T, covariance, atol=1e-12)
+    np.testing.assert_allclose(first, second, atol=1e-5)
 
 
 def test_without_errors_the_truth_comes_out(brief):
