@@ -77,7 +77,7 @@ docs: env
 
 # Mutated files of every kind for an hour; `tests/test_fuzz.py` is the short form.
 fuzz: env
-	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
+	$(BIN)/python -m tests.helpers.fuzz --minutes $(MINUTES)
 
 # Slow statistical studies; their results are kept in docs/.
 study: env

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from tests import sparing_checks  # before anything that it checks
+from tests.helpers import sparing_checks  # before anything that it checks
 from uq.files.compilation_cache import keep_compiled
 
 gc.set_threshold(50_000, 20, 20)  # JAX makes the collector slow, and what is imported is no garbage
@@ -112,7 +112,7 @@ def every_picture(rendered_once):
 @pytest.fixture(autouse=True, scope="session")
 def result_files_follow_their_schema():
     """Every file that a test writes of a result is held against uq/schemas/result.json."""
-    from tests.result_schema import contradictions
+    from tests.helpers.result_schema import contradictions
     from uq.report import report_files
 
     real = report_files.json_text

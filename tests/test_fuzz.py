@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests import fuzz
+from tests.helpers import fuzz
 
 KINDS = (
     "experiment", "body", "rig", "map", "table", "poses", "centre", "mcap", "zst", "cut", "run", "bag", "urdf",

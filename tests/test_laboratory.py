@@ -5,9 +5,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rig.runs import read
-from tests import laboratory_runs
-from tests.laboratory import FULL_SCALE, NOISE, RATE, SIGMA, Setup, measure
-from tests.laboratory_mechanics import (
+from tests.helpers import laboratory_runs
+from tests.helpers.laboratory import FULL_SCALE, NOISE, RATE, SIGMA, Setup, measure
+from tests.helpers.laboratory_mechanics import (
     FINE,
     GRAVITY,
     MASS,

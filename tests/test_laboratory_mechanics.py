@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from tests.laboratory import RATE, Setup, measure
-from tests.laboratory_mechanics import (
+from tests.helpers.laboratory import RATE, Setup, measure
+from tests.helpers.laboratory_mechanics import (
     FINE,
     GRAVITY,
     INERTIA,
@@ -25,7 +25,7 @@ from tests.laboratory_mechanics import (
     still_point,
     wrench_of,
 )
-from tests.troubles import TROUBLES, least_squares, shift
+from tests.helpers.troubles import TROUBLES, least_squares, shift
 
 SHORT = 6.0
 SILENT = Setup(seconds=SHORT, noise=0.0, drawn=0.0)

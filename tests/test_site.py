@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.driven_browser import Browser, needs_axe, needs_chromium
+from tests.helpers.driven_browser import Browser, needs_axe, needs_chromium
 from uq.cli.main import COMMANDS
 
 DOCS = Path(__file__).parents[1] / "docs"

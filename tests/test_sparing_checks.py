@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import TypeCheckError
 
 from identify.rigid_body.inertia import pack
-from tests.sparing_checks import CALLS, jaxtyped
+from tests.helpers.sparing_checks import CALLS, jaxtyped
 
 
 def of_wrong_shape():

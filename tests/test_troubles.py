@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests import laboratory_runs
-from tests.laboratory import RATE, Setup, measure
-from tests.troubles import TROUBLES, shift, size_for
+from tests.helpers import laboratory_runs
+from tests.helpers.laboratory import RATE, Setup, measure
+from tests.helpers.troubles import TROUBLES, shift, size_for
 from uq.experiment.experiment import Experiment
 
 SHORT = 6.0

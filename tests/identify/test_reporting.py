@@ -16,8 +16,8 @@ import identify
 import uq
 from identify.reporting import Drawing, Figures, Result, plain, stem
 from identify.text_tables import Table
-from tests.pose_lab import series
-from tests.small_campaign import campaign
+from tests.helpers.pose_lab import series
+from tests.helpers.small_campaign import campaign
 from uq.propagation.law_of_propagation import propagate
 from uq.sources.distributions import Normal
 

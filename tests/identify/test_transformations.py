@@ -21,8 +21,8 @@ from identify.rigid_body import dynamics, fixture, inertia, principal_axes, pseu
 from identify.rigid_body.inertia import Body
 from identify.signals import differentiate, filters
 from identify.signals.estimator_spec import EstimatorSpec
-from tests.gram_lab import accumulate
-from tests.platforms import small
+from tests.helpers.gram_lab import accumulate
+from tests.helpers.platforms import small
 
 TENSOR = np.array([0.38, 0.01, -0.02, 0.35, 0.015, 0.3])
 VECTOR, OTHER, THIRD = np.array([0.3, -0.7, 0.5]), np.array([1.1, 0.4, -0.6]), np.array([0.2, 0.9, 9.7])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rig.mcap.message_definitions import IMU
-from tests.rig_lab import ramp_file
+from tests.helpers.rig_lab import ramp_file
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("json", "numpy", "socket", "jax", "mcap", "identify", "uq", "rig")

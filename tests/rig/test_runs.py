@@ -21,7 +21,7 @@ from rig.channels import Recording
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.writer import _SpooledIndexes, new_writer, register
-from tests.rig_samples import IMU_COLUMNS, SHARED, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
+from tests.helpers.rig_samples import IMU_COLUMNS, SHARED, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
 
 METADATA = {"rig.run": {"note": "a test", "wrench": "on the body at Q"}}
 

@@ -11,7 +11,7 @@ from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import PAIRS
 from identify.rigid_body.rotation import exponential
-from tests.spoiled_runs import T1, sensors
+from tests.helpers.spoiled_runs import T1, sensors
 
 
 @cache

@@ -5,9 +5,9 @@ import pytest
 
 from identify.diagnostics.convention_sums import ImuSignal
 from identify.diagnostics.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
-from tests import wrist_runs
-from tests.spoiled_runs import other_body
-from tests.thrown_bodies import throw
+from tests.helpers import wrist_runs
+from tests.helpers.spoiled_runs import other_body
+from tests.helpers.thrown_bodies import throw
 
 
 def test_of_thrown_bodies_nothing_is_said():

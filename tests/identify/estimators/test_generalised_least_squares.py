@@ -12,7 +12,7 @@ from identify.identification import identify
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.residual_spectrum import Lines, spectrum
 from identify.signals.run import Run
-from tests import weak_lab as lab
+from tests.helpers import weak_lab as lab
 
 MIXING = np.array([[1.0, 0.6, 0.0], [0.0, 1.0, 0.4], [0.3, 0.0, 0.5]])
 MEMORY = 0.97

@@ -11,7 +11,7 @@ from identify.identification import identify
 from identify.rigid_body.regressor import omega_r
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
-from tests.gram_lab import accumulate
+from tests.helpers.gram_lab import accumulate
 
 
 @pytest.fixture

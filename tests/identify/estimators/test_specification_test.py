@@ -11,10 +11,10 @@ from identify.estimators.pooling import pool
 from identify.estimators.specification_test import differences
 from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec
-from tests.laboratory import SIGMA, measure
-from tests.laboratory_runs import BAND, identified, run_of
-from tests.troubles import TROUBLES
-from tests.weak_lab import covered
+from tests.helpers.laboratory import SIGMA, measure
+from tests.helpers.laboratory_runs import BAND, identified, run_of
+from tests.helpers.troubles import TROUBLES
+from tests.helpers.weak_lab import covered
 
 SIZES = {"cable": 0.8, "flexible mounting": 0.4, "cross-talk": 0.002}
 """That shift some component by about 20 standard uncertainties: 0.08 N·m/rad, 40 Hz, 0.2 % of full scale."""

@@ -1,6 +1,6 @@
 """Declared errors as unknowns with a prior, the size of a still centre of gravity, and estimates that leave their prior.
 
-The judge is the laboratory of tests/laboratory.py, which shares no code with the packages.
+The judge is the laboratory of tests/helpers/laboratory.py, which shares no code with the packages.
 """
 
 import numpy as np
@@ -9,8 +9,8 @@ import pytest
 from identify.joint.priors import ConstantError
 from identify.results.known_bias import covering_bias
 from identify.signals.run import RunError
-from tests.laboratory import FULL_SCALE, measure
-from tests.laboratory_runs import identified, identified_files, source
+from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_runs import identified, identified_files, source
 
 SHORT = {"seconds": 15.0}
 

@@ -18,8 +18,8 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import evaluate, in_band, low_pass
 from identify.signals.run import RunError
 from identify.static.centre_result import Centre
-from tests import joint_studies
-from tests.joint_lab import BAND, shortened
+from tests.helpers import joint_studies
+from tests.helpers.joint_lab import BAND, shortened
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

@@ -5,8 +5,8 @@ import pytest
 
 from identify.joint.joint_model import SLICES
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from tests import joint_studies as studies
-from tests.joint_lab import BAND, SIGMA_MASS, shortened
+from tests.helpers import joint_studies as studies
+from tests.helpers.joint_lab import BAND, SIGMA_MASS, shortened
 from uq.planning.experiment_bound import bound
 
 TRIALS = 4_000

@@ -1,4 +1,4 @@
-"""Runs are predicted by the others as well as they should be, and no better: tests/laboratory.py has the truth."""
+"""Runs are predicted by the others as well as they should be, and no better: tests/helpers/laboratory.py has the truth."""
 
 from dataclasses import replace
 
@@ -12,9 +12,9 @@ from identify.joint.priors import ConstantError
 from identify.model_check import held_out
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.power_spectrum import motion_band
-from tests.laboratory import NOISE, measure
-from tests.laboratory_mechanics import INERTIA
-from tests.laboratory_runs import identified, run_of
+from tests.helpers.laboratory import NOISE, measure
+from tests.helpers.laboratory_mechanics import INERTIA
+from tests.helpers.laboratory_runs import identified, run_of
 
 pytestmark = pytest.mark.usefixtures("unjudged")
 GAINS = (0.0, 0, 0, 0.01, 0.01, 0.01)

@@ -1,4 +1,4 @@
-"""What is said against a result: the laboratory of tests/laboratory.py errs, and the engine must name or cover it."""
+"""What is said against a result: the laboratory of tests/helpers/laboratory.py errs, and the engine must name or cover it."""
 
 from dataclasses import replace
 
@@ -13,9 +13,9 @@ from identify.model_check.motion_signals import Recorded
 from identify.model_check.predicted_wrench import Prediction, zero_unknowns
 from identify.model_check.verdict_texts import WORDS
 from identify.rigid_body.inertia import COMPONENTS
-from tests.laboratory import FULL_SCALE, measure
-from tests.laboratory_runs import identified, identified_files, run_of, source
-from tests.troubles import TROUBLES
+from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_runs import identified, identified_files, run_of, source
+from tests.helpers.troubles import TROUBLES
 
 SHORT = {"seconds": 15.0}
 POSITION = np.array([0.02, 0.03, -0.04])

@@ -8,8 +8,8 @@ import pytest
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
 from identify.model_check.weight import lasting
-from tests import wrist_runs
-from tests.wrist_runs import MASS, R_CG, TENSOR, G, run
+from tests.helpers import wrist_runs
+from tests.helpers.wrist_runs import MASS, R_CG, TENSOR, G, run
 
 
 def identified(of_run):

@@ -10,7 +10,7 @@ from identify.motion import stewart_platform as pf
 from identify.motion.stewart_platform import Pose, Rod, Twist
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.rotation import exponential
-from tests.platforms import moving, quaternion, small, somewhere, twin
+from tests.helpers.platforms import moving, quaternion, small, somewhere, twin
 
 PLATE = Body(jnp.array(8.0), jnp.array([0.005, -0.01, 0.02]), jnp.array([0.12, 0.004, -0.003, 0.11, 0.002, 0.21]))
 BODY = Body(jnp.array(19.7), jnp.array([0.002, 0.003, 0.11]), jnp.array([0.3813, 0.01, 0.004, 0.2, -0.006, 0.3791]))

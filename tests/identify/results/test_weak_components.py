@@ -11,7 +11,7 @@ from identify.identification import identify
 from identify.results.weak_components import within_bodies
 from identify.rigid_body.principal_axes import is_admissible
 from identify.signals.run import RunError
-from tests import weak_lab as lab
+from tests.helpers import weak_lab as lab
 
 ABOUT_ONE = (0, 1, 0)
 

@@ -6,8 +6,8 @@ import pytest
 from identify.exceptions import RunError
 from identify.rigid_body.fixture import subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
+from tests.helpers.tare_lab import BODY, laboratory
 from tests.identify.rigid_body.test_inertial_parameters import parameters, ten
-from tests.tare_lab import BODY, laboratory
 
 
 @pytest.fixture

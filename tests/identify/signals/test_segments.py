@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identify.signals.segments import decisive, moving, still
-from tests.scene import MOUNTED, POSES, TURN, record
+from tests.helpers.scene import MOUNTED, POSES, TURN, record
 from uq.campaign.simulation import simulate
 
 RATE = 400.0

@@ -6,7 +6,7 @@ import pytest
 from identify.signals.run import RunError
 from identify.static.accelerometer import calibrate
 from identify.static.centre import centre
-from tests.pose_lab import GRAVITY, R_CG, TRUTH, directions, wrench_of
+from tests.helpers.pose_lab import GRAVITY, R_CG, TRUTH, directions, wrench_of
 
 
 def test_exact_poses_give_the_exact_parameters(generator):

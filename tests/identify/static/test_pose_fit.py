@@ -12,8 +12,8 @@ from identify.static.centre import centre
 from identify.static.centre_result import Centre
 from identify.static.creep import changes, creeping
 from identify.static.pose_fit import Attitudes, fit
-from tests.bags import STORE, header, wrench, write_rosbag2
-from tests.pose_lab import CASES, MASS, R_CG, TRUTH, coverage, directions, series, wrench_of
+from tests.helpers.bags import STORE, header, wrench, write_rosbag2
+from tests.helpers.pose_lab import CASES, MASS, R_CG, TRUTH, coverage, directions, series, wrench_of
 from tests.uq.identification.test_static_centre import refused
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

@@ -26,8 +26,8 @@ from rig.exceptions import RigError
 from rig.mcap.records import MAGIC, RECORD_HEADER, Scanner
 from rig.mcap.recover import HEADER
 from rig.read_limits import VARIABLE, UnpackError
-from tests.bags import ROS1
-from tests.rig_samples import imu_channel, wrench_channel
+from tests.helpers.bags import ROS1
+from tests.helpers.rig_samples import imu_channel, wrench_channel
 
 GIB = 2**30
 MOST = 0.7 * GIB

@@ -14,8 +14,8 @@ from rig import inspect, runs
 from rig.bags.marks import read_marks
 from rig.exceptions import RigError
 from rig.mcap.recover import recover
-from tests.bags import ROS1, merged, write_mcap, write_ros1, write_rosbag2
-from tests.rig_samples import imu_channel, wrench_channel
+from tests.helpers.bags import ROS1, merged, write_mcap, write_ros1, write_rosbag2
+from tests.helpers.rig_samples import imu_channel, wrench_channel
 from uq.cli.main import main
 
 WRENCH, IMU = wrench_channel(), imu_channel()

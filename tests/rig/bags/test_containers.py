@@ -17,8 +17,8 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rig import runs
 from rig.bags import protobuf_messages
 from rig.exceptions import RigError
-from tests.bags import ROS1, STORE, header, merged, wrench, write_mcap, write_ros1, write_rosbag2
-from tests.rig_samples import IMU_COLUMNS, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
+from tests.helpers.bags import ROS1, STORE, header, merged, wrench, write_mcap, write_ros1, write_rosbag2
+from tests.helpers.rig_samples import IMU_COLUMNS, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
 
 WRENCH, IMU = wrench_channel(), imu_channel()
 MODES = CompressionMode

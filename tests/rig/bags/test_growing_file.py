@@ -8,7 +8,7 @@ from rig.bags import topics
 from rig.bags.growing_file import GrowingFile
 from rig.exceptions import RigError
 from rig.mcap.message_fields import IMU, WRENCH
-from tests.rig_samples import imu_channel, wrench_channel
+from tests.helpers.rig_samples import imu_channel, wrench_channel
 
 ALL = {WRENCH: None, IMU: None}
 COLUMNS = {WRENCH: ("log_time", "stamp", "force", "torque"), IMU: ("log_time", "angular_velocity")}

@@ -11,7 +11,7 @@ from rig.devices.base import Device
 from rig.devices.checksums import crc16_x25
 from rig.devices.conversation import Inquire, Listen, NoAnswerError, Send
 from rig.exceptions import RigError
-from tests.rig_samples import SHARED
+from tests.helpers.rig_samples import SHARED
 
 
 def only(parser, data):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rig.devices import bota, microstrain
-from tests.rig_lab import Bench
+from tests.helpers.rig_lab import Bench
 
 DRIVER = """
 import json, sys

@@ -8,7 +8,7 @@ import pytest
 import rig
 from rig.inspection.channel_health import Finding, channel_findings
 from rig.record import device_clock
-from tests.rig_samples import imu_channel, wrench_channel
+from tests.helpers.rig_samples import imu_channel, wrench_channel
 
 
 def test_health_alone_says_nothing_of_units(tmp_path):

@@ -10,7 +10,7 @@ from rig.mcap.records import Scanner, chunk_batch
 from rig.mcap.recover import recover
 from rig.mcap.writer import new_writer, register
 from rig.read_limits import UnpackBudget
-from tests.rig_samples import imu_channel, wrench_channel
+from tests.helpers.rig_samples import imu_channel, wrench_channel
 from uq.cli.main import main
 
 METADATA = {"rig.run": {"note": "a run"}}

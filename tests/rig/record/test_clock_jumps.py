@@ -13,7 +13,7 @@ from rig.record.device_clock import ClockTracker
 from rig.record.reader import Event
 from rig.record.recorder import Recorder
 from rig.record.rig_file import load_rig
-from tests.rig_lab import LINE, Bench, device_source
+from tests.helpers.rig_lab import LINE, Bench, device_source
 
 SECOND = 10**9
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rig.record.reader import Event
-from tests.rig_lab import LINE, device_source
+from tests.helpers.rig_lab import LINE, device_source
 
 SECOND = 10**9
 PERIOD = 2_500_750  # ns: 400 Hz by a crystal that is 300 ppm slow

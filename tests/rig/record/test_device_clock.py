@@ -21,7 +21,7 @@ from rig.record.recorder import Progress, Recorder, Summary
 from rig.record.rig_file import load_rig
 from rig.record.session import Session
 from rig.record.terminal import Keys, Terminal, summary_lines
-from tests.rig_lab import Bench
+from tests.helpers.rig_lab import Bench
 
 RIG = '[[device]]\nname = "cell"\nkind = "bota"\nport = "/dev/none"\nwrench = "on_sensor"\n'
 

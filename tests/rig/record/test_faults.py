@@ -9,7 +9,7 @@ import pytest
 
 from rig import inspect, runs
 from rig.mcap.recover import recover
-from tests.rig_lab import Bench, Recording, refused
+from tests.helpers.rig_lab import Bench, Recording, refused
 
 REPEATS = [1, pytest.param(20, marks=pytest.mark.study)]
 

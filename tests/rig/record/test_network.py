@@ -16,7 +16,7 @@ from rig.record import port
 from rig.record.port import Address, PortLostError, open_port
 from rig.record.rig_file import load_rig
 from rig.record.session import Emulators
-from tests.rig_lab import JOINTS, Recording, joints_run, ramp_run, refused
+from tests.helpers.rig_lab import JOINTS, Recording, joints_run, ramp_run, refused
 from uq.cli.main import main
 
 ATI = """

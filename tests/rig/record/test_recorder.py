@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rig import runs
-from tests.rig_lab import Bench, Recording, ramp_run, refused
+from tests.helpers.rig_lab import Bench, Recording, ramp_run, refused
 from uq.cli.main import main
 
 EMULATED = """

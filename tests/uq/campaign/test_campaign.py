@@ -13,8 +13,8 @@ from identify.floating_point import PrecisionWarning
 from identify.identification import identify
 from identify.rigid_body.regressor import omega_r
 from identify.signals.differentiate import gain
-from tests.gram_lab import accumulate
-from tests.source_lab import IN_FLOAT32, draw_block, one_trial
+from tests.helpers.gram_lab import accumulate
+from tests.helpers.source_lab import IN_FLOAT32, draw_block, one_trial
 from uq.campaign.campaign import SamplingPlan, Statistics, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_engine, true_motion, true_motions

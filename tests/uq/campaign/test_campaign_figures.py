@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from identify.figure_style import display_name
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from tests.small_campaign import campaign
+from tests.helpers.small_campaign import campaign
 from uq import barreto2016_figures as plots
 from uq.barreto2016 import PRINTED
 from uq.campaign.averages import average

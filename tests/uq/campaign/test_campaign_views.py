@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identify.rigid_body.inertia import COMPONENTS
-from tests.small_campaign import campaign
+from tests.helpers.small_campaign import campaign
 
 PAIRS = "('T1', 'central'), ('T1', 'smoothed')"
 

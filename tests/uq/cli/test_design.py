@@ -19,8 +19,8 @@ from identify.motion.leg_limits import needs
 from identify.motion.multisine import Multisine
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.principal_axes import principal
-from tests.browser import Reader, drawn
-from tests.driven_browser import Browser, needs_axe, needs_chromium
+from tests.helpers.browser import Reader, drawn
+from tests.helpers.driven_browser import Browser, needs_axe, needs_chromium
 from uq.cli.main import main
 from uq.excitation.design import Design, Start
 from uq.excitation.design_bound import DesignBound

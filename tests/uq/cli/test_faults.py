@@ -12,7 +12,7 @@ import pytest
 
 from rig import runs
 from rig.atomic_files import replacing
-from tests.rig_lab import ramp_run
+from tests.helpers.rig_lab import ramp_run
 from uq.cli import inspect as inspect_command
 from uq.cli.main import LEAST_MEMORY, main
 from uq.files.compilation_cache import cache_folder

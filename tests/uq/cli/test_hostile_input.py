@@ -15,7 +15,7 @@ import pytest
 
 from identify.signals.differentiate import matched
 from identify.signals.filters import gaussian
-from tests.rig_lab import ramp_run
+from tests.helpers.rig_lab import ramp_run
 from uq.bodies.export_formats import mjcf, sdf, urdf
 from uq.bodies.exported_body import ExportedBody
 from uq.cli.main import main

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.result_schema import contradictions
+from tests.helpers.result_schema import contradictions
 from uq.cli.main import main
 
 ROOT = Path(__file__).parents[3]

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from identify.rigid_body.inertia import COMPONENTS
-from tests.foxglove_client import heard
-from tests.rig_lab import Recording, refused
+from tests.helpers.foxglove_client import heard
+from tests.helpers.rig_lab import Recording, refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

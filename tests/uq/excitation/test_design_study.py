@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.design_studies import CASES, OPTIONS, as_it_fluctuates, average, bounds, case, certified, table
+from tests.helpers.design_studies import CASES, OPTIONS, as_it_fluctuates, average, bounds, case, certified, table
 from uq.excitation.design import design
 
 TRIALS = 10_000

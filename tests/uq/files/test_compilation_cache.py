@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from tests.small_campaign import document
+from tests.helpers.small_campaign import document
 from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.files.compilation_cache import cache_folder, keep_compiled

@@ -9,7 +9,7 @@ import pytest
 
 from identify.estimators.gram import normal_equations
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
-from tests.gram_lab import accumulate
+from tests.helpers.gram_lab import accumulate
 from uq.gram_sums.case_equations import (
     NO_NOISE,
     OF_OMEGA_R,

@@ -1,6 +1,6 @@
 """Declared errors of the load cell in static poses, and of the same cell in the runs that are identified with them.
 
-Poses are made here in plain NumPy, runs by tests/laboratory.py.
+Poses are made here in plain NumPy, runs by tests/helpers/laboratory.py.
 """
 
 import json
@@ -13,9 +13,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
-from tests.laboratory import FULL_SCALE, measure
-from tests.laboratory_mechanics import GRAVITY, MASS, R_CG
-from tests.laboratory_runs import document, source, write
+from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_mechanics import GRAVITY, MASS, R_CG
+from tests.helpers.laboratory_runs import document, source, write
 from uq.experiment.experiment import Experiment
 from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import load_centre

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
 from identify.static.centre_result import Centre
-from tests.recordings import Signals, declare, write
-from tests.tare_lab import FIXTURE, WHOLE, experiment_of
+from tests.helpers.recordings import Signals, declare, write
+from tests.helpers.tare_lab import FIXTURE, WHOLE, experiment_of
 from tests.uq.cli.test_commands import SHORT
 from tests.uq.identification.test_static_centre import refused
 from uq.campaign.simulation import simulate

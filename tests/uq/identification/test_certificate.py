@@ -19,7 +19,7 @@ from identify.results.alignment import Aligned
 from identify.results.contributions import Effect, NotIncluded
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise, decimals, fixed
-from tests.browser import Reader, drawn
+from tests.helpers.browser import Reader, drawn
 from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal, of_tensor

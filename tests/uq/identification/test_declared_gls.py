@@ -1,6 +1,6 @@
 """Declared errors act through generalised least squares by the derivative of that estimate, its weights held fixed.
 
-The judge is the laboratory of tests/laboratory.py, and the estimate itself of recordings that have the errors.
+The judge is the laboratory of tests/helpers/laboratory.py, and the estimate itself of recordings that have the errors.
 """
 
 from dataclasses import replace
@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.laboratory import FULL_SCALE, measure
-from tests.laboratory_runs import document, identified, identified_files, run_of, source
+from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_runs import document, identified, identified_files, run_of, source
 from uq.experiment.experiment import Experiment
 from uq.identification.systematic_errors import estimate, problem_of, with_declared_sources
 from uq.sources.constant_errors import no_errors

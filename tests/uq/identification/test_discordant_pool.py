@@ -9,8 +9,8 @@ import pytest
 from identify.results.discordance import discordant_runs
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS
-from tests.laboratory import measure
-from tests.laboratory_runs import document, identified_files, write
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_runs import document, identified_files, write
 from uq.cli.main import main
 from uq.files.toml_text import toml_text
 from uq.identification.certificate import Certificate

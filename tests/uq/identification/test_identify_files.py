@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from identify.signals.differentiate import matched
 from identify.signals.run import RunError
-from tests.recordings import Signals, about, declare, write
-from tests.scene import record
+from tests.helpers.recordings import Signals, about, declare, write
+from tests.helpers.scene import record
 from uq.campaign.simulation import simulate
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run

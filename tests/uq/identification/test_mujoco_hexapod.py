@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests import mujoco_rig
-from tests.mujoco_rig import GRAVITY, Load, Rig
+from tests.helpers import mujoco_rig
+from tests.helpers.mujoco_rig import GRAVITY, Load, Rig
 from uq.cli import identify as command
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

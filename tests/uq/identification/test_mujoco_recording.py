@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identify.rigid_body.inertia import COMPONENTS
-from tests.mujoco_rig import GRAVITY, Load, moving, write
+from tests.helpers.mujoco_rig import GRAVITY, Load, moving, write
 from uq.cli.main import main
 
 BODY = Load(19.7, (0.012, -0.008, 0.053), (0.3813, 0.004, -0.006, 0.0185, 0.002, 0.3791))

@@ -1,6 +1,6 @@
 """What the intervals do not hold, at typical figures: against a laboratory that has these errors.
 
-The judges are least squares in their plainest form (tests/troubles.py) and the joint estimate of spoiled recordings.
+The judges are least squares in their plainest form (tests/helpers/troubles.py) and the joint estimate of spoiled recordings.
 """
 
 import json
@@ -11,9 +11,9 @@ import pytest
 
 from identify import identification
 from identify.results.contributions import Effect, NotIncluded
-from tests.laboratory import Setup, cell_reading, measure
-from tests.laboratory_runs import document, identified, identified_files, run_of, source
-from tests.troubles import least_squares
+from tests.helpers.laboratory import Setup, cell_reading, measure
+from tests.helpers.laboratory_runs import document, identified, identified_files, run_of, source
+from tests.helpers.troubles import least_squares
 from uq.experiment.experiment import Experiment
 from uq.identification.certificate import Certificate
 from uq.identification.not_included import with_not_included

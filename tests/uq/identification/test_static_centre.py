@@ -12,7 +12,7 @@ from identify.static.centre import centre
 from identify.static.centre_result import PARAMETERS
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from tests.pose_lab import FORCE_OFFSET, GRAVITY, MASS, MOMENT_OFFSET, R_CG, TRUTH, directions, wrench_of
+from tests.helpers.pose_lab import FORCE_OFFSET, GRAVITY, MASS, MOMENT_OFFSET, R_CG, TRUTH, directions, wrench_of
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file

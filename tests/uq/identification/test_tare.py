@@ -9,7 +9,7 @@ from identify.exceptions import RunError
 from identify.identification import identify
 from identify.results.covariances import checked
 from identify.rigid_body.inertial_parameters import InertialParameters
-from tests.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
+from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
 from uq.campaign.simulation import simulate
 from uq.identification import tare
 from uq.identification.certificate import Certificate

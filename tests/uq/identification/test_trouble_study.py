@@ -6,8 +6,8 @@ import os
 import numpy as np
 import pytest
 
-from tests import trouble_study as study
-from tests.troubles import TROUBLES
+from tests.helpers import trouble_study as study
+from tests.helpers.troubles import TROUBLES
 
 RUNS, CLEAN_RUNS = 20, 200
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from tests.laboratory import measure
-from tests.laboratory_runs import document, write
-from tests.result_schema import contradictions
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_runs import document, write
+from tests.helpers.result_schema import contradictions
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.toml_text import toml_text

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
-from tests import wrist_runs
-from tests.spoiled_runs import SPOILED, T1, declared, other_body, sensors
-from tests.thrown_bodies import throw
+from tests.helpers import wrist_runs
+from tests.helpers.spoiled_runs import SPOILED, T1, declared, other_body, sensors
+from tests.helpers.thrown_bodies import throw
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
@@ -119,7 +119,7 @@ def test_of_a_long_free_flight_nothing_is_said(generator):
 def test_the_command_takes_an_experiment(tmp_path, capsys):
     path = SPOILED["force in lbf"][1](good()).write(tmp_path / "run.mcap")
     text = (tmp_path / "e.toml", tmp_path / "none.toml")
-    from tests.spoiled_runs import ROOT
+    from tests.helpers.spoiled_runs import ROOT
 
     text[0].write_text((ROOT / "docs" / "experiments" / "t1-10s.toml").read_text() + 'force_unit = "lbf"\n')
     assert main(["inspect", str(path)]) == 0  # nobody knows the mass

@@ -10,7 +10,7 @@ import pytest
 
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from tests.rig_samples import SHARED
+from tests.helpers.rig_samples import SHARED
 from uq.cli.main import main
 from uq.inspection.inspect_run import inspect_run
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.laboratory import measure
-from tests.laboratory_runs import document, write
-from tests.spoiled_runs import T1, declared, sensors
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_runs import document, write
+from tests.helpers.spoiled_runs import T1, declared, sensors
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.inspection.experiment_findings import experiment_findings

@@ -10,7 +10,7 @@ from identify.identification import identify
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from rig.bags.growing_file import GrowingFile
 from rig.mcap.message_fields import IMU, WRENCH
-from tests import recordings
+from tests.helpers import recordings
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.identification.run_sums import FEATURES

@@ -12,7 +12,7 @@ from mcap.records import Channel, Schema
 
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
-from tests.foxglove_client import heard
+from tests.helpers.foxglove_client import heard
 from uq.live.loopback_gate import HEAD, MOST
 from uq.live.second_process import LAYOUT
 from uq.live.viewer import FIGURES, TOPIC, Viewer

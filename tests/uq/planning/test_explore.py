@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.adjustable_lab import bars, delays, shown, widget_page
-from tests.driven_browser import Browser, needs_chromium
+from tests.helpers.adjustable_lab import bars, delays, shown, widget_page
+from tests.helpers.driven_browser import Browser, needs_chromium
 from uq.planning.adjustable_motion import changed, explorable
 from uq.planning.explore import explore
 from uq.planning.required_duration import shortest

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from tests.adjustable_lab import widget_page
-from tests.driven_browser import Browser, needs_chromium
-from tests.source_lab import experiment, source
+from tests.helpers.adjustable_lab import widget_page
+from tests.helpers.driven_browser import Browser, needs_chromium
+from tests.helpers.source_lab import experiment, source
 from tests.uq.propagation.test_experiment_law import LINKED, SOURCES
 from uq.propagation.adjustable_law import LEVELS, parts_of
 from uq.propagation.experiment_law import law, prepare_law

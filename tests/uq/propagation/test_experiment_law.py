@@ -12,7 +12,7 @@ from matplotlib.collections import PathCollection
 
 from identify.floating_point import MESSAGE, PrecisionWarning
 from identify.text_tables import text_table
-from tests.source_lab import experiment, source
+from tests.helpers.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import cases_of

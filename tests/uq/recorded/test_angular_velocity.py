@@ -12,7 +12,7 @@ from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from rig.exceptions import RigError
-from tests.bags import STORE, header, wrench, write_rosbag2
+from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files

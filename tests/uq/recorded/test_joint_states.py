@@ -12,7 +12,7 @@ import pytest
 
 from identify.signals.run import RunError
 from rig.exceptions import RigError
-from tests.bags import STORE, header, wrench, write_rosbag2
+from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.identification.identify_files import identify_files

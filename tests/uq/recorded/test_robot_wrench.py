@@ -8,8 +8,8 @@ import pytest
 from identify.signals.run import RunError
 from rig import runs
 from rig.inspection.inspect import inspect
-from tests.rig_lab import JOINTS, joints_run
-from tests.rig_samples import imu_channel, wrench_channel
+from tests.helpers.rig_lab import JOINTS, joints_run
+from tests.helpers.rig_samples import imu_channel, wrench_channel
 from uq.experiment.recording_table import Recording
 from uq.recorded.load_run import load_run
 

@@ -8,8 +8,8 @@ import tomllib
 
 import pytest
 
-from tests.driven_browser import PHONE, Browser, needs_axe, needs_chromium
-from tests.small_campaign import campaign, paper_result
+from tests.helpers.driven_browser import PHONE, Browser, needs_axe, needs_chromium
+from tests.helpers.small_campaign import campaign, paper_result
 from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment

@@ -8,9 +8,9 @@ from base64 import b64encode
 import numpy as np
 import pytest
 
-from tests.adjustable_lab import bars, delays, shown
-from tests.browser import Reader
-from tests.driven_browser import Browser, needs_chromium
+from tests.helpers.adjustable_lab import bars, delays, shown
+from tests.helpers.browser import Reader
+from tests.helpers.driven_browser import Browser, needs_chromium
 from uq.propagation.experiment_law import law
 from uq.report.report_files import report
 

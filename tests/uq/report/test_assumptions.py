@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.small_campaign import campaign, document
+from tests.helpers.small_campaign import campaign, document
 from uq.experiment.experiment import Experiment
 from uq.planning.measurement_plan import plan_measurement
 from uq.propagation.law_result import LawResult

@@ -14,8 +14,8 @@ from identify.figure_style import DARK
 from identify.reporting import Drawing, Section
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import finest, with_uncertainty
-from tests.browser import Reader, drawn
-from tests.small_campaign import campaign, document, paper_result
+from tests.helpers.browser import Reader, drawn
+from tests.helpers.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
 from uq.report.inline_figure import inline

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identify.static.centre_result import Centre
-from tests.result_schema import contradictions, validators
+from tests.helpers.result_schema import contradictions, validators
 
 OLD = sorted((Path(__file__).parents[2] / "result_files").glob("*.json"))
 

@@ -13,7 +13,7 @@ import pytest
 
 from identify.rigid_body.inertia import COMPONENTS, unpack
 from identify.rigid_body.regressor import omega_r
-from tests.small_campaign import document
+from tests.helpers.small_campaign import document
 from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_engine, true_motion

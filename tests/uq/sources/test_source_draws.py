@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.source_lab import experiment, simulated, source
+from tests.helpers.source_lab import experiment, simulated, source
 from uq.campaign.simulation import simulate
 from uq.sources.draws import constant_coordinates, constants_at, draw_constants
 

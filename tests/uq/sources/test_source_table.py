@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from identify.identification import identify
-from tests.source_lab import BY_SAMPLES, experiment, source
+from tests.helpers.source_lab import BY_SAMPLES, experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, least_squares, simulated, source
-from tests.source_lab import one_trial as plain_trial
+from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, least_squares, simulated, source
+from tests.helpers.source_lab import one_trial as plain_trial
 from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import platform_of, prepare_engine, true_motion

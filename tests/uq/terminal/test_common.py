@@ -3,7 +3,7 @@
 import matplotlib
 import pytest
 
-from tests.small_campaign import campaign
+from tests.helpers.small_campaign import campaign
 from uq.report.report_files import files
 from uq.terminal.common import finish
 

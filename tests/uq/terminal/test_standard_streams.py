@@ -16,7 +16,7 @@ from rig.inspection.channel_health import Finding
 from rig.inspection.inspect import Inspection
 from rig.record.recorder import Progress
 from rig.record.terminal import Terminal
-from tests.recordings import START, Signals
+from tests.helpers.recordings import START, Signals
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

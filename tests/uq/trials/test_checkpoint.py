@@ -11,8 +11,8 @@ import jax
 import numpy as np
 import pytest
 
-from tests.small_campaign import document
-from tests.source_lab import BY_SAMPLES
+from tests.helpers.small_campaign import document
+from tests.helpers.source_lab import BY_SAMPLES
 from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -213,7 +213,7 @@ import jax
 import numpy as np
 from uq.terminal.common import start_jax
 start_jax()
-from tests.small_campaign import document
+from tests.helpers.small_campaign import document
 from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.trials.checkpoint import Checkpoint
 from uq.experiment.experiment import Experiment

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.source_lab import BY_SAMPLES, experiment, source
+from tests.helpers.source_lab import BY_SAMPLES, experiment, source
 from uq.campaign.campaign import RunOptions, montecarlo
 from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment

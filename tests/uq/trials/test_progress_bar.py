@@ -3,7 +3,7 @@
 import pytest
 import tqdm.auto
 
-from tests.small_campaign import document
+from tests.helpers.small_campaign import document
 from uq.campaign.campaign import RunOptions, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.trials.progress_bar import ProgressBar, progress_of

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.source_lab import one_trial
+from tests.helpers.source_lab import one_trial
 from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.statistics import Statistics
 from uq.campaign.trial_setup import prepare_engine

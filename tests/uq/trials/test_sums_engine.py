@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import circulant
 
-from tests.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
+from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
 from uq.campaign.averages import average
 from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.statistics import Statistics

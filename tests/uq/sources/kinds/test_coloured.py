@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.source_lab import draw_block, experiment, simulated, source
+from tests.helpers.source_lab import draw_block, experiment, simulated, source
 from uq.campaign.simulation import simulate
 from uq.sources.draws import BLOCK, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.kinds.coloured import DECAYS, LONGEST, WEIGHTS, pink_block, pink_response

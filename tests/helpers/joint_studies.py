@@ -7,7 +7,7 @@ import numpy as np
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from tests.joint_lab import Laboratory, random_body
+from tests.helpers.joint_lab import Laboratory, random_body
 from uq.sources.source import Source
 
 NAMES = (*COMPONENTS, "delay", "rotation 1", "rotation 2", "rotation 3", "r_cg 1", "r_cg 2", "r_cg 3")

@@ -19,7 +19,7 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import in_band, low_pass
 from identify.signals.resample import uniform_spline
 from identify.signals.run import Run
-from tests.gram_lab import accumulate
+from tests.helpers.gram_lab import accumulate
 
 BAND = 1.553
 """Of T1 [Hz]: Ω + ε of the sphere."""

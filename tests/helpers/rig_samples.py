@@ -6,7 +6,7 @@ import numpy as np
 
 from rig.channels import ImuChannel, WrenchChannel
 
-SHARED = Path(__file__).parents[2] / "shared" / "data"
+SHARED = Path(__file__).parents[3] / "shared" / "data"
 
 
 def wrench_channel(n=200, *, seed=1, topic="/wrench", frame="body", rate=1000.0):

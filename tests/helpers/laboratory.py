@@ -13,7 +13,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from tests.laboratory_mechanics import FINE, INERTIA, MASS, R_CG, ZERO, base_motion, carried, oscillator, wrench_of
+from tests.helpers.laboratory_mechanics import (
+    FINE,
+    INERTIA,
+    MASS,
+    R_CG,
+    ZERO,
+    base_motion,
+    carried,
+    oscillator,
+    wrench_of,
+)
 
 RATE = 400
 """Samples a second of both sensors."""

@@ -1,4 +1,4 @@
-"""Every kind of file that a user can hand in, as :mod:`tests.fuzz` mutates them: shipped files, and some made here."""
+"""Every kind of file that a user can hand in, as :mod:`tests.helpers.fuzz` mutates them: shipped files, and some made here."""
 
 import json
 import shutil
@@ -12,13 +12,13 @@ from mcap.writer import CompressionType
 
 from identify.static.centre import centre
 from rig import runs
-from tests import bags
-from tests.pose_lab import GRAVITY, directions, wrench_of
+from tests.helpers import bags
+from tests.helpers.pose_lab import GRAVITY, directions, wrench_of
 from uq.campaign.campaign import RunOptions, montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)

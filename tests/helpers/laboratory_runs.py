@@ -1,4 +1,4 @@
-"""What tests/laboratory.py measured, as the packages take it: arrays for ``identify``, a file and its experiment for ``uq``."""
+"""What tests/helpers/laboratory.py measured, as the packages take it: arrays for ``identify``, a file and its experiment for ``uq``."""
 
 from dataclasses import replace
 
@@ -10,8 +10,8 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from tests.laboratory import FULL_SCALE, NOISE, SIGMA, Measured
-from tests.laboratory_mechanics import GRAVITY
+from tests.helpers.laboratory import FULL_SCALE, NOISE, SIGMA, Measured
+from tests.helpers.laboratory_mechanics import GRAVITY
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 

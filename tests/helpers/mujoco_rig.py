@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from rig.channels import ImuChannel, WrenchChannel
-from tests.bags import merged, write_rosbag2
+from tests.helpers.bags import merged, write_rosbag2
 
 RATE = 200.0
 GRAVITY = 9.81

@@ -1,4 +1,4 @@
-"""Mechanics of tests/laboratory.py at 4 kHz: the base's motion, the body on it, flexible mounting, and what pulls on it.
+"""Mechanics of tests/helpers/laboratory.py at 4 kHz: the base's motion, the body on it, flexible mounting, and what pulls on it.
 
 Axes are the base's, B, which are the body's unless the mounting flexes; Q is the load cell's centre.
 """

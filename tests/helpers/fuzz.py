@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz --minutes 60``: every kind of file that a user can hand in, mutated (``make fuzz``).
+"""``python -m tests.helpers.fuzz --minutes 60``: every kind of file that a user can hand in, mutated (``make fuzz``).
 
 Whatever the file holds, a command ends with a legitimate result, or with exit status 2 and one line of less than 200
 characters, within 10 s and 2 GiB. Texts are mutated key by key, everything byte by byte; a failure is written beside
@@ -30,7 +30,7 @@ from hypothesis import strategies as st
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.fuzzed_files import Kind, kinds  # noqa: E402
+from tests.helpers.fuzzed_files import Kind, kinds  # noqa: E402
 from uq.cli.main import main  # noqa: E402
 
 SECONDS, BYTES, CHARACTERS = 10, 2 * 2**30, 200
@@ -202,7 +202,7 @@ def attack(chosen: Sequence[str] | None, seconds: float, number: int, keep: Path
 
 def run() -> int:
     """Fuzz every kind in turn, in every processor, until the time is over; print what was tried."""
-    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.helpers.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--kind", action="append", help="repeatable (all)")
     parser.add_argument("--keep", default="out/fuzz", help="folder of the files that fail")

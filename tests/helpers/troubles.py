@@ -1,4 +1,4 @@
-"""Named troubles of tests/laboratory.py, each of a size, and the size at which one shifts plain least squares by so much.
+"""Named troubles of tests/helpers/laboratory.py, each of a size, and the size at which one shifts plain least squares by so much.
 
 ``measure(3, **TROUBLES["cable"].options(0.5, 3))`` is run 3 with a cable of half the usual stiffness.
 """
@@ -10,13 +10,13 @@ from functools import lru_cache
 import numpy as np
 from scipy.signal import savgol_filter
 
-from tests.laboratory import FULL_SCALE, NOISE, RATE, SIGMA, Measured, Setup, measure
-from tests.laboratory_mechanics import FINE, GRAVITY, LEVER, base_motion, carried, cross
+from tests.helpers.laboratory import FULL_SCALE, NOISE, RATE, SIGMA, Measured, Setup, measure
+from tests.helpers.laboratory_mechanics import FINE, GRAVITY, LEVER, base_motion, carried, cross
 
 
 @dataclass(frozen=True)
 class Trouble:
-    """What goes wrong, as options of :class:`tests.laboratory.Setup`."""
+    """What goes wrong, as options of :class:`tests.helpers.laboratory.Setup`."""
 
     unit: str
     typical: float

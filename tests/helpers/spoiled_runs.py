@@ -13,7 +13,7 @@ from rig.channels import ImuChannel, WrenchChannel
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 T1 = tomllib.loads((ROOT / "docs" / "experiments" / "t1-10s.toml").read_text())
 TURN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 EYE = np.eye(3)

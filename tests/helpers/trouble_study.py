@@ -1,11 +1,11 @@
 """The study of troubles: for each, at two sizes, with each method, how far off the answer is and what was said of it.
 
-A cell is one run of tests/laboratory.py with one trouble of tests/troubles.py, identified from its file and experiment
+A cell is one run of tests/helpers/laboratory.py with one trouble of tests/helpers/troubles.py, identified from its file and experiment
 as ``inertia identify`` does. Its size shifts some component of plain least squares by 3 (small) or 20 (large) of the
 method's standard uncertainties on clean runs, or is the largest that is tried. Every cell becomes a line of JSON as
 soon as it is done; cells that the file has already are not done again.
 
-    python -m tests.trouble_study --runs 2 --troubles cable delay --methods source joint --out out/troubles.jsonl
+    python -m tests.helpers.trouble_study --runs 2 --troubles cable delay --methods source joint --out out/troubles.jsonl
 """
 
 import argparse
@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.laboratory import measure
-from tests.troubles import TROUBLES, size_for
+from tests.helpers.laboratory import measure
+from tests.helpers.troubles import TROUBLES, size_for
 
 METHODS = ("source", "gls", "joint")
 LEVELS = {"small": 3.0, "large": 20.0}
@@ -84,7 +84,7 @@ def size_of(cell: Cell, u):
 def row_of(cell: Cell, u=None) -> dict:
     """Do one cell: all that tables and verdicts need of it."""
     from identify.exceptions import RunError
-    from tests.laboratory_runs import identified_files, source
+    from tests.helpers.laboratory_runs import identified_files, source
 
     began = time.process_time()
     row, options, sources = cell._asdict(), {}, []
