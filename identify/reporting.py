@@ -178,7 +178,10 @@ class Result(Shown):
         """Return its part of a report."""
         findings, provenance = getattr(self, "warnings", ()), getattr(self, "provenance", {})
         title = self.title() or type(self).__name__
-        return Section(title, (), findings, self.tables(), self.drawings(), provenance=provenance)
+        return Section(
+            title=title, computed=(), findings=findings, tables=self.tables(), drawings=self.drawings(),
+            provenance=provenance,
+        )  # fmt: skip
 
     def records(self) -> list[dict[str, Any]]:
         """Return the bare numbers, one record a row: texts that name the row first, then its figures."""

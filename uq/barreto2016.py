@@ -217,17 +217,14 @@ class PaperResult(Result):
     def section(self) -> Section:
         """Return its part of a report."""
         return Section(
-            "Low uncertainty method for inertia tensor identification: the simulated experiment, reproduced",
-            [SOURCE, self.campaign.computed(), INDEX],
-            self.campaign.findings(),
-            self._comparisons(),
-            self.drawings(),
-            [*self.campaign.tables(), *self.campaign.details()],
-            [*METHOD, *source_assumptions(self.campaign.provenance), *PAPER_ASSUMPTIONS, *self._study()],
-            self.campaign.provenance,
-            verdict=f"{self._agreement()} {self.campaign.verdict()}",
+            title="Low uncertainty method for inertia tensor identification: the simulated experiment, reproduced",
+            computed=[SOURCE, self.campaign.computed(), INDEX], findings=self.campaign.findings(),
+            tables=self._comparisons(), drawings=self.drawings(),
+            details=[*self.campaign.tables(), *self.campaign.details()],
+            assumptions=[*METHOD, *source_assumptions(self.campaign.provenance), *PAPER_ASSUMPTIONS, *self._study()],
+            provenance=self.campaign.provenance, verdict=f"{self._agreement()} {self.campaign.verdict()}",
             headline=len(self.estimators),
-        )
+        )  # fmt: skip
 
     def _study(self) -> list[str]:
         return [SAMPLED_STUDY] if self.campaign.provenance.get("engine") == "sums" else []

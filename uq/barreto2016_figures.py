@@ -120,8 +120,8 @@ def averages(
                 [average(result, n, estimator, components) for n in names]
             ).T
             place = x + (k - 0.5) * 0.38
-            _bars(top, place, sigma, sigma_error, 0.38, PALETTE[k + 1], kind)
-            _bars(bottom, place, mean, mean_error, 0.38, PALETTE[k + 1], kind)
+            _bars(axes=top, x=place, values=sigma, errors=sigma_error, width=0.38, colour=PALETTE[k + 1], label=kind)
+            _bars(axes=bottom, x=place, values=mean, errors=mean_error, width=0.38, colour=PALETTE[k + 1], label=kind)
             _printed(top, place + 0.1, names, (printed or {}).get(f"3σ {kind}", {}), label=k == 1)
         finish_dispersion(top)
         top.set_ylabel("average 3σ [g·m²]")

@@ -92,7 +92,7 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
     values, vectors = np.linalg.eigh(hessian)
     covariance = 2 * vectors / np.maximum(values, 1e-9) @ vectors.T
     gain = float(chi_square(sums, narrow) - chi_square(turned, narrow)) - reverse.cost
-    return FreeRotation(matrix, reverse, covariance, narrow, gain)
+    return FreeRotation(matrix=matrix, reversed=reverse, covariance=covariance, given=narrow, gain=gain)
 
 
 def _grid() -> Float[np.ndarray, "n 3 3"]:

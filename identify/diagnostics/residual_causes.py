@@ -245,7 +245,10 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
     coefficients, spread = np.zeros(count), np.full(count, np.inf)
     coefficients[independent] = back @ along
     spread[independent] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
-    return Fit(cause, coefficients, spread, (left @ along).reshape(n, 3), wald, freedom)
+    return Fit(
+        cause=cause, coefficients=coefficients, standard_uncertainty=spread, explained=(left @ along).reshape(n, 3),
+        wald=wald, freedom=freedom,
+    )  # fmt: skip
 
 
 def _unfiltered(fits: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
@@ -279,10 +282,13 @@ def _verdict(fit: Fit, total: float, name: str) -> Verdict:
     pairs = zip(scale * fit.coefficients, abs(scale) * fit.standard_uncertainty, strict=True)
     figures = ", ".join(with_uncertainty(value, sigma) for value, sigma in pairs)
     text = f"{name}: the residual moment follows the {TEXTS[cause].format(figures)}; {significant(rms, 2)} N·m rms"
-    return Verdict(cause, f"b{int(np.argmax(of_axis)) + 1}", share, text, name)
+    return Verdict(cause=cause, axis=f"b{int(np.argmax(of_axis)) + 1}", share=share, text=text, run=name)
 
 
 def _line_verdict(resonance: Line, name: str) -> Verdict:
     axis = f"b{resonance.axis + 1}"
     text = f"{name}: a line at {significant(resonance.frequency)} Hz in the residual moment about {axis} (resonance); "
-    return Verdict("resonance", axis, resonance.share, f"{text}{significant(resonance.rms, 2)} N·m rms", name)
+    return Verdict(
+        cause="resonance", axis=axis, share=resonance.share, text=f"{text}{significant(resonance.rms, 2)} N·m rms",
+        run=name,
+    )  # fmt: skip

@@ -74,8 +74,9 @@ def residuals(
     alpha = smooth(phi[ALPHA].T)
     fitted = force_of_motion(force.T, upward_by_force(run, r_cg)[half + keep], phi[1:4].T, alpha)
     return Residuals(
-        run.t[half + keep] - run.t[0], left, rows, smooth(spin), fitted, phi[1:4].T, alpha, run.rate, run.band
-    )
+        t=run.t[half + keep] - run.t[0], moment=left, rows=rows, spin=smooth(spin), force=fitted, omega=phi[1:4].T,
+        alpha=alpha, rate=run.rate, band=run.band,
+    )  # fmt: skip
 
 
 def residual_moment(

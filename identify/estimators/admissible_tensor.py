@@ -205,7 +205,10 @@ def admissible(
     interval = ends(data, least + coverage_factor**2)
     interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
     distance = 0.0 if well_inside else float(np.sqrt(max(least, 0.0)))
-    return Admissible(value, interval, determined, inertia, plain, _reason(determined, inside), distance)
+    return Admissible(
+        inertia=value, interval95=interval, determined=determined, plain=inertia, plain_interval95=plain,
+        reason=_reason(determined, inside), distance=distance,
+    )  # fmt: skip
 
 
 def _rounded(data: Data, closest: np.ndarray) -> np.ndarray:

@@ -146,12 +146,15 @@ def whitened(
         np.linalg.pinv(weighted.normal, hermitian=True),
     )
     of_run = Information(
-        run, *weighted, noise, spread @ weighted.right, of_weighted, excitation(weighted.normal, noise), removed,
-        residuals.std(axis=0), correlation_time(residuals), len(residuals), gain_error(run, estimator),
-        fit.spectrum.degrees_of_freedom(weighed @ spread),
-        trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T), weighed,
+        run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=of_weighted,
+        excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
+        correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
+        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed @ spread),
+        trace=trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T), weighed=weighed,
     )  # fmt: skip
-    return Weighed(of_run, plain, _equations_of(roomy, x[:inside], *sides), scores, True)
+    return Weighed(
+        weighted=of_run, plain=plain, extended=_equations_of(roomy, x[:inside], *sides), scores=scores, enough=True
+    )
 
 
 def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
@@ -160,8 +163,9 @@ def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
     extended = Equations(weight * plain.normal, weight * plain.right, weight * plain.right_by_centre)
     factors = np.array([1, 1, weight])
     return Weighed(
-        replace(plain, weighed=rows), plain, extended, np.kron(np.outer(factors, factors), plain.scores), False
-    )
+        weighted=replace(plain, weighed=rows), plain=plain, extended=extended,
+        scores=np.kron(np.outer(factors, factors), plain.scores), enough=False,
+    )  # fmt: skip
 
 
 def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.ndarray) -> Equations:
@@ -232,7 +236,10 @@ def fitted(
     normal, right = _equations(taking, weights, values[:inside, :, None])
     normal = normal + before
     inverse = np.linalg.pinv(normal, hermitian=True)
-    return Fit(inverse @ right[:, 0], inverse, normal, weights, left, spectrum(left, free, constants, gain))
+    return Fit(
+        value=inverse @ right[:, 0], inverse=inverse, normal=normal, weights=weights, left=left,
+        spectrum=spectrum(left, free, constants, gain),
+    )  # fmt: skip
 
 
 def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -89,25 +89,19 @@ def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
     share = weights * [of_run.rows for of_run in of_runs]
     gain_error = share @ [of_run.gain_error for of_run in of_runs] / share.sum()
     return Pooled(
-        inertia,
-        bias + gain_error * inertia,
-        covariance,
-        residual,
-        by_centre,
-        weights[:, None, None] * inverse,
-        together,
-        half,
-        np.clip(freedom, 1, 1e9),
-        verdict,
-    )
+        inertia=inertia, bias=bias + gain_error * inertia, covariance=covariance, residual=residual,
+        by_centre=by_centre, by_right=weights[:, None, None] * inverse, together=together, half_width=half,
+        degrees_of_freedom=np.clip(freedom, 1, 1e9), excitation=verdict,
+    )  # fmt: skip
 
 
 def _repeats(of_runs: Sequence[Information], weights: np.ndarray, inertia: np.ndarray) -> list[Repeat]:
     """Return the data of each run for the evaluation of scatter."""
     return [
         Repeat(
-            weight * (of_run.right - of_run.normal @ inertia), of_run.inertia, np.sqrt(np.diag(of_run.covariance)),
-            bool(of_run.excitation.identifiable.all()), of_run.run.mounting,
+            score=weight * (of_run.right - of_run.normal @ inertia), inertia=of_run.inertia,
+            standard_uncertainty=np.sqrt(np.diag(of_run.covariance)),
+            alone=bool(of_run.excitation.identifiable.all()), mounting=of_run.run.mounting,
         )
         for of_run, weight in zip(of_runs, weights, strict=True)
     ]  # fmt: skip

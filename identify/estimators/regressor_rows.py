@@ -64,7 +64,9 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
             f"{run.cure('record without gaps, or choose a longer part')}"
         )
     half = (len(run.t) - phi.shape[1]) // 2
-    return Rows(phi[:, keep], force[:, keep], moment[:, keep], unbroken(keep), half + keep)
+    return Rows(
+        phi=phi[:, keep], force=force[:, keep], moment=moment[:, keep], segments=unbroken(keep), instants=half + keep
+    )
 
 
 def check_rate(run: Run, estimator: EstimatorSpec) -> None:

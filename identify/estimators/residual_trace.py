@@ -66,7 +66,10 @@ def trace(
     every = slice(None, None, -(-len(t) // POINTS))
     middle = (t[edges] + t[np.append(edges[1:], len(t)) - 1]) / 2
     moment_density = np.sqrt(np.mean(of_moment**2, axis=1))
-    return Trace(middle, low, high, frequency, of_residuals, moment_density, omega[every], alpha[every])
+    return Trace(
+        t=middle, low=low, high=high, frequency=frequency, residual_density=of_residuals, moment_density=moment_density,
+        omega=omega[every], alpha=alpha[every],
+    )  # fmt: skip
 
 
 def _edges(count: int, most: int) -> np.ndarray:

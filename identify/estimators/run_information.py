@@ -106,7 +106,10 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     residuals = about_cg.T - rows.inertial_moment(inertia)
     lines = Lines.of(rows.segments, run.rate)
     transformed, spread = rows.transformed(lines), np.linalg.pinv(normal, hermitian=True)
-    errors = _spectrum(lines, transformed, residuals, spread, estimator, run.rate, offsets)
+    errors = _spectrum(
+        lines=lines, rows=transformed, residuals=residuals, inverse=spread, estimator=estimator, rate=run.rate,
+        offsets=offsets,
+    )  # fmt: skip
     scores = errors.scores(transformed)
     sigma = alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
@@ -114,28 +117,21 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     if offsets == "estimate":
         of_mean = errors.values[0] / count
         mean_phi, mean_force, mean_moment = (mean[:, 0] for mean in means)
-        removed = estimated(mean_phi, mean_force, mean_moment, r_cg, inertia, spread @ scores @ spread, of_mean)
+        removed = estimated(
+            phi=mean_phi, force=mean_force, moment=mean_moment, r_cg=r_cg, inertia=inertia,
+            covariance=spread @ scores @ spread, of_mean=of_mean,
+        )  # fmt: skip
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
         total = count * np.einsum("kji,k->ij", OMEGA_R_OF_FEATURES, means[0][:, 0])
         scores = scores + total @ removed.covariance @ total.T
     return Information(
-        run,
-        normal,
-        right,
-        by_centre,
-        noise,
-        inertia,
-        scores,
-        excitation(normal, noise),
-        removed,
-        residuals.std(axis=0),
-        correlation_time(residuals),
-        count,
-        gain_error(run, estimator),
-        errors.degrees_of_freedom(transformed @ spread),
-        trace(run.t[rows.instants], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
-    )
+        run=run, normal=normal, right=right, right_by_centre=by_centre, noise=noise, inertia=inertia, scores=scores,
+        excitation=excitation(normal, noise), offsets=removed, residual=residuals.std(axis=0),
+        correlation_time=correlation_time(residuals), rows=count, gain_error=gain_error(run, estimator),
+        degrees_of_freedom=errors.degrees_of_freedom(transformed @ spread),
+        trace=trace(run.t[rows.instants], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
+    )  # fmt: skip
 
 
 def _equations(sums: Sums, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -68,14 +68,16 @@ def differences(
     of_weighted, of_plain = weighted.by_right, plain.by_right
     return (
         _difference(
-            of_runs, weighted, plain.inertia, plain.by_centre - weighted.by_centre, plain.by_centre,
-            [np.hstack([-g, o, zero]) for g, o in zip(of_weighted, of_plain, strict=True)],
-            [np.hstack([zero, o, zero]) for o in of_plain], of_centre,
+            of_runs=of_runs, weighted=weighted, other=plain.inertia, by_centre=plain.by_centre,
+            apart_by_centre=plain.by_centre - weighted.by_centre,
+            apart=[np.hstack([-g, o, zero]) for g, o in zip(of_weighted, of_plain, strict=True)],
+            alone=[np.hstack([zero, o, zero]) for o in of_plain], of_centre=of_centre,
         ),
         _difference(
-            of_runs, weighted, extended, extended_by_centre - weighted.by_centre, extended_by_centre,
-            [np.hstack([-g, zero, spread]) for g in of_weighted],
-            [np.hstack([zero, zero, spread])] * len(of_runs), of_centre,
+            of_runs=of_runs, weighted=weighted, other=extended, by_centre=extended_by_centre,
+            apart_by_centre=extended_by_centre - weighted.by_centre,
+            apart=[np.hstack([-g, zero, spread]) for g in of_weighted],
+            alone=[np.hstack([zero, zero, spread])] * len(of_runs), of_centre=of_centre,
         ),
     )  # fmt: skip
 

@@ -153,8 +153,10 @@ def pooling(
     count = sum(any(run.alone for run in cluster) for cluster in clusters)
     scatter = _scatter(clusters, inverse) if count > 1 else None
     return Pooling(
-        len(repeats), len(labels), from_residuals, residual_degrees_of_freedom, scatter, rms, inside,
-        _between(alone, labels), freedom, count - 1, np.zeros(6),
+        runs=len(repeats), mountings=len(labels), from_residuals=from_residuals,
+        residual_degrees_of_freedom=residual_degrees_of_freedom, from_scatter=scatter, predicted=rms,
+        between_runs=inside, between_mountings=_between(alone, labels), repeat_degrees_of_freedom=freedom,
+        scatter_degrees_of_freedom=count - 1, from_redrawn_sources=np.zeros(6),
     )  # fmt: skip
 
 

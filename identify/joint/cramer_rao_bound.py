@@ -111,7 +111,9 @@ def bound(
     scale = float(np.abs(np.asarray(body.inertia)).max())
     still = PriorBlock(np.zeros(3), np.diag(np.broadcast_to(np.square(sigma_still), 3)))
     blocks = {STATIC: PriorBlock(static, static_covariance), ("cg_from_still",): still}
-    setting = Setting(blocks, alignment, band, specific_force, gravity, scale)
+    setting = Setting(
+        blocks=blocks, alignment=alignment, band=band, specific_force=specific_force, gravity=gravity, scale=scale
+    )
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
     position = np.zeros(3) if run.imu_position is None else run.imu_position

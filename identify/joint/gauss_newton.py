@@ -64,8 +64,9 @@ def solve(
     left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
     steps = jnp.asarray(solution.stats["num_steps"]).astype(start.dtype)
     return Fit(
-        solution.value, rows.T @ rows, left, steps, jnp.asarray(solution.result == optimistix.RESULTS.successful)
-    )
+        z=solution.value, information=rows.T @ rows, residuals=left, steps=steps,
+        converged=jnp.asarray(solution.result == optimistix.RESULTS.successful),
+    )  # fmt: skip
 
 
 def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> Array:

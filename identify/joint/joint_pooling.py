@@ -50,7 +50,10 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
         covariance, prior_covariance = runs[0].posterior()
         inverse = np.linalg.inv(np.asarray(runs[0].fit.information) + np.diag(counted))
         by_prior = root @ inverse @ np.diag(counted) @ back
-        return Pooled([runs[0].theta], covariance, prior_covariance, 1.0, np.inf, by_prior, runs[0].prior.covariance)
+        return Pooled(
+            theta=[runs[0].theta], covariance=covariance, prior_covariance=prior_covariance, scatter=1.0,
+            degrees_of_freedom=np.inf, by_prior=by_prior, beforehand=runs[0].prior.covariance,
+        )  # fmt: skip
     common = np.abs(root[indices(shared)]).max(axis=0) > 0
     reduced = [_eliminated(run, common) for run in runs]
     total, right = sum(equations.matrix for equations in reduced), sum(equations.right for equations in reduced)
@@ -71,7 +74,10 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
     covariance += root[:, ~common] @ first.local_covariance @ root[:, ~common].T
     prior_covariance = root @ carried @ inverse @ precision @ inverse @ carried.T @ root.T
     by_prior = root @ carried @ inverse @ precision @ back[common]
-    return Pooled(theta, covariance, prior_covariance, scatter, freedom, by_prior, runs[0].prior.covariance)
+    return Pooled(
+        theta=theta, covariance=covariance, prior_covariance=prior_covariance, scatter=scatter,
+        degrees_of_freedom=freedom, by_prior=by_prior, beforehand=runs[0].prior.covariance,
+    )  # fmt: skip
 
 
 class _Eliminated(NamedTuple):

@@ -66,16 +66,17 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         warnings += turn_warnings(rotation, inertia, half)
     warnings += _warnings(pooled, bias, half / factor)
     return Identification(
-        inertia, bias, covariance[tensor, tensor], np.stack([inertia - half, inertia + half], axis=1),
-        value[cg], np.sqrt(np.diag(covariance)[cg]), float(value[mass]),
-        EstimatorSpec(f"joint, band {setting.band:.3g} Hz", "savitzky-golay", setting.band),
-        tuple(map(_run_estimate, joint_runs, pooled.theta)), tuple(warnings),
-        _assumptions(setting.specific_force, len(joint_runs)), _diagnostics(joint_runs, pooled, factor),
-        mass_uncertainty=float(np.sqrt(covariance[mass, mass])), cg_inertia_covariance=covariance[cg, tensor],
-        cg_covariance=covariance[cg, cg], method="joint", delay=delay, rotation=rotation,
-        offsets=offsets, mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
-        budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED,
-        lasting=_lasting(pooled, setting),
+        inertia=inertia, bias=bias, covariance=covariance[tensor, tensor],
+        interval95=np.stack([inertia - half, inertia + half], axis=1), r_cg=value[cg],
+        sigma_r_cg=np.sqrt(np.diag(covariance)[cg]), mass=float(value[mass]),
+        estimator=EstimatorSpec(f"joint, band {setting.band:.3g} Hz", "savitzky-golay", setting.band),
+        runs=tuple(map(_run_estimate, joint_runs, pooled.theta)), warnings=tuple(warnings),
+        assumptions=_assumptions(setting.specific_force, len(joint_runs)),
+        diagnostics=_diagnostics(joint_runs, pooled, factor), mass_uncertainty=float(np.sqrt(covariance[mass, mass])),
+        cg_inertia_covariance=covariance[cg, tensor], cg_covariance=covariance[cg, cg], method="joint", delay=delay,
+        rotation=rotation, offsets=offsets,
+        mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
+        budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED, lasting=_lasting(pooled, setting),
     )  # fmt: skip
 
 
@@ -248,10 +249,12 @@ def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
     covariance, _ = fitted_run.posterior()
     tensor, run, rows = SLICES["inertia"], fitted_run.run, fitted_run.model.rows
     return RunEstimate(
-        run.name, run.sha256, fitted_run.theta[tensor], np.sqrt(np.diag(covariance)[tensor]),
-        int(rows.used.sum()) * rows.factor, run.rate, np.sqrt(np.diag(fitted_run.noise)[-3:]), 1 / run.rate,
-        _offsets(theta, covariance), True, run.segments, run.detected, run.left_out, run.overview,
-        theta[SLICES["force_offset"]], trace=_trace(fitted_run, theta),
+        file=run.name, sha256=run.sha256, inertia=fitted_run.theta[tensor],
+        standard_uncertainty=np.sqrt(np.diag(covariance)[tensor]), samples=int(rows.used.sum()) * rows.factor,
+        rate=run.rate, residual=np.sqrt(np.diag(fitted_run.noise)[-3:]), correlation_time=1 / run.rate,
+        offsets=_offsets(theta, covariance), alone=True, segments=run.segments, detected=run.detected,
+        left_out=run.left_out, overview=run.overview, force_offset=theta[SLICES["force_offset"]],
+        trace=_trace(fitted_run, theta),
     )  # fmt: skip
 
 

@@ -94,7 +94,9 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
         fit, left = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
     except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
         raise _without_solution(run.name) from None
-    return JointRun(run, model, beforehand, fit, left * model.rows.factor, gyro_noise)
+    return JointRun(
+        run=run, model=model, prior=beforehand, fit=fit, noise=left * model.rows.factor, gyro_noise=gyro_noise
+    )
 
 
 def fitted(model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
@@ -137,10 +139,10 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
     )
     to_imu = exponential(np.asarray(alignment.rotation, float)).T
     up, gravity = to_imu[:, 2], np.asarray(float(setting.gravity))
-    model = Model(rows, up, gravity, imu_position, kind)
+    model = Model(rows=rows, up=up, gravity=gravity, imu_position=imu_position, specific_force=kind)
     if kind == "still" and alignment.sigma_tilt is None:
         up = _up(model, to_imu, _start_bias(model, to_imu, alignment))
-        model = Model(rows, up, gravity, imu_position, kind)
+        model = Model(rows=rows, up=up, gravity=gravity, imu_position=imu_position, specific_force=kind)
     return model, beforehand
 
 

@@ -52,9 +52,9 @@ class JointEstimator(Estimator):
         specific_force = specific_force_source(problem)
         problem = replace(problem, errors=beside_alignment(problem.errors))
         setting = Setting(
-            prior_blocks(problem, specific_force), problem.alignment or Alignment(), band, specific_force,
-            problem.gravity, tensor_scale(problem.runs, band), errors=problem.errors,
-            lasting={} if problem.centre is None else problem.centre.lasting_errors,
+            blocks=prior_blocks(problem, specific_force), alignment=problem.alignment or Alignment(), band=band,
+            specific_force=specific_force, gravity=problem.gravity, scale=tensor_scale(problem.runs, band),
+            errors=problem.errors, lasting={} if problem.centre is None else problem.centre.lasting_errors,
         )  # fmt: skip
         fitted = [joint_run(run, setting) for run in problem.runs]
         if specific_force == "still":

@@ -68,13 +68,14 @@ def result_of(
     warned = check_precision("float64")
     sigma, inertia, half, seen = problem.sigma_r_cg, pooled.inertia, pooled.half_width, pooled.excitation.identifiable
     result = Identification(
-        inertia, pooled.bias, pooled.covariance, np.stack([inertia - half, inertia + half], axis=1), problem.r_cg,
-        sigma, problem.mass, spec,
-        tuple(run_estimate(run, problem.r_cg, problem.mass) for run in informations),
-        (*warned, *warnings, *_warnings(informations, pooled)), _assumptions(problem.offsets),
-        _diagnostics(problem, spec, pooled),
-        offsets=problem.offsets, cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method,
-        pooling=pooled.together, seen=None if seen.all() else pooled.seen,
+        inertia=inertia, bias=pooled.bias, covariance=pooled.covariance,
+        interval95=np.stack([inertia - half, inertia + half], axis=1), r_cg=problem.r_cg, sigma_r_cg=sigma,
+        mass=problem.mass, estimator=spec,
+        runs=tuple(run_estimate(run, problem.r_cg, problem.mass) for run in informations),
+        warnings=(*warned, *warnings, *_warnings(informations, pooled)), assumptions=_assumptions(problem.offsets),
+        diagnostics=_diagnostics(problem, spec, pooled), offsets=problem.offsets,
+        cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method, pooling=pooled.together,
+        seen=None if seen.all() else pooled.seen,
     )  # fmt: skip
     return within_bodies(with_centre(result, problem.centre) if problem.centre else result, problem.runs)
 

@@ -112,8 +112,9 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> E
     before = float((base.residuals**2).sum())
     share = (before - float((after**2).sum())) / max(before, 1e-300)
     return Evidence(
-        cause, basis @ along, basis @ spread @ basis.T, logarithm, chance, share, follows @ (basis @ along), columns
-    )
+        cause=cause, coefficients=basis @ along, covariance=basis @ spread @ basis.T, logarithm=logarithm,
+        chance=chance, share=share, shift=follows @ (basis @ along), columns=columns,
+    )  # fmt: skip
 
 
 def spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:

@@ -187,7 +187,10 @@ def _predicted(
             covariance[4:, 4:] += made @ made.T
     local = np.concatenate(list(blocks.values()), axis=2)
     freedom = np.inf if estimate.pooling is None else float(estimate.pooling.residual_degrees_of_freedom.min())
-    return _compared(run, fit, lines, y, local, ten @ root_of(covariance), noise_of(others), freedom)
+    return _compared(
+        run=run, fit=fit, lines=lines, y=y, local=local, by_estimate=ten @ root_of(covariance), noise=noise_of(others),
+        freedom_of_estimate=freedom,
+    )  # fmt: skip
 
 
 def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem) -> dict[str, np.ndarray]:
@@ -271,10 +274,13 @@ def _compared(
     shown = slice(max(middle - reach, 0), middle + reach)
     in_time, errors_in_time = (_samples(signal, count)[shown] for signal in (in_band, errors))
     return HeldOutRun(
-        run.name, np.sqrt(total / count), np.sqrt(of_noise.sum(axis=0) / count),
-        np.sqrt(np.einsum("app->a", spread) / count), np.sqrt((in_band[1:] ** 2).sum(axis=0) / count), freedom,
-        np.maximum(noise.freedom, 1.0), scipy.special.fdtrc(freedom, noise.freedom, total / variance), body, chance,
-        fit.prediction.signals.t[shown], in_time, in_time - errors_in_time,
+        file=run.name, rms=np.sqrt(total / count), noise=np.sqrt(of_noise.sum(axis=0) / count),
+        of_estimate=np.sqrt(np.einsum("app->a", spread) / count),
+        measured_rms=np.sqrt((in_band[1:] ** 2).sum(axis=0) / count), degrees_of_freedom=freedom,
+        noise_degrees_of_freedom=np.maximum(noise.freedom, 1.0),
+        probability=scipy.special.fdtrc(freedom, noise.freedom, total / variance), body_ratio=body,
+        body_probability=chance, t=fit.prediction.signals.t[shown], measured=in_time,
+        predicted=in_time - errors_in_time,
     )  # fmt: skip
 
 

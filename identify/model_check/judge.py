@@ -115,12 +115,22 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
             f"{signed(GRAM_METRE * shift[worst])} g·m²"
         )
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[3:]))
-        verdicts.append(Verdict(cause.evidence.cause.name, f"b{axis + 1}", cause.evidence.share, text, run.name))
+        verdicts.append(
+            Verdict(
+                cause=cause.evidence.cause.name,
+                axis=f"b{axis + 1}",
+                share=cause.evidence.share,
+                text=text,
+                run=run.name,
+            )
+        )
         total = total + shift
     if not named and not verdicts:
         apart = difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
         if apart.clear:
-            verdicts.append(Verdict("least squares", "", 0.0, f"{run.name}: {apart.text}", run.name))
+            verdicts.append(
+                Verdict(cause="least squares", axis="", share=0.0, text=f"{run.name}: {apart.text}", run=run.name)
+            )
             total = np.hypot(total, apart.value)
     lines = _lines(run, result)
     if left_over > UNEXPLAINED:
@@ -141,7 +151,7 @@ def _unexplained(run: Run, left_over: float, row: int) -> Verdict:
         f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
         "where the motion is: something that is none of the causes looked for; the interval is that much wider"
     )
-    return Verdict("unexplained", on, 1 - left_over**-2, text, run.name)
+    return Verdict(cause="unexplained", axis=on, share=1 - left_over**-2, text=text, run=run.name)
 
 
 def _adds(of_mounting: np.ndarray) -> str:
@@ -174,7 +184,15 @@ def _saturated(run: Run) -> list[Verdict]:
                         f"{run.name}: the {name} on b{axis} stays at {significant(levels[end], 4)} in {counts[end]} "
                         "samples: the sensor's range ends there (saturation); move less"
                     )
-                    verdicts.append(Verdict("saturation", f"b{axis}", counts[end] / len(values), text, run.name))
+                    verdicts.append(
+                        Verdict(
+                            cause="saturation",
+                            axis=f"b{axis}",
+                            share=counts[end] / len(values),
+                            text=text,
+                            run=run.name,
+                        )
+                    )
     return verdicts
 
 
@@ -268,9 +286,11 @@ def declared_of(run: Run, result: Identification, problem: Problem, force_from: 
     unstated = ("mass",) if "mass" not in root and problem.mass is None else ()
     flat = ("inertia", "force_offset", "moment_offset", *unstated)
     return Declared(
-        mean, root, flat, problem.gravity, np.zeros(3) if run.imu_position is None else run.imu_position,
-        np.broadcast_to(np.asarray(alignment.sigma_gyro_bias, float), (3,)),
-        noise_level(*(run.omega[segment] for segment in run.used())) / np.sqrt(run.rate), reference,
+        mean=mean, root=root, flat=flat, gravity=problem.gravity,
+        imu_position=np.zeros(3) if run.imu_position is None else run.imu_position,
+        gyro_bias=np.broadcast_to(np.asarray(alignment.sigma_gyro_bias, float), (3,)),
+        gyro_density=noise_level(*(run.omega[segment] for segment in run.used())) / np.sqrt(run.rate),
+        reference=reference,
     )  # fmt: skip
 
 

@@ -46,7 +46,7 @@ class Peak(NamedTuple):
             f"{run.name}: the {self.quantity} on {on} shakes at about {significant(self.frequency)} Hz, "
             f"{significant(self.rms, 2)} {unit} rms (resonance); stiffen or damp what rings{adds}"
         )
-        return Verdict("resonance", on, self.share, text, run.name)
+        return Verdict(cause="resonance", axis=on, share=self.share, text=text, run=run.name)
 
 
 def resonance(run: Run, band: float) -> Peak | None:

@@ -127,7 +127,10 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
     started = [name for name in declared.reference if name in declared.root]
     distance = {name: np.linalg.lstsq(declared.root[name], x[name] - declared.mean[name])[0] for name in started}
     for step in range(STEPS):
-        prediction = Prediction(signals, dict(x), force_from, declared.gravity, declared.imu_position)
+        prediction = Prediction(
+            signals=signals, x=dict(x), force_from=force_from, gravity=declared.gravity,
+            imu_position=declared.imu_position,
+        )  # fmt: skip
         blocks = {name: block_of(prediction, recorded, declared, name) for name in names}
         lines = Lines(signals.interval, signals.band, whitener, r_cg)
         columns = lines(np.concatenate(list(blocks.values()), axis=2))
@@ -156,7 +159,10 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
         signals = recorded.signals(slow, x)
     ends = np.cumsum(list(sizes.values())).tolist()
     places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
-    return RunFit(prediction, lines, left, columns, precision, places, declared.root, z)
+    return RunFit(
+        prediction=prediction, lines=lines, residuals=left, columns=columns, precision=precision, places=places,
+        root=declared.root, numbers=z,
+    )  # fmt: skip
 
 
 def block_of(prediction: Prediction, recorded: Recorded, declared: Declared, name: str) -> Columns:

@@ -106,7 +106,10 @@ def effort(
         )
 
     leg_motion, force, angle, cell_force, cell_moment, acceleration = jax.vmap(of_instant)(motion.pose, motion.twist)
-    return Effort(leg_motion, force, angle, cell_force, cell_moment, motion.twist.omega, acceleration)
+    return Effort(
+        legs=leg_motion, force=force, joint_angle=angle, cell_force=cell_force, cell_moment=cell_moment,
+        omega=motion.twist.omega, body_acceleration=acceleration,
+    )  # fmt: skip
 
 
 class Limits(NamedTuple):
@@ -138,7 +141,10 @@ class Limits(NamedTuple):
         """Return no limits at all."""
         free, six, three = np.array(np.inf), np.full(6, np.inf), np.full(3, np.inf)
         ends = np.stack([np.zeros(6), six], axis=1)
-        return cls(ends, six, six, six, free, three, three, free, free, np.inf)
+        return cls(
+            length=ends, speed=six, acceleration=six, force=six, joint_angle=free, cell_force=three, cell_moment=three,
+            gyro_range=free, body_acceleration=free, bandwidth=np.inf,
+        )  # fmt: skip
 
 
 def needs(asked: Effort, bandwidth: float = np.inf) -> Limits:

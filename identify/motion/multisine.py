@@ -73,7 +73,10 @@ class Multisine(Trajectory):
         start = None if self.start is None else duration / np.asarray(self.duration) * np.asarray(self.start)
         if start is not None and np.isfinite(self.period):  # ramps then meet the same phases
             start = np.round(start / self.period) * self.period
-        return Multisine(self.frequency, self.cosine, self.sine, np.array(float(duration)), self.ramp, start)
+        return Multisine(
+            frequency=self.frequency, cosine=self.cosine, sine=self.sine, duration=np.array(float(duration)),
+            ramp=self.ramp, start=start,
+        )  # fmt: skip
 
     @property
     def shortest(self) -> float:

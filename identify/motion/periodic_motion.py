@@ -116,7 +116,9 @@ def moved(
     specific = (
         turning_acceleration + jnp.einsum("nji,nj->ni", rotation, acceleration[:, :3]) + gravity * rotation[:, 2, :]
     )
-    return Moved(of_platform, Motion(t, omega.T, alpha.T, rotation, specific.T), jerk.T)
+    return Moved(
+        of_platform, Motion(t=t, omega=omega.T, alpha=alpha.T, rotation=rotation, specific_force_cg=specific.T), jerk.T
+    )
 
 
 def turning(

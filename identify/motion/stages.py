@@ -128,7 +128,9 @@ class Stages(Pytree):
         cosine, sine = np.concatenate([np.asarray(self.periodic.amplitudes(motion)) for motion in motions], axis=2)
         start = None if self.count == 1 else np.repeat(border[:-1], len(self.periodic.frequency))
         frequency, duration = np.tile(self.periodic.frequency, self.count), np.array(border[-1])
-        return Multisine(frequency, cosine, sine, duration, np.array(self.ramp), start)
+        return Multisine(
+            frequency=frequency, cosine=cosine, sine=sine, duration=duration, ramp=np.array(self.ramp), start=start
+        )
 
 
 def rising(t: Float[np.ndarray, " n"], ramp: float) -> Float[Array, "4 n"]:

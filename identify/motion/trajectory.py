@@ -142,7 +142,7 @@ def sample(
     acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(jnp.asarray(r_cg_from_still), omega, alpha)
     moving = jnp.einsum("nji,nj->ni", rotation, jax.vmap(lambda at: acceleration_of(trajectory, at))(t))
     specific_force = acceleration + moving + gravity * rotation[:, 2, :]  # -R g, with R the transpose of R_AB
-    return Motion(t, omega.T, alpha.T, rotation, specific_force.T)
+    return Motion(t=t, omega=omega.T, alpha=alpha.T, rotation=rotation, specific_force_cg=specific_force.T)
 
 
 _accelerations_at = jax.jit(jax.vmap(acceleration_at, in_axes=(None, 1, 1), out_axes=1))

@@ -130,14 +130,28 @@ def discordant_runs(runs: Sequence[RunEstimate], redrawn: np.ndarray) -> tuple[D
             cluster = clusters[at]
             files = tuple(runs[index].file for index in cluster)
             departing.append(
-                Discordant(tuple(cluster), files, labels[at], COMPONENTS[component], difference, uncertainty)
+                Discordant(
+                    indices=tuple(cluster),
+                    files=files,
+                    mounting=labels[at],
+                    component=COMPONENTS[component],
+                    difference=difference,
+                    standard_uncertainty=uncertainty,
+                )
             )
     for cluster in clusters:
         values, u = (np.array([getattr(runs[index], name) for index in cluster]) for name in COLUMNS)
         for at, component, difference, uncertainty in discordant(values, np.maximum(u, 1e-300)):
             index = cluster[at]
             departing.append(
-                Discordant((index,), (runs[index].file,), None, COMPONENTS[component], difference, uncertainty)
+                Discordant(
+                    indices=(index,),
+                    files=(runs[index].file,),
+                    mounting=None,
+                    component=COMPONENTS[component],
+                    difference=difference,
+                    standard_uncertainty=uncertainty,
+                )
             )
     return tuple(departing)
 

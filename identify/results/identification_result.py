@@ -298,8 +298,9 @@ class Identification(Result):
         """Return its part of a report; :class:`uq.identification.certificate.Certificate` makes it a certificate."""
         assumptions = list(map(sentence, self.assumptions))
         return Section(
-            self.title(), (), self.warnings, self.tables(), self.drawings(), (), assumptions, self.provenance
-        )
+            title=self.title(), computed=(), findings=self.warnings, tables=self.tables(), drawings=self.drawings(),
+            details=(), assumptions=assumptions, provenance=self.provenance,
+        )  # fmt: skip
 
 
 def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:

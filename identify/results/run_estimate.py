@@ -72,11 +72,13 @@ def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None)
     """Return a run's own estimate; ``mass`` [kg], where stated, determines the force's offset."""
     run = information.run
     return RunEstimate(
-        run.name, run.sha256, information.inertia, np.sqrt(np.diag(information.covariance)), information.rows, run.rate,
-        information.residual, information.correlation_time / run.rate, information.offsets,
-        bool(information.excitation.identifiable.all()), run.segments, run.detected, run.left_out, run.overview,
-        None if information.offsets is None else force_offset(run, r_cg, mass), run.mounting, information.weight,
-        information.trace, information.weighed,
+        file=run.name, sha256=run.sha256, inertia=information.inertia,
+        standard_uncertainty=np.sqrt(np.diag(information.covariance)), samples=information.rows, rate=run.rate,
+        residual=information.residual, correlation_time=information.correlation_time / run.rate,
+        offsets=information.offsets, alone=bool(information.excitation.identifiable.all()), segments=run.segments,
+        detected=run.detected, left_out=run.left_out, overview=run.overview,
+        force_offset=None if information.offsets is None else force_offset(run, r_cg, mass), mounting=run.mounting,
+        weight=information.weight, trace=information.trace, weighed=information.weighed,
     )  # fmt: skip
 
 

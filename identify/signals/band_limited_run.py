@@ -99,9 +99,9 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
     motion = np.hstack([run.omega, run.specific_force]) if accelerometer else run.omega  # type: ignore[list-item]
     usable = _usable(run, len(taps))[first :: fine * stride][:rows]
     return InBand(
-        step * np.arange(margin, margin + rows * stride, stride), wrench[:, :3].T, wrench[:, 3:].T, usable,
-        uniform_spline(_decimated(motion, taps, fine), step, degree=DEGREE).pieces, float(step), stride, margin,
-        fine * stride, float(band),
+        t=step * np.arange(margin, margin + rows * stride, stride), force=wrench[:, :3].T, moment=wrench[:, 3:].T,
+        used=usable, motion=uniform_spline(_decimated(motion, taps, fine), step, degree=DEGREE).pieces,
+        step=float(step), stride=stride, first=margin, factor=fine * stride, band=float(band),
     )  # fmt: skip
 
 

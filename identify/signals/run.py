@@ -154,7 +154,10 @@ class Run:
         more = {} if specific_force is None else {"specific force": specific_force}
         at_imu, motion = _checked(name, "angular velocity", t_imu, omega=omega, **more)
         if np.array_equal(at, at_imu) and is_uniform(at) and not any(map(np.size, bad)):
-            return cls(at, wrench[0], wrench[1], motion[0], name, sha256, specific_force=motion[1] if more else None)
+            return cls(
+                t=at, force=wrench[0], moment=wrench[1], omega=motion[0], name=name, sha256=sha256,
+                specific_force=motion[1] if more else None,
+            )  # fmt: skip
         start, stop = max(at[0], at_imu[0]), min(at[-1], at_imu[-1])
         if stop <= start:
             raise RunError(
@@ -183,18 +186,11 @@ class Run:
         of_wrench, of_motion = interpolate(at_wrench, columns[0], t), interpolate(at_motion, columns[1], t)
         missing = gap | near_bad
         return cls(
-            t,
-            of_wrench[:, :3],
-            of_wrench[:, 3:],
-            of_motion[:, :3],
-            name,
-            sha256,
-            missing if missing.any() else None,
-            tuple(warnings),
-            {"in a gap": int(gap.sum())} if gap.any() else {},
-            specific_force=of_motion[:, 3:] if more else None,
-            sensor_rates=(1 / intervals[0], 1 / intervals[1]),
-        )
+            t=t, force=of_wrench[:, :3], moment=of_wrench[:, 3:], omega=of_motion[:, :3], name=name, sha256=sha256,
+            missing=missing if missing.any() else None, warnings=tuple(warnings),
+            left_out={"in a gap": int(gap.sum())} if gap.any() else {},
+            specific_force=of_motion[:, 3:] if more else None, sensor_rates=(1 / intervals[0], 1 / intervals[1]),
+        )  # fmt: skip
 
     def between(self, start: float, stop: float) -> "Run":
         """Return the part of the run from ``start`` to ``stop`` [s].

@@ -77,8 +77,9 @@ def centre(
         covariance[0, 0] = mass[1] ** 2
         lasting[0] = 0.0
     result = Centre(
-        float(values[0]), values[1:4], values[4:7], values[7:], covariance, solution.residuals, degrees, gravity,
-        gain=check, largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
+        mass=float(values[0]), r_cg=values[1:4], force_offset=values[4:7], moment_offset=values[7:],
+        covariance=covariance, residuals=solution.residuals, degrees_of_freedom=degrees, gravity=gravity, gain=check,
+        largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
     )  # fmt: skip
     return _warned(result)
 

@@ -247,16 +247,16 @@ class Centre(Result):
     def section(self) -> Section:
         """Return its part of a report."""
         return Section(
-            "Mass and centre of gravity of a body",
-            [f"From static poses, by least squares: {self.title()}; local gravity {self.gravity:.6g} m/s². "
+            title="Mass and centre of gravity of a body",
+            computed=[f"From static poses, by least squares: {self.title()}; local gravity {self.gravity:.6g} m/s². "
              "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty.",
              *map(sentence, self.findings())],
-            self.warnings,
-            self.tables(),
-            self.drawings(),
-            [self._correlations()],
-            list(map(sentence, self.assumptions)),
-            self.provenance,
+            findings=self.warnings,
+            tables=self.tables(),
+            drawings=self.drawings(),
+            details=[self._correlations()],
+            assumptions=list(map(sentence, self.assumptions)),
+            provenance=self.provenance,
         )  # fmt: skip
 
 
@@ -313,14 +313,14 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
     lasting = None if content.content.get("lasting") is None else content.array("lasting", shape=(n, -1))
     return cls(
-        mass,
-        content.array("cg", "value", shape=(3,)),
-        content.array("offsets", "force", "value", shape=(3,)),
-        content.array("offsets", "moment", "value", shape=(3,)),
-        covariance,
-        content.array("residuals", shape=(-1, 6)),
-        np.array(free, float),
-        float(content.array("gravity", shape=())),
+        mass=mass,
+        r_cg=content.array("cg", "value", shape=(3,)),
+        force_offset=content.array("offsets", "force", "value", shape=(3,)),
+        moment_offset=content.array("offsets", "moment", "value", shape=(3,)),
+        covariance=covariance,
+        residuals=content.array("residuals", shape=(-1, 6)),
+        degrees_of_freedom=np.array(free, float),
+        gravity=float(content.array("gravity", shape=())),
         warnings=content.texts("warnings"),
         assumptions=content.texts("assumptions"),
         provenance=dict(provenance),

@@ -64,4 +64,6 @@ def gain_check(mass: float, sigma: float, cell_mass: float, sigma_cell_mass: flo
     mass, sigma = float(mass), float(sigma)  # JSON does not take NumPy scalars
     ratio = cell_mass / mass
     spread = ratio * ((sigma / mass) ** 2 + (sigma_cell_mass / cell_mass) ** 2) ** 0.5
-    return GainCheck(mass, sigma, ratio, spread, factor)
+    return GainCheck(
+        mass=mass, standard_uncertainty=sigma, ratio=ratio, ratio_uncertainty=spread, coverage_factor=factor
+    )

@@ -84,7 +84,10 @@ def fit(
         common_effect = np.column_stack([factor @ common_effect, mass_gain * mass[1]])
     covariance = _covariance(gain, scatter, tilts, common_effect)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
-    return Fit(values, covariance, measured - rows @ values, degrees, common_effect[:, :lasting])
+    return Fit(
+        values=values, covariance=covariance, residuals=measured - rows @ values, degrees_of_freedom=degrees,
+        lasting=common_effect[:, :lasting],
+    )  # fmt: skip
 
 
 def predicted_fit(

@@ -58,17 +58,20 @@ class Arm:
         placements, links = [model.jointPlacements[k] for k in numbers], [model.inertias[k] for k in numbers]
         tool = model.frames[frame].placement
         chain = SerialChain(
-            np.array([each.rotation for each in placements]), np.array([each.translation for each in placements]),
-            np.where(np.array(slides)[:, None], axes[:, :3], axes[:, 3:]), np.array(tool.rotation),
-            np.array(tool.translation), np.array([link.mass for link in links]),
-            np.array([link.lever for link in links]), np.array([pack(np.array(link.inertia)) for link in links]),
-            slides,
+            rotation=np.array([each.rotation for each in placements]),
+            position=np.array([each.translation for each in placements]),
+            axis=np.where(np.array(slides)[:, None], axes[:, :3], axes[:, 3:]), tool_rotation=np.array(tool.rotation),
+            tool_position=np.array(tool.translation), mass=np.array([link.mass for link in links]),
+            r_cg=np.array([link.lever for link in links]),
+            inertia=np.array([pack(np.array(link.inertia)) for link in links]), prismatic=slides,
         )  # fmt: skip
         names = tuple(model.names[k] for k in numbers)
         limits = list(_limits(model, declared, numbers, slides))
+        speed, acceleration, effort = (np.array([rates[k] for _, rates in limits]) for k in range(3))
         arm = cls(
-            declared, model, chain, names, _home(declared, names, slides), np.array([each[0] for each in limits]),
-            *(np.array([each[1][k] for each in limits]) for k in range(3)),
+            declared=declared, model=model, chain=chain, names=names, home=_home(declared, names, slides),
+            position=np.array([position for position, _ in limits]), speed=speed, acceleration=acceleration,
+            effort=effort,
         )  # fmt: skip
         for name, at, (low, high) in zip(names, arm.home, arm.position, strict=True):
             if not low <= at <= high:

@@ -112,7 +112,10 @@ def design_arm(
     measure = goal_function(goal, experiment, reference.covariance)
     designed, ends = searched(search, measure, starts=starts, seed=seed, rounds=rounds, steps=steps, tell=tell)
     motions = {"designed": designed, "random": reference, "single": single}
-    return ArmDesign(experiment, limits, noise, goal, motions, duration, tuple(ends))
+    return ArmDesign(
+        experiment=experiment, limits=limits, noise=noise, goal=goal, motions=motions, duration=duration,
+        starts=tuple(ends),
+    )  # fmt: skip
 
 
 def searched(

@@ -171,8 +171,9 @@ class ArmDesignReport(Result):
     def section(self) -> Section:
         """Return its part of a report."""
         return Section(
-            "The best motion that an arm can run", [*self.verdicts()[1:], COMPUTED], self.findings(), self.tables(),
-            self.drawings(), source_tables(self.provenance), ASSUMPTIONS, self.provenance,
+            title="The best motion that an arm can run", computed=[*self.verdicts()[1:], COMPUTED],
+            findings=self.findings(), tables=self.tables(), drawings=self.drawings(),
+            details=source_tables(self.provenance), assumptions=ASSUMPTIONS, provenance=self.provenance,
             verdict=self.verdicts()[0],
         )  # fmt: skip
 

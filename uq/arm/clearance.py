@@ -208,4 +208,7 @@ def _shape(each: Any) -> Shape:
     low, high = np.array(box.min_).ravel(), np.array(box.max_).ravel()
     turn, place = np.array(each.placement.rotation), np.array(each.placement.translation)
     is_round = type(each.geometry).__name__ in ("Cylinder", "Capsule", "Sphere")
-    return Shape(int(each.parentJoint), turn, place + turn @ (low + high) / 2, (high - low) / 2, is_round)
+    return Shape(
+        link=int(each.parentJoint), rotation=turn, position=place + turn @ (low + high) / 2, half=(high - low) / 2,
+        is_round=is_round,
+    )  # fmt: skip

@@ -247,8 +247,9 @@ def compare(result: Identification, reference: Reference) -> Comparison:
     mass = (float(ten.mass), float(u[0])) if np.isfinite(ten.mass) and np.isfinite(u[0]) else None
     alone = [run.inertia - result.taken_off for run in result.runs if run.alone]
     return Comparison(
-        reference, ten.tensor, np.array(alone).reshape(-1, 6), suspicions(ten.tensor, reference), mass,
-        (np.asarray(ten.r_cg), u[1:4]), np.fmax(result.coverage_factors, USUAL), result.provenance,
+        reference=reference, measured=ten.tensor, repeats=np.array(alone).reshape(-1, 6),
+        suspicions=suspicions(ten.tensor, reference), mass=mass, centre=(np.asarray(ten.r_cg), u[1:4]),
+        factor=np.fmax(result.coverage_factors, USUAL), provenance=result.provenance,
     )  # fmt: skip
 
 

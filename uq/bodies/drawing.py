@@ -217,7 +217,10 @@ def _part(where: str, table: Shape, quantities: Quantities, material: Mapping[st
     sign = -1.0 if table.hole else 1.0
     solid = table.solid(where, quantities)
     position = quantities.add_vector(f"{where}.position", table.position)
-    return _Drawn(solid, position, table.turn, sign, _mass(where, table, quantities, material, sign))
+    return _Drawn(
+        solid=solid, position=position, rotation=table.turn, sign=sign,
+        mass=_mass(where, table, quantities, material, sign),
+    )  # fmt: skip
 
 
 def _mass(

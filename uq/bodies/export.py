@@ -118,7 +118,9 @@ def _body(result: Any, *, force: bool) -> tuple[ExportedBody, tuple[str, ...]]:
     runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
     notes = tuple(_notes(parameters, frame, runs, warnings))
     content = {"frame": frame} | _content(parameters, runs, warnings)
-    return ExportedBody(float(parameters.mass), parameters.r_cg, parameters.inertia, notes, content), warnings
+    return ExportedBody(
+        mass=float(parameters.mass), r_cg=parameters.r_cg, inertia=parameters.inertia, notes=notes, content=content
+    ), warnings
 
 
 def _parameters(result: Any) -> tuple[InertialParameters, str]:

@@ -5,6 +5,7 @@ sign), in kg, m and kg·m² unless a format says otherwise; principal moments co
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 
@@ -87,7 +88,7 @@ def commented(body: ExportedBody, mark: str) -> list[str]:
     return [f"{mark}{note}" for note in body.notes]
 
 
-def xml_document(body: ExportedBody, *lines: str) -> str:
+def xml_document(body: ExportedBody, lines: Sequence[str]) -> str:
     """Return an XML file of these lines, the body's notes in a comment before them."""
     notes = [f"     {re.sub('-(?=-|$)', '- ', note)}" for note in body.notes]
     comment = ["<!--", *notes, "-->"] if notes else []

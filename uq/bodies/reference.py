@@ -187,11 +187,12 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
         raise ExperimentError(f"{wrong}: check holes and masses")
     warnings = (*warned, *([f"{wrong} as its report is read: check about, products and units"] if wrong else []))
     origin = np.array([mean(coordinate) for coordinate in frame.origin])
-    conventions = ("CG", "tensor") if cad is None else (cad.about, cad.products)
+    about, products = ("CG", "tensor") if cad is None else (cad.about, cad.products)
     kind: Literal["drawing", "CAD report"] = "drawing" if cad is None else "CAD report"
     return Reference(
-        name, parameters, contributions, kind, frame.axes, origin, *conventions, warnings=warnings, document=document
-    )
+        name=name, parameters=parameters, contributions=contributions, kind=kind, rotation=frame.axes, origin=origin,
+        about=about, products=products, warnings=warnings, document=document,
+    )  # fmt: skip
 
 
 def _propagated(model: Model, quantities: Quantities) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:

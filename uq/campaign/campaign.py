@@ -90,7 +90,10 @@ def montecarlo(
     plan = replace(plan, dtype="float32") if warned else plan
     chosen = chosen_estimators(experiment, estimators)
     names = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
-    asked = _Asked(experiment, chosen, names, trials, seed, plan, options)
+    asked = _Asked(
+        experiment=experiment, estimators=chosen, trajectories=names, trials=trials, seed=seed, plan=plan,
+        options=options,
+    )  # fmt: skip
     store = options.checkpoint
     store = checkpoint_of(store) if isinstance(store, (str, Path)) else store
     try:

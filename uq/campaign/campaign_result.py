@@ -221,17 +221,11 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         few, tables = len(pairs) <= FEW, self.tables()
         details = [table for table in (*tables[:2], *self.details()) if few or table != tables[0]]
         return Section(
-            "Monte Carlo of an inertia tensor",
-            [self.computed(), INDEX],
-            self.findings(),
-            [*(pairs if few else tables[:1]), *tables[2:]],
-            self.drawings(),
-            details,
-            [*METHOD, *source_assumptions(self.provenance)],
-            self.provenance,
-            verdict=self.verdict(),
-            headline=len(pairs) if few else 1,
-        )
+            title="Monte Carlo of an inertia tensor", computed=[self.computed(), INDEX], findings=self.findings(),
+            tables=[*(pairs if few else tables[:1]), *tables[2:]], drawings=self.drawings(), details=details,
+            assumptions=[*METHOD, *source_assumptions(self.provenance)], provenance=self.provenance,
+            verdict=self.verdict(), headline=len(pairs) if few else 1,
+        )  # fmt: skip
 
     def verdict(self) -> str:
         """Return in a sentence whether mean errors exceed their dispersion."""

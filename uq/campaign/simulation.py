@@ -57,8 +57,22 @@ class SimulatedRun:
         }
         write(
             path,
-            wrench=WrenchChannel("/wrench", "body", stamp, stamp, self.run.force, self.run.moment),
-            imu=ImuChannel("/imu", "body", stamp, stamp, self.run.omega, self.specific_force),
+            wrench=WrenchChannel(
+                topic="/wrench",
+                frame_id="body",
+                log_time=stamp,
+                stamp=stamp,
+                force=self.run.force,
+                moment=self.run.moment,
+            ),
+            imu=ImuChannel(
+                topic="/imu",
+                frame_id="body",
+                log_time=stamp,
+                stamp=stamp,
+                angular_velocity=self.run.omega,
+                linear_acceleration=self.specific_force,
+            ),
             metadata={"rig.run": about},
             overwrite=overwrite,
         )
@@ -94,7 +108,10 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
         name=f"simulated {name}",
         warnings=tuple(warnings),
     )
-    return SimulatedRun(run, np.asarray(specific_force), np.asarray(rotation), name, seed, trial)
+    return SimulatedRun(
+        run=run, specific_force=np.asarray(specific_force), rotation=np.asarray(rotation), trajectory=name, seed=seed,
+        trial=trial,
+    )  # fmt: skip
 
 
 @CompiledProgram

@@ -141,7 +141,10 @@ def _beside(
         return
     from uq.live.second_process import SecondProcess
 
-    process = SecondProcess(arguments.rig, arguments.identify, str(path), target, reached, arguments.live)
+    process = SecondProcess(
+        rig=arguments.rig, experiment=arguments.identify, run=str(path), target=target, reached=reached,
+        live=arguments.live,
+    )  # fmt: skip
     try:
         yield process
     finally:

@@ -266,12 +266,10 @@ def validate(
             raise ValueError("Argument `uncertainty` must be given where `tolerance` is not, but neither is.")
         tolerance = numerical_tolerance(uncertainty, digits)
     return Verdict(
-        interval.probability,
-        np.asarray(low - interval.low),
-        np.asarray(high - interval.high),
-        np.broadcast_to(np.asarray(tolerance, float), interval.low.shape),
-        np.asarray(2 * np.maximum(interval.low_standard_error, interval.high_standard_error)),
-    )
+        probability=interval.probability, d_low=np.asarray(low - interval.low), d_high=np.asarray(high - interval.high),
+        tolerance=np.broadcast_to(np.asarray(tolerance, float), interval.low.shape),
+        resolution=np.asarray(2 * np.maximum(interval.low_standard_error, interval.high_standard_error)),
+    )  # fmt: skip
 
 
 def _reason(d_low: float, d_high: float, delta: float, resolution: float) -> str:

@@ -94,7 +94,10 @@ def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> Ellipsoi
     factor = quantile(distance(draws, centre, covariance), probability)
     halves = draws[::2], draws[1::2]
     inside = [_inside(halves[0], halves[1], probability), _inside(halves[1], halves[0], probability)]
-    return EllipsoidalRegion(probability, centre, covariance, factor, _share(np.concatenate(inside)))
+    return EllipsoidalRegion(
+        probability=probability, centre=centre, covariance=covariance, factor=factor,
+        coverage=_share(np.concatenate(inside)),
+    )  # fmt: skip
 
 
 def smallest_region(draws: np.ndarray, probability: float = 0.95, *, most: int = 4000, seed: int = 0) -> SmallestRegion:
@@ -121,7 +124,7 @@ def smallest_region(draws: np.ndarray, probability: float = 0.95, *, most: int =
     heights = density(density.resample(most, seed=seed))
     weights = np.where(heights >= level, 1 / heights, 0)
     volume = Figure(float(weights.mean()), float(weights.std(ddof=1) / np.sqrt(most)))
-    return SmallestRegion(probability, density, level, coverage, volume)
+    return SmallestRegion(probability=probability, density=density, level=level, coverage=coverage, volume=volume)
 
 
 def axes_region(inertia: Float[np.ndarray, "trials 6"], probability: float = 0.95) -> AxesRegion:

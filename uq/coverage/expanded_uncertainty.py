@@ -91,10 +91,10 @@ def of_intervals(
     k, p = _factor(freedom, factor, probability)
     k = usual if factor is None and probability in (None, USUAL) else k
     if k is usual:
-        return Expanded(names, value, u, k, p, interval95)
+        return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=interval95)
     with np.errstate(invalid="ignore"):
         arms = (interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
-    return Expanded(names, value, u, k, p, value[:, None] + arms)
+    return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=value[:, None] + arms)
 
 
 def of_normal(
@@ -108,7 +108,9 @@ def of_normal(
     """Return quantities of known standard uncertainty, taken as normal, with their expanded uncertainty."""
     k, p = _factor(np.full(len(names), np.inf), factor, probability)
     half = (k * standard)[:, None]
-    return Expanded(names, value, standard, k, p, value[:, None] + half * [-1, 1])
+    return Expanded(
+        names=names, value=value, standard=standard, factor=k, probability=p, interval=value[:, None] + half * [-1, 1]
+    )
 
 
 def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:

@@ -183,9 +183,10 @@ def design(
         candidates += [] if designed is None else [designed]
     best = min(candidates, key=lambda candidate: candidate.measured_by(measure))
     return Design(
-        experiment, best.spec, to_beat.spec, limits, best.expanded, to_beat.expanded, best.mean_error,
-        to_beat.mean_error, design_bound(experiment, to_beat.spec, limits), uses(experiment, best.spec, limits, fine),
-        ends, min(highest_frequency(best.spec), limits.bandwidth), objective,
+        experiment=experiment, spec=best.spec, reference=to_beat.spec, limits=limits, expanded=best.expanded,
+        expanded_reference=to_beat.expanded, mean_error=best.mean_error, mean_error_reference=to_beat.mean_error,
+        bound=design_bound(experiment, to_beat.spec, limits), peaks=uses(experiment, best.spec, limits, fine),
+        starts=ends, band=min(highest_frequency(best.spec), limits.bandwidth), objective=objective,
     )  # fmt: skip
 
 

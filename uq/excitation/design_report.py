@@ -59,7 +59,10 @@ def design_report(
         durations += [required_duration(matched, target, goal=wanted, growth=growth) for target in targets or (half,)]
     tell("durations", len(GOALS), len(GOALS))
     record = provenance(**experiment.inputs(), goal=goal)
-    return DesignReport(design, goal, laws, bands, sensors, tuple(durations), files, record)
+    return DesignReport(
+        design=design, goal=goal, laws=laws, bands=bands, sensors=sensors, durations=tuple(durations), files_of=files,
+        provenance=record,
+    )  # fmt: skip
 
 
 def _matched(experiment: Experiment, name: str, spec: TrajectorySpec, band: float) -> Experiment:

@@ -244,19 +244,19 @@ class DesignReport(Result):
         relaxed = [] if design.bound is None else [f"The bound leaves out: {text}." for text in design.bound.relaxes]
         stayed = "No design beat the reference within these limits: the reference is returned."
         return Section(
-            "The best experiment that a platform can run",
-            [*self.verdicts()[1:], COMPUTED],
-            [
+            title="The best experiment that a platform can run",
+            computed=[*self.verdicts()[1:], COMPUTED],
+            findings=[
                 *self.findings(),
                 *self.sensors.remarks,
                 *([] if design.improved else [stayed]),
                 *(f"A limit is exceeded: {peak}." for peak in design.peaks if peak.share > 1 + 1e-6),
             ],
-            self.tables(),
-            self.drawings(),
-            [self.source_table(), self.search_table(), *source_tables(self.provenance)],
-            [*ASSUMPTIONS, *relaxed],
-            self.provenance,
+            tables=self.tables(),
+            drawings=self.drawings(),
+            details=[self.source_table(), self.search_table(), *source_tables(self.provenance)],
+            assumptions=[*ASSUMPTIONS, *relaxed],
+            provenance=self.provenance,
             verdict=self.verdicts()[0],
         )
 

@@ -42,7 +42,10 @@ def searches(
     stages, first = staged(experiment, limits, patterns, GRID, duration, RAMP / band)
     room = np.diff(stages.border).min() >= 4 * stages.periodic.period
     if room:
-        yield Search(experiment, reference, limits, measure, stages), {0: first}
+        yield (
+            Search(experiment=experiment, reference=reference, limits=limits, measure=measure, stages=stages),
+            {0: first},
+        )
     if starts > 1 or not room:
         periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
         whole_run = Stages.of(periodic, np.ones(1), duration, RAMP / band)
@@ -52,7 +55,10 @@ def searches(
             return lambda generator: start(periodic, r_cg, generator, number)
 
         numbers = range(1 if room else 0, starts)
-        yield Search(experiment, reference, limits, measure, whole_run), {number: single(number) for number in numbers}
+        yield (
+            Search(experiment=experiment, reference=reference, limits=limits, measure=measure, stages=whole_run),
+            {number: single(number) for number in numbers},
+        )
 
 
 class Search:

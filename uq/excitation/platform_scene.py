@@ -56,7 +56,7 @@ def scene(
     low, high = every.min(axis=0), every.max(axis=0)
     scale = (1 - 2 * MARGIN) / max((high - low).max(), 1e-9)
     base, plate, corners, centre = (0.5 + scale * (outline - (low + high) / 2) for outline in seen)
-    return Scene(base[0], plate, corners, centre[:, 0], seconds)
+    return Scene(base=base[0], plate=plate, corners=corners, centre=centre[:, 0], seconds=seconds)
 
 
 def cuboid(body: Body) -> Float[np.ndarray, "8 3"]:

@@ -107,7 +107,10 @@ class ArmKeys(TomlTable, frozen=True, kw_only=True):
         if self.urdf is None or self.tool is None:
             return None
         path = str(folder / self.urdf)
-        return DeclaredArm(path, self.tool, self.home, self.rate, self.clearance, self.floor, self.joint)
+        return DeclaredArm(
+            urdf=path, tool=self.tool, home=self.home, rate=self.rate, clearance=self.clearance, floor=self.floor,
+            joints=self.joint,
+        )  # fmt: skip
 
     def check_arm(self, is_arm: bool) -> None:
         """Refuse an arm without its keys, and the keys of an arm elsewhere."""

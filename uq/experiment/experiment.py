@@ -143,12 +143,14 @@ class Experiment(Shown):
         stated: dict[str, Any] = {name: getattr(file, name) for name in ("scale", "datum", "fixture")}
         stated = {name: None if table is None else table.value for name, table in stated.items()}
         experiment = cls(
-            body.r_cg_from_q, body.mass, None if body.inertia is None else body.inertia.packed, platform.local_gravity,
-            np.zeros(3) if platform.r_cg_from_omb is None else platform.r_cg_from_omb,
-            {name: table.spec(name, folder) for name, table in file.trajectory.items()},
-            tuple(table.spec for table in file.estimator), sources, mixing, recording, file.poses, platform.legs,
-            None if platform.limits is None else platform.limits.limits, platform.arm(folder), document,
-            folder=folder, report=report, not_included=file.not_included, **stated,
+            r_cg_from_q=body.r_cg_from_q, mass=body.mass, inertia=None if body.inertia is None else body.inertia.packed,
+            gravity=platform.local_gravity,
+            r_cg_from_omb=np.zeros(3) if platform.r_cg_from_omb is None else platform.r_cg_from_omb,
+            trajectories={name: table.spec(name, folder) for name, table in file.trajectory.items()},
+            estimators=tuple(table.spec for table in file.estimator), sources=sources, mixing=mixing,
+            recording=recording, poses=file.poses, geometry=platform.legs,
+            limits=None if platform.limits is None else platform.limits.limits, arm=platform.arm(folder),
+            document=document, folder=folder, report=report, not_included=file.not_included, **stated,
         )  # fmt: skip
         return replace(experiment, as_read=experiment._in_si())
 

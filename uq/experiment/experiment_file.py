@@ -56,7 +56,9 @@ class EstimatorTable(TomlTable, frozen=True, kw_only=True):
     @property
     def spec(self) -> EstimatorSpec:
         """The estimator's specification for the computation, in SI."""
-        return EstimatorSpec(self.name, self.differentiator, self.band, self.window, self.lowpass)
+        return EstimatorSpec(
+            name=self.name, differentiator=self.differentiator, band=self.band, window=self.window, lowpass=self.lowpass
+        )
 
 
 class ExperimentFile(TomlTable, frozen=True, kw_only=True):

@@ -45,7 +45,10 @@ def read_multisine(where: str, path: Path, *, duration: np.ndarray, ramp: np.nda
     if not len(rows) or (rows[:, 0] <= 0).any():
         raise ExperimentError(f"{path} at {where} holds no frequency, or one that is not above zero: correct it")
     _check_stages(f"{path} at {where}", start, float(duration), float(ramp))
-    return Multisine(rows[:, 0], rows[:, 1:7].T, rows[:, 7:].T, duration, ramp, start if start.any() else None)
+    return Multisine(
+        frequency=rows[:, 0], cosine=rows[:, 1:7].T, sine=rows[:, 7:].T, duration=duration, ramp=ramp,
+        start=start if start.any() else None,
+    )  # fmt: skip
 
 
 def _check_stages(place: str, start: np.ndarray, duration: float, ramp: float) -> None:

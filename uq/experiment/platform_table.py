@@ -145,7 +145,10 @@ class GeometryTable(TomlTable, frozen=True, kw_only=True):
     @property
     def platform(self) -> Platform:
         """The platform in SI."""
-        return Platform(self.base, self.joints, self.home, self.plate.body, self.cylinder.rod, self.rod.rod)
+        return Platform(
+            base=self.base, joints=self.joints, home=self.home, plate=self.plate.body, cylinder=self.cylinder.rod,
+            rod=self.rod.rod,
+        )  # fmt: skip
 
 
 OF_LEGS = ("length", "speed", "acceleration", "force", "joint_angle", "needs_of")

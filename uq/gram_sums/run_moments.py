@@ -135,7 +135,10 @@ def run_moments(
         f: np.array([k[1 + e, 1 + e][len(k[1 + e, 1 + e]) // 2] for e in range(len(taps))]) for f, k in kernels.items()
     }
     omega = {f: float(k[0, 0][len(k[0, 0]) // 2]) for f, k in kernels.items()}
-    return RunMoments(algebra, linear, quadratic, white[count:], by_square, alpha, omega)
+    return RunMoments(
+        algebra=algebra, linear=linear, quadratic=quadratic, squares=white[count:], by_square=by_square, alpha=alpha,
+        omega=omega,
+    )  # fmt: skip
 
 
 def _kernels(

@@ -160,7 +160,10 @@ def centre_source(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Sou
         sigma: standard uncertainty on each axis [m].
         covariance: (3, 3) [m²]; None: diagonal.
     """
-    source = Source("r_cg", "r_cg", "bias", "cg", np.asarray(sigma), "the stated centre of gravity")
+    source = Source(
+        name="r_cg", target="r_cg", kind="bias", group="cg", sigma=np.asarray(sigma),
+        reference="the stated centre of gravity",
+    )  # fmt: skip
     if covariance is None:
         return source, ()
     scale = np.where(sigma > 0, sigma, 1.0)

@@ -64,7 +64,7 @@ def with_mass_and_centre(
     others = tuple(source for source in experiment.sources if source.perturbs != "r_cg")
     names = {source.name for source in others}
     mixing = tuple(mixed for mixed in experiment.mixing if names.issuperset(mixed.names))
-    centre_source = Source("r_cg", "r_cg", "bias", "cg", sigma_r_cg, source)
+    centre_source = Source(name="r_cg", target="r_cg", kind="bias", group="cg", sigma=sigma_r_cg, reference=source)
     return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, centre_source), mixing=mixing)
 
 

@@ -124,15 +124,17 @@ class Certificate(Result):
         """Return the certificate."""
         result, report = self.identification, self.report
         return Section(
-            report.texts.get("title", TITLE),
-            [f"{estimator_of(result.method).type_a} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
-            self.findings(),
-            self.tables(),
-            self.drawings(),
-            self.details(),
-            list(map(sentence, result.assumptions)),
-            result.provenance if result.tare is None else {**result.provenance, "tare": result.tare.provenance},
-            front(report, result.provenance, len(self.tables())),
+            title=report.texts.get("title", TITLE),
+            computed=[f"{estimator_of(result.method).type_a} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
+            findings=self.findings(),
+            tables=self.tables(),
+            drawings=self.drawings(),
+            details=self.details(),
+            assumptions=list(map(sentence, result.assumptions)),
+            provenance=result.provenance
+            if result.tare is None
+            else {**result.provenance, "tare": result.tare.provenance},
+            front=front(report, result.provenance, len(self.tables())),
             verdict=self.verdict(),
         )
 

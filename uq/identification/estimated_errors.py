@@ -61,12 +61,9 @@ def estimated_errors(
             by_draw = np.stack([numbers(effect(source, unit)) for unit in basis], axis=1)
             axes = by_draw @ draw_root(source, experiment.mixing)
             priors[source.name] = ConstantError(
-                unknown,
-                numbers(effect(source, np.broadcast_to(source.mean, shape))),
-                axes @ axes.T,
-                source.name not in redrawn,
-                axes,
-            )
+                unknown=unknown, mean=numbers(effect(source, np.broadcast_to(source.mean, shape))),
+                covariance=axes @ axes.T, shared=source.name not in redrawn, root=axes,
+            )  # fmt: skip
     return priors
 
 

@@ -47,15 +47,17 @@ class Kind(NamedTuple):
 
 
 KINDS: Mapping[str, Kind] = {
-    "force_gain": Kind("gain of the force", "%", 100, "F", "scale"),
-    "moment_gain": Kind("gain of the moment", "%", 100, "M", "scale"),
-    "cross_talk": Kind("cross-talk of the load cell", "%", 100, "wrench", "cross_talk"),
-    "load_cell_axes": Kind("misalignment of the load cell", "mrad", 1e3, "wrench", "misalignment"),
-    "gyro_scale": Kind("scale of the gyro", "%", 100, "omega", "scale"),
-    "gyro_axes": Kind("misalignment of the gyro", "mrad", 1e3, "omega", "misalignment"),
-    "delay": Kind("delay of the gyro", "ms", 1e3, "omega", "delay"),
-    "centre_of_gravity": Kind("error of r_CG", "mm", 1e3, "r_cg", "bias"),
-    "gravity": Kind("error of gravity", "m/s²", 1, "gravity", "bias"),
+    "force_gain": Kind(text="gain of the force", unit="%", per_si=100, target="F", kind="scale"),
+    "moment_gain": Kind(text="gain of the moment", unit="%", per_si=100, target="M", kind="scale"),
+    "cross_talk": Kind(text="cross-talk of the load cell", unit="%", per_si=100, target="wrench", kind="cross_talk"),
+    "load_cell_axes": Kind(
+        text="misalignment of the load cell", unit="mrad", per_si=1e3, target="wrench", kind="misalignment"
+    ),
+    "gyro_scale": Kind(text="scale of the gyro", unit="%", per_si=100, target="omega", kind="scale"),
+    "gyro_axes": Kind(text="misalignment of the gyro", unit="mrad", per_si=1e3, target="omega", kind="misalignment"),
+    "delay": Kind(text="delay of the gyro", unit="ms", per_si=1e3, target="omega", kind="delay"),
+    "centre_of_gravity": Kind(text="error of r_CG", unit="mm", per_si=1e3, target="r_cg", kind="bias"),
+    "gravity": Kind(text="error of gravity", unit="m/s²", per_si=1, target="gravity", kind="bias"),
     "mounting_frequency": Kind("flexibility of the mounting", "Hz", 1),
     "accelerometer_scale": Kind("scale of the accelerometer", "%", 100),
 }
@@ -90,7 +92,10 @@ def with_not_included(result: Identification, runs: Sequence[Run], experiment: E
         added["accelerometer_scale"] = table.accelerometer_scale * np.linalg.norm(by_held[ACCELEROMETER_SCALE], axis=1)
     least = NEGLIGIBLE * np.abs(result.inertia).max()
     effects = tuple(
-        Effect(name, kind.text, _figure(kind, getattr(table, name)), added[name], name == "mounting_frequency")
+        Effect(
+            name=name, text=kind.text, figure=_figure(kind, getattr(table, name)), parameters=added[name],
+            signed=name == "mounting_frequency",
+        )
         for name, kind in KINDS.items() if name in added and np.abs(added[name]).max() > least
     )  # fmt: skip
     return replace(result, not_included=NotIncluded(effects))
@@ -114,7 +119,7 @@ def _typical(experiment: Experiment, runs: Sequence[Run]) -> list[Source]:
             continue
         stated = np.array(figure) if of_full_scale else np.full(kind.shape, figure)
         sigma = kind.placed(stated, np.repeat(size, 3))
-        sources.append(Source(name, each.target, each.kind, "not included", sigma))
+        sources.append(Source(name=name, target=each.target, kind=each.kind, group="not included", sigma=sigma))
     return sources
 
 

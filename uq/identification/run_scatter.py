@@ -157,7 +157,10 @@ def scatter_verdict(
         raise ValueError("Argument `measured` must be zero or more and `predicted` above zero, and both finite.")
     statistic, freedom = (repeats - 1) * (s / sigma) ** 2, repeats - 1
     tails = np.minimum(scipy.special.chdtr(freedom, statistic), scipy.special.chdtrc(freedom, statistic))
-    return ScatterVerdict(s, sigma, repeats, np.minimum(2 * tails, 1.0), tuple(names), level)
+    return ScatterVerdict(
+        measured=s, predicted=sigma, repeats=repeats, probability=np.minimum(2 * tails, 1.0), names=tuple(names),
+        level=level,
+    )  # fmt: skip
 
 
 def with_discordance(

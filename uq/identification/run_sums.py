@@ -97,7 +97,9 @@ def run_sums(
             "record for longer, or declare what is known of the delay"
         )
     span = slice(inside[0], inside[-1] + 1) if len(inside) == np.ptp(inside) + 1 else inside  # a slice copies nothing
-    wrench = _columns(run, plain, estimator, r_cg, inertia, columns, offsets)[:, span]
+    wrench = _columns(
+        run=run, elements=plain, estimator=estimator, r_cg=r_cg, inertia=inertia, columns=columns, offsets=offsets
+    )[:, span]
     if offsets == "estimate":
         wrench = wrench - wrench.mean(axis=1, keepdims=True)
     fixed = None

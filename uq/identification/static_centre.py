@@ -131,7 +131,10 @@ def _table_wrenches(path: str | Path, experiment: Experiment) -> _Wrenches:
         specific_force = experiment.gravity * up(attitude, poses, name)
     turned = specific_force @ rig.imu_rotation.T
     attitudes = uncertain(turned, poses, sensor, rig.imu_rotation)
-    return _Wrenches(force, moment, turned, rig, bag.sha256, warnings, notes, attitudes)
+    return _Wrenches(
+        force=force, moment=moment, specific_force=turned, rig=rig, sha256=bag.sha256, warnings=warnings, notes=notes,
+        attitudes=attitudes,
+    )  # fmt: skip
 
 
 def _leaning(
@@ -167,8 +170,9 @@ def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[Ti
     held = f"{len(rests)} still segments are its poses, {seconds:.1f} s in all"
     attitudes = uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation)
     return _Wrenches(
-        means[:, :3], means[:, 3:], specific_force, recorded.rig, str(run.sha256),
-        (*run.warnings, *left_out, *warnings), (held, *notes), attitudes,
+        force=means[:, :3], moment=means[:, 3:], specific_force=specific_force, rig=recorded.rig,
+        sha256=str(run.sha256), warnings=(*run.warnings, *left_out, *warnings), notes=(held, *notes),
+        attitudes=attitudes,
     )  # fmt: skip
 
 

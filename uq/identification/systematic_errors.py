@@ -177,7 +177,7 @@ def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Syst
     common, *others = np.moveaxis(errors, 1, 0)
     by_mounting = others.pop(0) if problem.redrawn else np.zeros_like(common)
     alone = {source.name: of_source for source, of_source in zip(problem.sources, others, strict=True)}
-    return Systematic(problem.sources, common, by_mounting, alone, failed)
+    return Systematic(sources=problem.sources, common=common, by_mounting=by_mounting, alone=alone, failed=failed)
 
 
 def problem_of(
@@ -206,9 +206,10 @@ def problem_of(
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return Problem(
-        by_mounting, body, platform, sources, mixing, nodes, columns,
-        {name: of.by_draw for name, of in _shared(result, sources, mixing, redrawn).items()},
-        acting_redrawn, result.offsets, any(fitted.weighed is not None for fitted in result.runs),
+        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, nodes=nodes, columns=columns,
+        centre_by_draw={name: of.by_draw for name, of in _shared(result, sources, mixing, redrawn).items()},
+        redrawn=acting_redrawn, offsets=result.offsets,
+        weighed=any(fitted.weighed is not None for fitted in result.runs),
     )  # fmt: skip
 
 

@@ -47,7 +47,9 @@ def main(arguments: list[str]) -> int:
     keep_compiled()
     try:
         viewer = None if given.live is None else Viewer(given.live)
-        estimator = LiveEstimator(given.rig, given.experiment, given.run, given.target, viewer)
+        estimator = LiveEstimator(
+            rig=given.rig, experiment=given.experiment, run=given.run, target=given.target, viewer=viewer
+        )
     except (ExperimentError, RunError, RigError) as error:
         _say({"refused": str(error)})
         return 2

@@ -101,27 +101,26 @@ def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
     undetermined = _undetermined(of_fit.excitation)
     zero = np.zeros(6)
     together = Pooling(
-        1, 0, of_fit.covariance, of_fit.degrees_of_freedom, None, np.sqrt(np.diag(of_fit.covariance)), None, None, 0, 0,
-        zero,
+        runs=1, mountings=0, from_residuals=of_fit.covariance, residual_degrees_of_freedom=of_fit.degrees_of_freedom,
+        from_scatter=None, predicted=np.sqrt(np.diag(of_fit.covariance)), between_runs=None, between_mountings=None,
+        repeat_degrees_of_freedom=0, scatter_degrees_of_freedom=0, from_redrawn_sources=zero,
     )  # fmt: skip
     if undetermined:
         nothing = np.full(6, np.nan)
         return LiveEstimate(
-            sums.seconds, of_fit.inertia, nothing, np.full((6, 2), np.nan), together.half_width, nothing, (None,) * 6,
-            undetermined,
+            seconds=sums.seconds, inertia=of_fit.inertia, standard_uncertainty=nothing,
+            interval95=np.full((6, 2), np.nan), type_a=together.half_width, of_sources=nothing,
+            largest_source=(None,) * 6, undetermined=undetermined,
         )  # fmt: skip
     systematic = propagated(_problem(sums, of_fit.inertia, experiment), trials=TRIALS)
     low, high = combined_interval(together, systematic.common, 0)
     ends = np.quantile(systematic.common, [0.025, 0.975], axis=0)
     return LiveEstimate(
-        sums.seconds,
-        of_fit.inertia,
-        np.sqrt(np.diag(of_fit.covariance) + systematic.common.var(axis=0)),
-        of_fit.inertia[:, None] - np.stack([high, low], axis=1),
-        together.half_width,
-        (ends[1] - ends[0]) / 2,
-        _largest(systematic),
-    )
+        seconds=sums.seconds, inertia=of_fit.inertia,
+        standard_uncertainty=np.sqrt(np.diag(of_fit.covariance) + systematic.common.var(axis=0)),
+        interval95=of_fit.inertia[:, None] - np.stack([high, low], axis=1), type_a=together.half_width,
+        of_sources=(ends[1] - ends[0]) / 2, largest_source=_largest(systematic),
+    )  # fmt: skip
 
 
 def fit(sums: RunningSums, r_cg: Float[np.ndarray, "3"]) -> Fit:
@@ -213,10 +212,10 @@ def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> 
     wrench = np.concatenate([force, moment, *([undelayed[:, :, 10:11]] if columns.time else [])], axis=2)
     mass = experiment.mass if experiment.scale is None else experiment.scale[0]
     return Problem(
-        (RunSums(centred[:, :, :ELEMENTS], wrench),), Body(np.asarray(mass or 0.0), r_cg, inertia),
-        Platform(np.array(experiment.gravity), np.zeros(3)), sources,
-        tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes_of(sources), columns, {}, frozenset(),
-        "estimate", False,
+        sums=(RunSums(centred[:, :, :ELEMENTS], wrench),), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
+        platform=Platform(np.array(experiment.gravity), np.zeros(3)), sources=sources,
+        mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes=nodes_of(sources),
+        columns=columns, centre_by_draw={}, redrawn=frozenset(), offsets="estimate", weighed=False,
     )  # fmt: skip
 
 

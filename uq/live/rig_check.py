@@ -40,8 +40,12 @@ def topics_of(rig: Rig, experiment: Experiment, path: Path) -> tuple[str, str]:
     facts = MEANING | {f"{entry.name}.{key}": text for entry in rig.entries for key, text in entry.settings.items()}
     facts |= {f"{entry.name}.topic": entry.topic for entry in rig.entries}
     bag = channels.Recording(
-        path, "", {"rig.run": facts}, WrenchChannel(wrench, frame, nothing, nothing, none, none),
-        ImuChannel(imu, "body", nothing, nothing, none, none),
+        path, "", {"rig.run": facts},
+        WrenchChannel(topic=wrench, frame_id=frame, log_time=nothing, stamp=nothing, force=none, moment=none),
+        ImuChannel(
+            topic=imu, frame_id="body", log_time=nothing, stamp=nothing, angular_velocity=none,
+            linear_acceleration=none,
+        ),
     )  # fmt: skip
     declared(bag, recording)
     return wrench, imu

@@ -109,17 +109,14 @@ class MeasurementPlan(Result):
         forbidden = [said for said, each in zip(of_durations, self.durations, strict=True) if not each.reachable]
         caption = "Each source halved, by component"
         return Section(
-            "Plan of a measurement",
-            [said for said in answers if said not in (best, *forbidden)] + [COMPUTED],
-            [*self.warnings, *forbidden, *self.sensors.remarks],
-            self.tables(),
-            self.drawings(),
-            [replace(by_component, caption=caption, note=DERIVATIVE_NOTE), *source_tables(self.provenance)],
-            [ASSUMPTION, *source_assumptions(self.provenance)],
-            self.provenance,
-            verdict=best,
+            title="Plan of a measurement",
+            computed=[said for said in answers if said not in (best, *forbidden)] + [COMPUTED],
+            findings=[*self.warnings, *forbidden, *self.sensors.remarks], tables=self.tables(),
+            drawings=self.drawings(),
+            details=[replace(by_component, caption=caption, note=DERIVATIVE_NOTE), *source_tables(self.provenance)],
+            assumptions=[ASSUMPTION, *source_assumptions(self.provenance)], provenance=self.provenance, verdict=best,
             headline=2,
-        )
+        )  # fmt: skip
 
 
 def plan_measurement(

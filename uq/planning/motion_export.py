@@ -160,7 +160,10 @@ def export_motion(
     differences = _read_back(platform, contents, name, table, packets)
     about = _about(experiment, contents, name, {"speed": speed, "amplitude": amplitude}, differences)
     contents[f"{name}.json"] = (json.dumps(about, indent=2, ensure_ascii=False) + "\n").encode()
-    return MotionExport(contents, differences, speed, amplitude, float(motion.t[-1]), name, experiment.inputs())
+    return MotionExport(
+        contents=contents, differences=differences, speed=speed, amplitude=amplitude, seconds=float(motion.t[-1]),
+        name=name, provenance=experiment.inputs(),
+    )  # fmt: skip
 
 
 def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.0, amplitude: float = 1.0) -> Commanded:

@@ -225,15 +225,11 @@ def plan_poses(
     naive = _naive(experiment, reach, count)
     uncertainty = uncertain(naive, experiment.poses or Poses(), None, np.eye(3))
     return PosePlan(
-        np.asarray(place.position)[chosen] - np.asarray(experiment.platform.home),
-        np.asarray(place.rotation)[chosen],
-        np.asarray(leg_lengths(experiment.platform, place))[chosen],
-        promised(chosen),
-        predicted_covariance(naive, mass, centre, scatter, uncertainty),
-        reach,
-        hold,
-        provenance=experiment.inputs(),
-    )
+        position=np.asarray(place.position)[chosen] - np.asarray(experiment.platform.home),
+        rotation=np.asarray(place.rotation)[chosen], length=np.asarray(leg_lengths(experiment.platform, place))[chosen],
+        covariance=promised(chosen), naive=predicted_covariance(naive, mass, centre, scatter, uncertainty), reach=reach,
+        hold=hold, provenance=experiment.inputs(),
+    )  # fmt: skip
 
 
 def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray]:

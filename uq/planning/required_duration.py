@@ -187,11 +187,17 @@ def required_duration(
     seconds = _solve(growth, target, goal, spec)
     if seconds is None:
         least, source = _floor(growth, goal, spec)
-        return Duration(target, goal, None, least, source, spec.duration, now, growth)
+        return Duration(
+            target=target, goal=goal, seconds=None, reached=least, forbids=source, current_duration=spec.duration,
+            now=now, growth=growth,
+        )  # fmt: skip
     for _ in range(ROUNDS):
         if seconds * spec.rate > MOST_SAMPLES:
             reached = average(growth.at(seconds).sum(axis=0), goal)
-            return Duration(target, goal, seconds, reached, None, spec.duration, now, growth, checked=False)
+            return Duration(
+                target=target, goal=goal, seconds=seconds, reached=reached, forbids=None,
+                current_duration=spec.duration, now=now, growth=growth, checked=False,
+            )  # fmt: skip
         reached = average(_variances(experiment, name, spec, seconds, estimator).sum(axis=0), goal)
         if abs(reached / target - 1) < CLOSE:
             break
@@ -200,7 +206,10 @@ def required_duration(
         if again is None or abs(again / seconds - 1) < 1e-3:
             break
         seconds = again
-    return Duration(target, goal, seconds, reached, None, spec.duration, now, growth)
+    return Duration(
+        target=target, goal=goal, seconds=seconds, reached=reached, forbids=None, current_duration=spec.duration,
+        now=now, growth=growth,
+    )  # fmt: skip
 
 
 def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> Growth:
@@ -215,7 +224,9 @@ def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: 
         power = np.where(np.isnan(lost), -np.log2(ratio), 0.0)
     drifts = np.array([source.perturbs in DRIFTS for source in experiment.sources])[:, None]
     power = np.clip(power, -MOST_POWER, np.where(drifts, MOST_POWER, 0.0))
-    return Growth(tuple(source.name for source in experiment.sources), T, once, lost, power)
+    return Growth(
+        names=tuple(source.name for source in experiment.sources), duration=T, variance=once, lost=lost, power=power
+    )
 
 
 def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:

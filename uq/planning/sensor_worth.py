@@ -141,7 +141,10 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
         derivative[k] = np.log(more / less) / np.log((1 + STEP) / (1 - STEP))
         halved[k] = half
     now = width(experiment.sources)
-    worth = SensorWorth(names, name, chosen, now, derivative, halved, provenance=experiment.inputs())
+    worth = SensorWorth(
+        sources=names, trajectory=name, estimator=chosen, three_sigma=now, derivative=derivative, halved=halved,
+        provenance=experiment.inputs(),
+    )  # fmt: skip
     return replace(worth, remarks=tuple(_remarks(experiment, worth)))
 
 

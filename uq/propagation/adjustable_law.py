@@ -97,7 +97,10 @@ def parts_of(
     n = len(sources)
     gyro, expected = inputs.gyro[:n].sum(axis=0), constants.errors @ constants.mean
     quiet = run.expansion(expected, np.zeros(3), constants.errors)
-    by_level = [_at(run, constants, inputs, n, expected, level * gyro, quiet) for level in levels]
+    by_level = [
+        _at(run=run, constants=constants, inputs=inputs, n=n, expected=expected, variance=level * gyro, quiet=quiet)
+        for level in levels
+    ]
     first, second, mean, variance, shift = (np.stack(part, axis=1) for part in zip(*by_level, strict=True))
     nominal = run.body.inertia
     means = (inputs.acts[:n] * constants.mean) @ quiet.jacobian.swapaxes(-1, -2)
@@ -105,7 +108,10 @@ def parts_of(
     joint = _joint(run, constants, inputs, both, expected, gyro)
     rest = quiet.value - nominal - means.sum(axis=1)
     level = levels[:, None]
-    return Parts(first, second, mean, share, variance / level, shift / level, means, rest, joint)
+    return Parts(
+        first=first, second=second, mean=mean, gyro=share, gyro_variance=variance / level, gyro_mean=shift / level,
+        expected=means, rest=rest, joint=joint,
+    )  # fmt: skip
 
 
 def _at(

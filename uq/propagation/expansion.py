@@ -168,7 +168,9 @@ def expand(maps: ErrorMaps, sums: DelayedSums, noise: NoiseExpectation) -> Expan
     equations, slopes, curvature = (packed_equations(*parts, noise) for parts in zip(gram, moment, strict=True))
     value, first, twice = solution_series(equations)
     hessian = np.moveaxis(curvature @ first.T, -1, 0) + slopes @ twice @ slopes.T
-    return Expansion(value, first @ slopes.T, hessian, first, twice)
+    return Expansion(
+        value=value, jacobian=first @ slopes.T, hessian=hessian, by_equations=first, twice_by_equations=twice
+    )
 
 
 def tensor_of(equations: Float[Array, "27"]) -> Float[Array, "6"]:

@@ -52,7 +52,10 @@ class PreparedLaw:
                 warnings += large_mean_error(f"{name}, {estimator}", breakdown.total)
         nominal = np.asarray(experiment.body.inertia)
         numbers = partial(adjustable, experiment, self.runs, self.estimators)
-        return LawResult(nominal, breakdowns, tuple(warnings), experiment.inputs, numbers)
+        return LawResult(
+            nominal=nominal, breakdowns=breakdowns, warnings=tuple(warnings), inputs=experiment.inputs,
+            adjustable=numbers,
+        )  # fmt: skip
 
     def of_cases(
         self, cases: Sequence[Case], sources: Sequence[Source]

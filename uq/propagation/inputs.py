@@ -59,15 +59,13 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
     sets += [np.array([k]) for k in np.flatnonzero(~in_rows)]
     joint = np.array([np.isin(np.arange(len(owner)), members) for members in sets], float)
     return Constants(
-        _linear_map(constant),
-        np.array([source.name for source in constant])[owner] if constant else np.zeros(0, str),
-        np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
-        np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
-        _correlation(constant, sizes, mixing),
-        np.concatenate(gum_ratio or [np.zeros(0)]),
-        freedom,
-        joint.reshape(len(sets), len(owner)),
-    )
+        errors=_linear_map(constant),
+        owner=np.array([source.name for source in constant])[owner] if constant else np.zeros(0, str),
+        mean=np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
+        sigma=np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
+        correlation=_correlation(constant, sizes, mixing), gum_ratio=np.concatenate(gum_ratio or [np.zeros(0)]),
+        freedom=freedom, joint=joint.reshape(len(sets), len(owner)),
+    )  # fmt: skip
 
 
 def _each(source: Source, value) -> np.ndarray:

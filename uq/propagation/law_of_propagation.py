@@ -127,7 +127,9 @@ def expand(function: Callable[[Array], Array], size: int) -> Expansion:
         return 0.5 * jnp.sum(jax.vmap(curvature)(directions), axis=0)
 
     hessian = jax.jacfwd(jax.jacfwd(flat))(zero)
-    return Expansion(value, jax.jacfwd(flat)(zero), shift(zero), hessian, jax.jacfwd(shift)(zero))
+    return Expansion(
+        value=value, jacobian=jax.jacfwd(flat)(zero), shift=shift(zero), hessian=hessian, slope=jax.jacfwd(shift)(zero)
+    )
 
 
 def higher_order(expansion: Expansion) -> Float[Array, "m m"]:
@@ -165,13 +167,11 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
     contributions = {name: block @ block.T for name, block in zip(inputs, blocks, strict=True)}
     first = expansion.jacobian @ expansion.jacobian.T
     return LinearLaw(
-        expansion.value,
-        first,
-        contributions,
-        _degrees_of_freedom(first, zip(inputs.values(), blocks, strict=True)),
-        np.asarray(expansion.value + expansion.shift.reshape(expansion.value.shape)),
-        first + np.asarray(higher_order(expansion)),
-    )
+        value=expansion.value, covariance=first, contributions=contributions,
+        degrees_of_freedom=_degrees_of_freedom(first, zip(inputs.values(), blocks, strict=True)),
+        second_order_mean=np.asarray(expansion.value + expansion.shift.reshape(expansion.value.shape)),
+        second_order_covariance=first + np.asarray(higher_order(expansion)),
+    )  # fmt: skip
 
 
 @CompiledProgram

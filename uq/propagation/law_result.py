@@ -170,9 +170,10 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
         summary, alone = self.tables()
         details = [replace(alone, caption="Each group and source alone, by the law"), *source_tables(self.provenance)]
         return Section(
-            self.title(), [COMPUTED], [f"By the law of propagation: {text}" for text in self.warnings],
-            [replace(summary, caption=self.title())], self.drawings(), details,
-            [ASSUMPTION, *source_assumptions(self.provenance)], self.provenance,
+            title=self.title(), computed=[COMPUTED],
+            findings=[f"By the law of propagation: {text}" for text in self.warnings],
+            tables=[replace(summary, caption=self.title())], drawings=self.drawings(), details=details,
+            assumptions=[ASSUMPTION, *source_assumptions(self.provenance)], provenance=self.provenance,
             adjustable=[] if self.adjustable is None else [self.adjustable()],
             verdict=verdict_on_mean_errors({pair: self[pair].total for pair in self.pairs()}),
         )  # fmt: skip

@@ -58,7 +58,9 @@ def verdicts(
                 for ends in (statistics.coverage_interval(probability), statistics.textbook_interval(probability))
             )
             why = reason(statistics) if rejected(textbook).any() else ""
-            verdicts_of_cases.append(LawVerdict(trajectory, estimator, case, ours, textbook, why))
+            verdicts_of_cases.append(
+                LawVerdict(trajectory=trajectory, estimator=estimator, case=case, law=ours, textbook=textbook, why=why)
+            )
     return verdicts_of_cases
 
 

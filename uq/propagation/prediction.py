@@ -69,15 +69,12 @@ class Prediction(Pytree):
         total = [case for case in cases_of(experiment.sources) if case.name == "total"]
         inputs = inputs_of_cases(total, constants, experiment.sources, experiment.mixing, spec.rate, ANYWHERE)
         return cls(
-            experiment.body,
-            platform_of(experiment, spec),
-            jnp.asarray(constants.errors @ constants.mean),
-            jnp.asarray((constants.errors * constants.sigma) @ _root(constants.correlation)),
-            jnp.asarray(inputs.wrench[0]),
-            jnp.asarray(inputs.gyro[0]),
-            spec.rate,
-            Columns.of(experiment.sources),
-        )
+            body=experiment.body, platform=platform_of(experiment, spec),
+            expected=jnp.asarray(constants.errors @ constants.mean),
+            directions=jnp.asarray((constants.errors * constants.sigma) @ _root(constants.correlation)),
+            wrench=jnp.asarray(inputs.wrench[0]), gyro=jnp.asarray(inputs.gyro[0]), rate=spec.rate,
+            columns=Columns.of(experiment.sources),
+        )  # fmt: skip
 
     @CompiledProgram
     def moments(

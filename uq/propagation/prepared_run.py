@@ -102,11 +102,11 @@ class PreparedRun:
             change = packed_equations(gram, moment, moments.expectation(noise, k, fourth_order=False))
             scatters.append(
                 Scatter(
-                    expected_by_axes(gram, moments.expectation(noise, k)),
-                    expected_by_axes(gram, NO_NOISE),
-                    rows @ covariance @ rows.T,
-                    rows @ linear @ rows.T,
-                    change - packed_equations(gram, moment, NO_NOISE),
+                    mean=expected_by_axes(gram, moments.expectation(noise, k)),
+                    noise_free=expected_by_axes(gram, NO_NOISE),
+                    covariance=rows @ covariance @ rows.T,
+                    linear=rows @ linear @ rows.T,
+                    change=change - packed_equations(gram, moment, NO_NOISE),
                 )
             )
         return stacked(scatters)
@@ -178,5 +178,8 @@ def _summed(
 ) -> PreparedRun:
     count, taps = len(samples(spec)), [estimator.taps for estimator in estimators]
     body, platform = jax.tree.map(np.asarray, experiment.body), platform_of(experiment, spec)
-    sums = run_sums(spec.trajectory, count, spec.rate, body, platform, taps, columns, delayed)
+    sums = run_sums(
+        trajectory=spec.trajectory, count=count, rate=spec.rate, body=body, platform=platform, taps=taps,
+        columns=columns, delayed=delayed,
+    )  # fmt: skip
     return PreparedRun(body, platform, columns, sums)

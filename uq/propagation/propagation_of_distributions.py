@@ -134,16 +134,11 @@ def propagate_distributions(
     draws, stability = np.concatenate(loop.results(loop.count)), blocks.stability()
     finite, failed = finite_trials(draws)
     return Propagation(
-        len(draws),
-        seed,
-        np.asarray(finite.mean(0)),
-        covariance_of(finite.reshape(len(finite), -1)),
-        symmetric_interval(finite, probability),
-        shortest_interval(finite, probability),
-        stability,
-        (*warned, *_warnings(stability, len(draws), failed)),
-        draws,
-    )
+        trials=len(draws), seed=seed, estimate=np.asarray(finite.mean(0)),
+        covariance=covariance_of(finite.reshape(len(finite), -1)), symmetric=symmetric_interval(finite, probability),
+        shortest=shortest_interval(finite, probability), stability=stability,
+        warnings=(*warned, *_warnings(stability, len(draws), failed)), draws=draws,
+    )  # fmt: skip
 
 
 def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:

@@ -61,8 +61,8 @@ class _PieceSums:
 
     def __add__(self, other: "_PieceSums") -> "_PieceSums":
         return _PieceSums(
-            self.gram + other.gram, self.wrench + other.wrench, self.moments + other.moments,
-            self.squared_steps + other.squared_steps, np.maximum(self.largest, other.largest),
+            gram=self.gram + other.gram, wrench=self.wrench + other.wrench, moments=self.moments + other.moments,
+            squared_steps=self.squared_steps + other.squared_steps, largest=np.maximum(self.largest, other.largest),
         )  # fmt: skip
 
 

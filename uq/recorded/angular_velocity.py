@@ -184,7 +184,10 @@ def _differentiated(
     stamped = bool((instants == stamp).all())
     omega, window = told.omega[clear], (2 * len(told.taps) + 1) / rate
     force = np.zeros_like(omega) if told.specific_force is None else told.specific_force[clear]
-    imu = ImuChannel(source.topic, source.frame_id, grid, grid if stamped else np.zeros_like(grid), omega, force)
+    imu = ImuChannel(
+        topic=source.topic, frame_id=source.frame_id, log_time=grid, stamp=grid if stamped else np.zeros_like(grid),
+        angular_velocity=omega, linear_acceleration=force,
+    )  # fmt: skip
     note = f"the angular velocity is that of {source.topic}, by a fit over {window:.3g} s of {what}"
     return Motion(imu, ShapedNoise(told.sigma, told.taps, rate), (f"{note}, whose noise is white",))
 
@@ -201,4 +204,7 @@ def _uniform(t: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, 
 
 
 def _channel(source: MotionChannel, omega: np.ndarray) -> ImuChannel:
-    return ImuChannel(source.topic, source.frame_id, source.log_time, source.stamp, omega, np.zeros_like(omega))
+    return ImuChannel(
+        topic=source.topic, frame_id=source.frame_id, log_time=source.log_time, stamp=source.stamp,
+        angular_velocity=omega, linear_acceleration=np.zeros_like(omega),
+    )  # fmt: skip

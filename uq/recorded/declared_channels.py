@@ -73,15 +73,12 @@ def declared(bag: channels.Recording, recording: Recording) -> Rig:
     if point is None:
         assumed.append("the moment is taken about Q")
     return Rig(
-        -1.0 if meaning == "on_sensor" else 1.0,
-        scales,
-        np.eye(6) if recording.calibration is None else recording.calibration,
-        np.eye(3) if of_wrench is None else of_wrench,
-        np.eye(3) if of_imu is None else of_imu,
-        np.zeros(3) if point is None else point,
-        position,
-        tuple(assumed),
-    )
+        sign=-1.0 if meaning == "on_sensor" else 1.0, scales=scales,
+        calibration=np.eye(6) if recording.calibration is None else recording.calibration,
+        wrench_rotation=np.eye(3) if of_wrench is None else of_wrench,
+        imu_rotation=np.eye(3) if of_imu is None else of_imu, wrench_point=np.zeros(3) if point is None else point,
+        imu_position=position, assumptions=tuple(assumed),
+    )  # fmt: skip
 
 
 AT_REST = ("map", "odom", "world", "earth", "base")

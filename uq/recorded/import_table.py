@@ -141,10 +141,13 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
     absent = {"acceleration"} - set(table)
     rig = declared(raw, silenced(mapping.conventions, absent))
     (force, moment), (omega, acceleration) = rig.wrench(raw.wrench), rig.motion(raw.imu)
-    imu = ImuChannel("/imu", "body", stamp, stamp, omega, acceleration)
+    imu = ImuChannel(
+        topic="/imu", frame_id="body", log_time=stamp, stamp=stamp, angular_velocity=omega,
+        linear_acceleration=acceleration,
+    )  # fmt: skip
     write(
         output,
-        wrench=WrenchChannel("/wrench", "body", stamp, stamp, force, moment),
+        wrench=WrenchChannel(topic="/wrench", frame_id="body", log_time=stamp, stamp=stamp, force=force, moment=moment),
         imu=imu,
         metadata={"rig.run": _about(raw.path, raw.sha256, rig.assumptions, accelerates=not absent)},
         overwrite=overwrite,

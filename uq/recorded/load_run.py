@@ -95,16 +95,16 @@ def of_channels(
     _check_rates(common, band)
     run = common.run()
     return Recorded(
-        replace(
+        run=replace(
             run,
             warnings=(*run.warnings, *source.warnings, *time_notes),
             noise=None if source.noise is None else source.noise.turned(rig.imu_rotation),
             about=about(bag.metadata, bag.wrench.log_time),
         ),
-        tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
-        (*rig.assumptions, *source.notes, *reordered),
-        rig,
-        None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
+        marks=tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
+        assumptions=(*rig.assumptions, *source.notes, *reordered),
+        rig=rig,
+        attitude=None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
     )
 
 

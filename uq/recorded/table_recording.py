@@ -23,6 +23,11 @@ def as_recording(
 ) -> channels.Recording:
     """Return a table's columns as a recording that says nothing of itself."""
     times = np.arange(len(force))
-    wrench = WrenchChannel("force and moment", "", times, times, force, moment)
-    imu = ImuChannel("angular velocity and acceleration", "", times, times, omega, acceleration)
+    wrench = WrenchChannel(
+        topic="force and moment", frame_id="", log_time=times, stamp=times, force=force, moment=moment
+    )
+    imu = ImuChannel(
+        topic="angular velocity and acceleration", frame_id="", log_time=times, stamp=times, angular_velocity=omega,
+        linear_acceleration=acceleration,
+    )  # fmt: skip
     return channels.Recording(Path(path), sha256(path), {}, wrench, imu)

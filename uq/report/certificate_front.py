@@ -58,15 +58,19 @@ def front(report: Report, provenance: Mapping[str, Any], values: int) -> Front:
     stated = report.texts
     made_up = {entry["made_up"] for entry in provenance.get("inputs", ()) if "made_up" in entry}
     return Front(
-        stated.get("number"),
-        _party(report.laboratory.texts),
-        [*_items(report), *((label, [stated[key]]) for key, label in WHERE_RELEVANT.items() if key in stated)],
-        _instruments(report.instruments),
-        [ONLY, f"Reproduction: {stated['reproduction']}" if "reproduction" in stated else REPRODUCTION, NO_CLAIM],
-        [(person.get("name", MISSING), person.get("function", "")) for person in report.approvers],
-        str(report.issued or MISSING),
-        values,
-        " and ".join(sorted(made_up)),
+        number=stated.get("number"),
+        laboratory=_party(report.laboratory.texts),
+        items=[*_items(report), *((label, [stated[key]]) for key, label in WHERE_RELEVANT.items() if key in stated)],
+        instruments=_instruments(report.instruments),
+        statements=[
+            ONLY,
+            f"Reproduction: {stated['reproduction']}" if "reproduction" in stated else REPRODUCTION,
+            NO_CLAIM,
+        ],
+        approvals=[(person.get("name", MISSING), person.get("function", "")) for person in report.approvers],
+        issued=str(report.issued or MISSING),
+        values=values,
+        made_up=" and ".join(sorted(made_up)),
     )
 
 

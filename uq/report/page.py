@@ -61,7 +61,7 @@ def _drawn(drawing: Drawing, number: int) -> Drawn:
     figure = laid_out(cast("Figure", drawing.draw()))
     forms = [rendered(figure, "svg"), *([] if drawing.animate is None else [drawing.animate()])]
     pictures = [inline(svg, number + k, drawing.caption) for k, svg in enumerate(forms)]
-    return Drawn(drawing.name, drawing.caption, figure, forms[-1], pictures)
+    return Drawn(name=drawing.name, caption=drawing.caption, figure=figure, svg=forms[-1], pictures=pictures)
 
 
 def joined(first: Section, *others: Section) -> Section:

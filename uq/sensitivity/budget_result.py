@@ -157,14 +157,14 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
     def section(self) -> Section:
         """Return its part of a report."""
         return Section(
-            "Budget of an inertia tensor's uncertainty",
-            [f"{self.trials:,} pairs of trials with seed {self.seed}. {COMPUTED}", " ".join(self.verdicts())],
-            self.findings(),
-            self.tables(),
-            self.drawings(),
-            self.details(),
-            [ASSUMPTION, *source_assumptions(self.provenance)],
-            self.provenance,
+            title="Budget of an inertia tensor's uncertainty",
+            computed=[f"{self.trials:,} pairs of trials with seed {self.seed}. {COMPUTED}", " ".join(self.verdicts())],
+            findings=self.findings(),
+            tables=self.tables(),
+            drawings=self.drawings(),
+            details=self.details(),
+            assumptions=[ASSUMPTION, *source_assumptions(self.provenance)],
+            provenance=self.provenance,
         )
 
 

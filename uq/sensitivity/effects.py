@@ -155,7 +155,9 @@ class Design(NamedTuple):
         y, full = lambda v: outputs[:, places[v]], 2**self.draws - 1
         walks = [_walked(walk, players, y, full) for walk in self.walks[game]]
         first, total, shapley, variance = map(np.stack, zip(*(of_walk[:4] for of_walk in walks), strict=True))
-        return PairEffects(first.mean(0), total.mean(0), shapley.mean(0), variance.mean(0), shapley)
+        return PairEffects(
+            first=first.mean(0), total=total.mean(0), shapley=shapley.mean(0), variance=variance.mean(0), walks=shapley
+        )
 
 
 def _visited(walk: Walk, players: Sequence[int], full: int) -> set[int]:

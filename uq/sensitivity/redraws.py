@@ -83,7 +83,7 @@ def outputs(
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
     net = _net(inputs, 0, trials, seed, points)
-    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(fixed), net)
+    problem = _Redrawn(model=model, inputs=list(inputs.items()), joint=joint, rows=jnp.asarray(fixed), net=net)
     return all_trials(_outputs, problem, trials, seed, **_options(trials, len(fixed)))
 
 
@@ -141,7 +141,7 @@ def walks(
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
     net = _net(inputs, len(holds), trials, seed, points)
-    problem = _Redrawn(model, list(inputs.items()), joint, jnp.asarray(holds), net)
+    problem = _Redrawn(model=model, inputs=list(inputs.items()), joint=joint, rows=jnp.asarray(holds), net=net)
     return all_trials(_walks, problem, trials, seed, **_options(trials, len(holds) + 1))
 
 

@@ -96,7 +96,10 @@ def budget(
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, engine=engine, dtype=dtype)
-    return BudgetResult(trials, seed, len(twins.design.choices), budgets, tuple(warnings), record)
+    return BudgetResult(
+        trials=trials, seed=seed, choices=len(twins.design.choices), budgets=budgets, warnings=tuple(warnings),
+        provenance=record,
+    )  # fmt: skip
 
 
 class Player(NamedTuple):
@@ -193,7 +196,9 @@ def _effects(players: Sequence[Player], effects: PairEffects, alone: np.ndarray)
     first, total, shapley = effects.indices(WEIGHTS)
     assert first is not None and total is not None and shapley is not None  # noqa: S101, PT018 - a design gives all
     statistics: Mapping[str, Statistics] = {p.name: Statistics.of(alone[:, i]) for i, p in enumerate(players)}
-    return Effects(tuple(player.name for player in players), first, total, shapley, statistics)
+    return Effects(
+        players=tuple(player.name for player in players), first=first, total=total, shapley=shapley, alone=statistics
+    )
 
 
 def _mean_square(error: np.ndarray, variance: np.ndarray) -> MeanSquare:
@@ -204,7 +209,9 @@ def _mean_square(error: np.ndarray, variance: np.ndarray) -> MeanSquare:
     share, share_error = each.T
     whole, whole_error = _bias_share(error, variance, WEIGHTS)
     return MeanSquare(
-        bias, bias_error, of_variance, of_variance_error, share, share_error, whole, whole_error
+        mean_error=bias, mean_error_standard_error=bias_error, variance=of_variance,
+        variance_standard_error=of_variance_error, bias_share=share, bias_share_standard_error=share_error,
+        tensor_bias_share=whole, tensor_bias_share_standard_error=whole_error,
     )  # fmt: skip
 
 

@@ -119,14 +119,16 @@ class Achieved(Result):
     def section(self) -> Section:
         """Return its part of a report."""
         return Section(
-            f"What was run: {self.run} beside {self.trajectory}",
-            [f"{self.summary()[0].upper()}{self.summary()[1:]}.", FOLLOWED],
-            self.warnings,
-            self.tables(),
-            self.drawings(),
-            source_tables(self.provenance),
-            ["The displacement of the platform's centre was that of the plan; the attitude follows the gyro."],
-            self.provenance,
+            title=f"What was run: {self.run} beside {self.trajectory}",
+            computed=[f"{self.summary()[0].upper()}{self.summary()[1:]}.", FOLLOWED],
+            findings=self.warnings,
+            tables=self.tables(),
+            drawings=self.drawings(),
+            details=source_tables(self.provenance),
+            assumptions=[
+                "The displacement of the platform's centre was that of the plan; the attitude follows the gyro."
+            ],
+            provenance=self.provenance,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -200,18 +202,14 @@ def achieved(
     result = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), None, estimator_spec.name)
     breakdown = result[name, estimator_spec.name]
     return Achieved(
-        name,
-        run.name,
-        followed,
-        stillness_of(run, experiment, spec, measured, lag, estimator_spec.band),
-        result[of_plan, estimator_spec.name].total.three_sigma,
-        breakdown.total.three_sigma,
-        {source: statistics.three_sigma for source, statistics in breakdown.sources.items()},
-        estimator_spec.name,
-        _trace(run, spec, lag),
-        (*warnings, *verdicts(followed)),
-        provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": run.sha256}]),
-    )
+        trajectory=name, run=run.name, followed=followed,
+        stillness=stillness_of(run, experiment, spec, measured, lag, estimator_spec.band),
+        planned_three_sigma=result[of_plan, estimator_spec.name].total.three_sigma,
+        three_sigma=breakdown.total.three_sigma,
+        sources={source: statistics.three_sigma for source, statistics in breakdown.sources.items()},
+        estimator=estimator_spec.name, trace=_trace(run, spec, lag), warnings=(*warnings, *verdicts(followed)),
+        provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": run.sha256}]),
+    )  # fmt: skip
 
 
 def _trace(run: Run, spec: TrajectorySpec, lag: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

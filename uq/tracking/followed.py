@@ -78,7 +78,10 @@ def follow(run: Run, spec: TrajectorySpec) -> Followed:
             error[k] = spread[0], spread[1] / gain[k]
             lag[k] += np.clip(solution[1] / gain[k], -0.05, 0.05)
     gain[~active], lag[~active] = np.nan, np.nan
-    return Followed(gain, error[:, 0], lag, error[:, 1], offset, residual)
+    return Followed(
+        gain=gain, gain_standard_error=error[:, 0], lag=lag, lag_standard_error=error[:, 1], offset=offset,
+        residual=residual,
+    )  # fmt: skip
 
 
 def _coarse_lag(run: Run, spec: TrajectorySpec) -> float:

@@ -62,6 +62,7 @@ def measured_trajectory(run: Run, spec: TrajectorySpec, followed: Followed, band
     pieces = scipy.interpolate.CubicSpline(at, values).c
     ramp = spec.trajectory.ramp  # type: ignore[attr-defined]
     trajectory = MeasuredRotation(
-        pieces, np.array(interval), np.array(spec.duration), np.asarray(ramp), spec.trajectory
-    )
+        pieces=pieces, interval=np.array(interval), duration=np.array(spec.duration), ramp=np.asarray(ramp),
+        plan=spec.trajectory,
+    )  # fmt: skip
     return dataclasses.replace(spec, trajectory=trajectory)

@@ -54,7 +54,10 @@ def stillness_of(
     plan_in_a = np.einsum("nij,nj->ni", np.asarray(plan.rotation), planned)
     measured_band, planned_band = (_in_band(x[inside], spec.rate, band) for x in (in_a, plan_in_a))
     difference = _in_band((in_a - plan_in_a)[inside], spec.rate, band)
-    return Stillness(_rms(measured_band[0]), _rms(planned_band[0]), _rms(difference[0]), _rms(measured_band[1]), by)
+    return Stillness(
+        acceleration=_rms(measured_band[0]), planned=_rms(planned_band[0]), apart=_rms(difference[0]),
+        displacement=_rms(measured_band[1]), by=by,
+    )  # fmt: skip
 
 
 def _in_band(acceleration: np.ndarray, rate: float, band: float) -> tuple[np.ndarray, np.ndarray]:

@@ -128,7 +128,10 @@ def draw_noise(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
     streams = noise_streams(noisy, key, index)
 
     def draw(memory, block):
-        drawn, memory = noise_of_block(noisy, engine.mixing, streams, memory, block, engine.rate, engine.dtype)
+        drawn, memory = noise_of_block(
+            sources=noisy, mixing=engine.mixing, streams=streams, memory=memory, block=block, rate=engine.rate,
+            dtype=engine.dtype,
+        )  # fmt: skip
         return memory, drawn
 
     # put in order after the loop that draws: within it, XLA would draw anew for each half

@@ -207,12 +207,9 @@ def _draw(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"
             uniform
         )
     return _Draws(
-        jax.vmap(errors, in_axes=-1, out_axes=-1, axis_size=len(indices))(constants),
-        jnp.einsum("serk,kst->sert", engine.gyro.roots, gyro),
-        cell,
-        crossed,
-        len(indices),
-    )
+        errors=jax.vmap(errors, in_axes=-1, out_axes=-1, axis_size=len(indices))(constants),
+        gyro=jnp.einsum("serk,kst->sert", engine.gyro.roots, gyro), cell=cell, crossed=crossed, trials=len(indices),
+    )  # fmt: skip
 
 
 def _normals(

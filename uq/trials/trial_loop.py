@@ -110,7 +110,9 @@ class TrialLoop:
         numbers, placed = np.arange(self.count, self.count + segment), NamedSharding(self.mesh, PartitionSpec("trials"))
         split = jax.make_array_from_callback(numbers.shape, placed, lambda share: numbers[share])
         with guarded():
-            return _sharded(self.run, self.problem, self.key, split, self.mesh, self.batch, several())
+            return _sharded(
+                self.run, self.problem, self.key, split, mesh=self.mesh, batch=self.batch, gathered=several()
+            )
 
     def results(self, trials: int) -> Any:
         """Return the first so many trials as NumPy arrays, trials leading."""

@@ -9,8 +9,7 @@ from uq.bodies.exported_body import ExportedBody, number, numbers, xml_document
 def mjcf(body: ExportedBody) -> str:
     """Return a model of one free body."""
     diagonal_first = body.inertia[[0, 3, 5, 1, 2, 4]]
-    return xml_document(
-        body,
+    lines = [
         f"<mujoco model={quoteattr(body.name)}>",
         "  <worldbody>",
         f"    <body name={quoteattr(body.name)}>",
@@ -20,7 +19,8 @@ def mjcf(body: ExportedBody) -> str:
         "    </body>",
         "  </worldbody>",
         "</mujoco>",
-    )
+    ]
+    return xml_document(body, lines)
 
 
 FORMAT = ExportFormat("body.xml", "MuJoCo's MJCF, a free body", mjcf)

@@ -9,8 +9,7 @@ from uq.bodies.exported_body import ExportedBody, number, numbers, xml_document
 def sdf(body: ExportedBody) -> str:
     """Return a model of one link."""
     entries = "".join(f"<{name}>{number(value)}</{name}>" for name, value in body.named.items())
-    return xml_document(
-        body,
+    lines = [
         '<sdf version="1.7">',
         f"  <model name={quoteattr(body.name)}>",
         f"    <link name={quoteattr(body.name)}>",
@@ -22,7 +21,8 @@ def sdf(body: ExportedBody) -> str:
         "    </link>",
         "  </model>",
         "</sdf>",
-    )
+    ]
+    return xml_document(body, lines)
 
 
 FORMAT = ExportFormat("body.sdf", "SDFormat, a model of one link", sdf)

@@ -9,8 +9,7 @@ from uq.bodies.exported_body import ExportedBody, number, numbers, xml_document
 def urdf(body: ExportedBody) -> str:
     """Return a robot of one link."""
     entries = " ".join(f'{name}="{number(value)}"' for name, value in body.named.items())
-    return xml_document(
-        body,
+    lines = [
         f"<robot name={quoteattr(body.name)}>",
         '  <mujoco><compiler fusestatic="false"/></mujoco>',  # else MuJoCo merges the link with the world
         f"  <link name={quoteattr(body.name)}>",
@@ -21,7 +20,8 @@ def urdf(body: ExportedBody) -> str:
         "    </inertial>",
         "  </link>",
         "</robot>",
-    )
+    ]
+    return xml_document(body, lines)
 
 
 FORMAT = ExportFormat("body.urdf", "URDF, a robot of one link", urdf)
