@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tokenize
 import tomllib
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -87,6 +88,31 @@ def _row(name: str, paths: list[Path]) -> list[str]:
     return [name, *(f"{n:,}" for n in (count, sum(map(lines, paths)), sum(map(code_lines, paths)))), ""]
 
 
+def repeated_classes() -> dict[str, list[str]]:
+    """Return the names of classes that several modules define, with the modules."""
+    places = defaultdict[str, list[str]](list)
+    for path, node in _nodes():
+        if isinstance(node, ast.ClassDef):
+            places[node.name].append(str(path.relative_to(ROOT)))
+    return {name: paths for name, paths in places.items() if len(paths) > 1}
+
+
+def positional_calls(most: int = 6) -> list[str]:
+    """Return the calls with more positional arguments than this, each as file and line."""
+    return [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path, node in _nodes()
+        if isinstance(node, ast.Call) and len(node.args) > most
+    ]
+
+
+def _nodes() -> Iterator[tuple[Path, ast.AST]]:
+    for room in rooms():
+        for path in room.glob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                yield path, node
+
+
 def floors(package: str) -> list[list[str]]:
     """Return a package's floors from above, each the names that stand side by side, as the import linter holds them."""
     with open(ROOT / "pyproject.toml", "rb") as file:
@@ -142,6 +168,9 @@ def main() -> int:
     if options.write:
         PAGE.write_text(page_with_listing(), "utf-8")
     print(closure() if options.closure else table())
+    if not options.closure:
+        print(f"\nnames of classes that repeat: {len(repeated_classes())}")
+        print(f"calls with more than six positional arguments: {len(positional_calls())}")
     return 0
 
 

@@ -31,7 +31,7 @@ def commands() -> str:
     lines = ["# Commands", "", "*Which commands and options are there?*", ""]
     for name, summary in main.COMMANDS.items():
         module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
-        parser = main.Parser(prog=f"inertia {name}", description=summary)
+        parser = main.CommandParser(prog=f"inertia {name}", description=summary)
         module.configure(parser)
         usage = " ".join(parser.format_usage().removeprefix("usage: ").split())
         end = "" if summary.endswith("?") else "."

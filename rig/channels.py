@@ -17,7 +17,7 @@ CROWDED = 0.6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Channel:
+class RecordedChannel:
     """Data that every topic has, n messages in the order of ``log_time``.
 
     Attributes:
@@ -53,7 +53,7 @@ class Channel:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WrenchChannel(Channel):
+class WrenchChannel(RecordedChannel):
     """Force and moment of one topic.
 
     Attributes:
@@ -68,7 +68,7 @@ class WrenchChannel(Channel):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImuChannel(Channel):
+class ImuChannel(RecordedChannel):
     """Angular velocity and specific force of one topic.
 
     Attributes:
@@ -83,7 +83,7 @@ class ImuChannel(Channel):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionChannel(Channel):
+class MotionChannel(RecordedChannel):
     """Motion that a sensor other than an IMU measures.
 
     Attributes:

@@ -25,6 +25,15 @@ def test_no_room_is_crowded():
     assert not {str(room) for room in house.rooms() if len(house.modules(room)) > 16}
 
 
+def test_a_name_of_a_class_is_used_once():
+    assert not house.repeated_classes()
+
+
+def test_a_call_of_many_arguments_names_them():
+    """A record of many fields is read by its fields' names, and a field that is put between them moves none."""
+    assert not house.positional_calls()
+
+
 def test_every_room_says_what_it_is_for():
     assert not [room for room in house.rooms() if not (room / "__init__.py").read_text("utf-8").startswith('"""')]
 

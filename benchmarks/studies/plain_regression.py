@@ -28,8 +28,8 @@ from uq.arm.arm_limits import ArmLimits
 from uq.arm.clearance import Clearance
 from uq.arm.common_practice import random_series
 from uq.arm.joint_search import JointSearch
-from uq.arm.mujoco_run import ASSUMED, SimulatedRun, simulated
-from uq.arm.predicted_payload import Noise, declared_noise
+from uq.arm.mujoco_run import ASSUMED, MujocoRun, simulated
+from uq.arm.predicted_payload import WrenchNoise, declared_noise
 from uq.experiment.experiment import Experiment
 
 STEP, OFFSET = 2 * np.pi / 2**19, np.repeat([2.0, 0.1], 3)
@@ -58,7 +58,7 @@ class Stated(NamedTuple):
     half: np.ndarray
 
 
-def measured(run: SimulatedRun, noise: Noise, generator: np.random.Generator) -> Measured:
+def measured(run: MujocoRun, noise: WrenchNoise, generator: np.random.Generator) -> Measured:
     """Return a run as encoders and load cell read it."""
     zero = generator.uniform(size=run.joints.position.shape[1])
     angles = STEP * (np.round(run.joints.position / STEP + zero) - zero)
@@ -135,7 +135,7 @@ def by_sysid(limits: ArmLimits, log: Measured, joints: JointStates) -> Stated:
 
 
 def beside_plain(
-    limits: ArmLimits, noise: Noise, series: JointSeries, runs: int, seed: int, sysid_runs: int = 0
+    limits: ArmLimits, noise: WrenchNoise, series: JointSeries, runs: int, seed: int, sysid_runs: int = 0
 ) -> dict[str, Stated]:
     """Return what each way states of so many draws of one run in MuJoCo, (runs, 10) or (sysid_runs, 10)."""
     gravity, lowpass = limits.gravity, LOWPASS * limits.bandwidth

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from identify.exceptions import RunError
-from identify.methods.base import Estimator, Problem, estimator_of
+from identify.methods.base import Method, Problem, estimator_of
 from identify.results.identification_result import Identification
 
 EFFICIENCY = np.pi / 2
 """Variance of the median over that of the mean, of many normal values."""
 
 
-class MedianOfRuns(Estimator):
+class MedianOfRuns(Method):
     """Component by component; every run by the source's least squares."""
 
     type_a = "The value is the median of the runs' estimates; its uncertainty follows from their mean's."

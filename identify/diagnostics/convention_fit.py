@@ -56,7 +56,7 @@ COUNTERWEIGHT_AT = slice(len(MOMENT_TERMS), len(MOMENT_TERMS_WITH_WEIGHT))
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ConventionFit:
     """The unknowns of an equation, their covariance, and chi-square: left over, weighted, with what the priors cost.
 
     Of several sums side by side, one each.
@@ -87,7 +87,7 @@ def solve(
     *,
     variance: float,
     priors: Float[np.ndarray, " p"] | None = None,
-) -> Fit:
+) -> ConventionFit:
     """Fit ``answer`` (force or moment) by ``terms``, each sample's components of this variance.
 
     ``priors`` (p,): standard deviation about zero of each unknown, inf where none is stated.
@@ -101,7 +101,7 @@ def solve(
     values = np.linalg.solve(matrix, weight * right[..., None])[..., 0]
     squared = (values * (normal @ values[..., None])[..., 0]).sum(axis=-1)
     misfit = weight * (total - 2 * (right * values).sum(axis=-1) + squared) + ((values / loose) ** 2).sum(axis=-1)
-    return Fit(values, np.linalg.inv(matrix), np.asarray(misfit))
+    return ConventionFit(values, np.linalg.inv(matrix), np.asarray(misfit))
 
 
 def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
@@ -115,7 +115,7 @@ def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
     return max(float(np.maximum(left / free, LEAST_MISFIT**2 * changes).min()), 1e-18)
 
 
-def negativity(fit: Fit) -> Float[np.ndarray, "*m"]:
+def negativity(fit: ConventionFit) -> Float[np.ndarray, "*m"]:
     """Increase of chi-square when a tensor's negative moments are raised to zero."""
     moments, axes = np.linalg.eigh(fit.values[..., INERTIA_AT][..., UNPACKED])
     forms = axes[..., ROWS, :] * axes[..., COLUMNS, :] * np.where(ROWS == COLUMNS, 1, 2)[:, None]

@@ -86,7 +86,7 @@ def scales(
     return replace(given, moment=convention_fit.variance_left(_fitted_force(tried, given)[1], terms, MOMENT))
 
 
-def _fitted_force(sums: ConventionSums, given: Scales) -> tuple[convention_fit.Fit, ConventionSums]:
+def _fitted_force(sums: ConventionSums, given: Scales) -> tuple[convention_fit.ConventionFit, ConventionSums]:
     """The force's fit, and the sums with the fitted force for the measured one, whose noise would mislead."""
     fit = convention_fit.solve(sums, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
     change = np.broadcast_to(np.eye(sums.gram.shape[-1]), sums.gram.shape).copy()

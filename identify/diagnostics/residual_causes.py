@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.diagnostics.residuals import Residuals, gyro_bias_columns, residual_moment, residuals
-from identify.diagnostics.spectral_lines import Line, line
+from identify.diagnostics.spectral_lines import SpectralLine, line
 from identify.rounding import significant, with_uncertainty
 from identify.signals.correlation_time import correlation_time, score_covariance
 from identify.signals.estimator_spec import EstimatorSpec
@@ -39,7 +39,7 @@ FEWEST = 10.0
 """Independent residuals a column that a set needs to be judged at all."""
 
 
-class Verdict(NamedTuple):
+class ResidualCause(NamedTuple):
     """A cause that a run's residuals follow."""
 
     cause: str
@@ -55,17 +55,17 @@ class Verdict(NamedTuple):
     """Name of the run."""
 
 
-class Cause(NamedTuple):
+class CauseSignals(NamedTuple):
     """Signals that a cause makes of the residual moment."""
 
     name: str
     columns: Float[np.ndarray, "n 3 p"]
 
 
-class Fit(NamedTuple):
+class CauseFit(NamedTuple):
     """Fit of a cause's signals to the residuals."""
 
-    cause: Cause
+    cause: CauseSignals
     coefficients: Float[np.ndarray, " p"]
     standard_uncertainty: Float[np.ndarray, " p"]
     explained: Float[np.ndarray, "n 3"]
@@ -99,7 +99,7 @@ def consistency(
     inertia: Float[np.ndarray, "6"],
     *,
     offsets: OffsetChoice = "estimate",
-) -> tuple[Verdict, ...]:
+) -> tuple[ResidualCause, ...]:
     """Return what a run's residuals follow; nothing where they are noise.
 
     Args:
@@ -129,7 +129,7 @@ def resonances(
     inertia: Float[np.ndarray, "6"],
     *,
     offsets: OffsetChoice = "estimate",
-) -> tuple[Verdict, ...]:
+) -> tuple[ResidualCause, ...]:
     """Return the line in a run's residual moment above the motion's band, if there is one.
 
     Arguments are those of :func:`consistency`, which looks for it beside what else the residuals follow.
@@ -138,14 +138,14 @@ def resonances(
     return () if len(moment) < SHORTEST else _lines(run, moment, run.band)
 
 
-def _lines(run: Run, moment: np.ndarray, band: float) -> tuple[Verdict, ...]:
+def _lines(run: Run, moment: np.ndarray, band: float) -> tuple[ResidualCause, ...]:
     resonance = line(moment, run.rate, above=OVER_BAND_OF_LINES * band)
     return () if resonance is None or resonance.share < LEAST else (_line_verdict(resonance, run.name),)
 
 
-def _followed(rest: np.ndarray, open_to: list[Cause], base: np.ndarray) -> list[Fit]:
+def _followed(rest: np.ndarray, open_to: list[CauseSignals], base: np.ndarray) -> list[CauseFit]:
     """The causes that the residuals follow: the best one, then what is left beside it."""
-    followed: list[Fit] = []
+    followed: list[CauseFit] = []
     total = float((rest**2).sum())
     while len(followed) < MOST:
         fits = [fit for cause in open_to if (fit := explain(rest, cause, base)) is not None]
@@ -181,17 +181,17 @@ def _basis(columns: np.ndarray) -> np.ndarray:
     return columns
 
 
-def _matters(fit: Fit, named: list[Fit], total: float) -> bool:
+def _matters(fit: CauseFit, named: list[CauseFit], total: float) -> bool:
     return fit.power / total > max(LEAST, ECHO * named[0].power / total if named else 0.0)
 
 
-def _needless(fit: Fit, others: list[Fit]) -> bool:
+def _needless(fit: CauseFit, others: list[CauseFit]) -> bool:
     """Whether a set that holds another one explains hardly more than it."""
     inside = [other.power for other in others if other.cause.name in GENERAL.get(fit.cause.name, ())]
     return bool(inside) and fit.power < BETTER * max(inside)
 
 
-def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
+def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[CauseSignals]:
     """Return the causes that are looked for, each with the signals that it makes."""
     n, unit = len(left.t), np.eye(3)
     on_every_axis = lambda signal: np.einsum("nk,ij->nikj", signal, unit).reshape(n, 3, 9)  # noqa: E731  every component on every axis
@@ -200,19 +200,24 @@ def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[Cause]:
     change = np.gradient(left.spin, 1 / left.rate, axis=0)
     time = np.broadcast_to(2 * left.t[:, None] / max(left.t[-1], 1e-300) - 1, (n, 3))
     candidates = [
-        Cause("delay", change[:, :, None]),
-        Cause("rotation", crossed(left.spin)),
-        Cause("tensor", left.rows * time[:, :, None]),
-        Cause("gyro bias", gyro_bias_columns(left, inertia)),
-        Cause("air", np.concatenate([on_own_axis(left.omega), on_own_axis(np.abs(left.omega) * left.omega)], axis=2)),
-        Cause("drift", on_own_axis(time)),
+        CauseSignals("delay", change[:, :, None]),
+        CauseSignals("rotation", crossed(left.spin)),
+        CauseSignals("tensor", left.rows * time[:, :, None]),
+        CauseSignals("gyro bias", gyro_bias_columns(left, inertia)),
+        CauseSignals(
+            "air", np.concatenate([on_own_axis(left.omega), on_own_axis(np.abs(left.omega) * left.omega)], axis=2)
+        ),
+        CauseSignals("drift", on_own_axis(time)),
     ]
     if np.abs(left.force).max() > 0:
-        candidates += [Cause("centre of gravity", crossed(left.force)), Cause("attitude", on_every_axis(left.force))]
+        candidates += [
+            CauseSignals("centre of gravity", crossed(left.force)),
+            CauseSignals("attitude", on_every_axis(left.force)),
+        ]
     return candidates
 
 
-def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) -> Fit | None:
+def explain(moment: np.ndarray, cause: CauseSignals, base: Float[np.ndarray, "m q"]) -> CauseFit | None:
     """Return what a cause explains of the residual moment beside what is in the base; None: too few residuals.
 
     Args:
@@ -245,13 +250,13 @@ def explain(moment: np.ndarray, cause: Cause, base: Float[np.ndarray, "m q"]) ->
     coefficients, spread = np.zeros(count), np.full(count, np.inf)
     coefficients[independent] = back @ along
     spread[independent] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
-    return Fit(
+    return CauseFit(
         cause=cause, coefficients=coefficients, standard_uncertainty=spread, explained=(left @ along).reshape(n, 3),
         wald=wald, freedom=freedom,
     )  # fmt: skip
 
 
-def _unfiltered(fits: list[Fit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
+def _unfiltered(fits: list[CauseFit], whole: Residuals, inertia: np.ndarray) -> np.ndarray:
     """Return the part of the residuals that the named causes explain without the estimator's low-pass."""
     again = {cause.name: cause.columns for cause in causes(whole, inertia)} if fits else {}
     total = np.zeros_like(whole.moment)
@@ -274,7 +279,7 @@ SCALED = {"delay": 1e3, "rotation": 180 / np.pi, "gyro bias": -1e3, "drift": 2.0
 """Factors from a fit's coefficients in SI to the figures in the text."""
 
 
-def _verdict(fit: Fit, total: float, name: str) -> Verdict:
+def _verdict(fit: CauseFit, total: float, name: str) -> ResidualCause:
     of_axis = (fit.explained**2).sum(axis=0)
     share, rms = float(of_axis.sum()) / total, float(np.sqrt(of_axis.sum() / len(fit.explained)))
     cause = fit.cause.name
@@ -282,13 +287,13 @@ def _verdict(fit: Fit, total: float, name: str) -> Verdict:
     pairs = zip(scale * fit.coefficients, abs(scale) * fit.standard_uncertainty, strict=True)
     figures = ", ".join(with_uncertainty(value, sigma) for value, sigma in pairs)
     text = f"{name}: the residual moment follows the {TEXTS[cause].format(figures)}; {significant(rms, 2)} N·m rms"
-    return Verdict(cause=cause, axis=f"b{int(np.argmax(of_axis)) + 1}", share=share, text=text, run=name)
+    return ResidualCause(cause=cause, axis=f"b{int(np.argmax(of_axis)) + 1}", share=share, text=text, run=name)
 
 
-def _line_verdict(resonance: Line, name: str) -> Verdict:
+def _line_verdict(resonance: SpectralLine, name: str) -> ResidualCause:
     axis = f"b{resonance.axis + 1}"
     text = f"{name}: a line at {significant(resonance.frequency)} Hz in the residual moment about {axis} (resonance); "
-    return Verdict(
+    return ResidualCause(
         cause="resonance", axis=axis, share=resonance.share, text=f"{text}{significant(resonance.rms, 2)} N·m rms",
         run=name,
     )  # fmt: skip

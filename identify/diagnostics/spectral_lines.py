@@ -11,7 +11,7 @@ AROUND = 40
 """The level is a median over the spectrum's length divided by this."""
 
 
-class Line(NamedTuple):
+class SpectralLine(NamedTuple):
     """The strongest line of a signal."""
 
     frequency: float
@@ -23,7 +23,7 @@ class Line(NamedTuple):
     """Part of the signal's variance, all axes together."""
 
 
-def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> Line | None:
+def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:
     """Return the line that stands out most from the spectrum around it; None where none does.
 
     Args:
@@ -46,7 +46,7 @@ def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -
         return None
     power = _power(spectrum[:, axis], level[:, axis], int(peak)) / (n * (window**2).sum()) * 2
     variance = float(signal.var(axis=0).sum())
-    return Line(
+    return SpectralLine(
         float(frequency[peak]), int(axis), float(np.sqrt(power)), float(min(power / max(variance, 1e-300), 1.0))
     )
 

@@ -47,7 +47,7 @@ HALF = 0.5
 """Gain of the filter on both sides down to which lines take part."""
 
 
-class Equations(NamedTuple):
+class TensorEquations(NamedTuple):
     """Normal equations of the tensor."""
 
     normal: np.ndarray
@@ -64,7 +64,7 @@ class Weighed(NamedTuple):
     weighted: Information
     plain: Information
     """The run's equations by ordinary least squares."""
-    extended: Equations
+    extended: TensorEquations
     """Weighted equations with unknowns for signals that follow the motion
     (:mod:`identify.estimators.motion_columns`)."""
     scores: np.ndarray
@@ -74,7 +74,7 @@ class Weighed(NamedTuple):
     squares."""
 
 
-class Fit(NamedTuple):
+class WeightedFit(NamedTuple):
     """A fit on lines, its weights from its own residuals."""
 
     value: np.ndarray
@@ -160,7 +160,7 @@ def whitened(
 def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
     """Ordinary least squares, of these transformed rows, in place of all three."""
     weight = plain.weight
-    extended = Equations(weight * plain.normal, weight * plain.right, weight * plain.right_by_centre)
+    extended = TensorEquations(weight * plain.normal, weight * plain.right, weight * plain.right_by_centre)
     factors = np.array([1, 1, weight])
     return Weighed(
         weighted=replace(plain, weighed=rows), plain=plain, extended=extended,
@@ -168,9 +168,11 @@ def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
     )  # fmt: skip
 
 
-def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.ndarray) -> Equations:
+def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.ndarray) -> TensorEquations:
     normal = _times(weighed, x)
-    return Equations((normal + normal.T) / 2, np.tensordot(weighed, y, axes=((0, 1), (0, 1))), _times(weighed, lever))
+    return TensorEquations(
+        (normal + normal.T) / 2, np.tensordot(weighed, y, axes=((0, 1), (0, 1))), _times(weighed, lever)
+    )
 
 
 def _times(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -178,14 +180,14 @@ def _times(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return np.tensordot(rows, columns, axes=((0, 1), (0, 1)))
 
 
-def _reduced(columns: np.ndarray, fit: Fit) -> np.ndarray:
+def _reduced(columns: np.ndarray, fit: WeightedFit) -> np.ndarray:
     """Rows whose products with the values are the equations of the tensor alone, what follows it eliminated."""
     share = np.linalg.solve(fit.normal[6:, 6:], fit.normal[6:, :6])
     return np.einsum("mab,mbp->map", fit.weights, columns[:, :, :6] - columns[:, :, 6:] @ share)
 
 
 def _with_room(
-    weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: Fit
+    weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: WeightedFit
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rows with more columns eliminated, the rest of the residuals, and the degrees of freedom.
 
@@ -210,7 +212,7 @@ def _with_room(
 def fitted(
     columns: np.ndarray, values: np.ndarray, inside: int, constants: int, gain: np.ndarray | float = 1.0,
     prior: np.ndarray | float = 0.0,
-) -> Fit:  # fmt: skip
+) -> WeightedFit:  # fmt: skip
     """Return the generalised fit of transformed values by transformed columns.
 
     Args:
@@ -236,7 +238,7 @@ def fitted(
     normal, right = _equations(taking, weights, values[:inside, :, None])
     normal = normal + before
     inverse = np.linalg.pinv(normal, hermitian=True)
-    return Fit(
+    return WeightedFit(
         value=inverse @ right[:, 0], inverse=inverse, normal=normal, weights=weights, left=left,
         spectrum=spectrum(left, free, constants, gain),
     )  # fmt: skip

@@ -22,7 +22,7 @@ SMALL = 0.2
 """Difference over the standard uncertainty that is no news."""
 
 
-class Difference(NamedTuple):
+class EstimateDifference(NamedTuple):
     """Difference of another estimate from the weighted one."""
 
     value: np.ndarray
@@ -47,7 +47,7 @@ class Difference(NamedTuple):
 
 def differences(
     of_runs: Sequence[Weighed], weighted: Pooled, plain: Pooled, of_centre: np.ndarray
-) -> tuple[Difference, ...]:
+) -> tuple[EstimateDifference, ...]:
     """Return the differences of ordinary least squares, and of the estimate with more unknowns, from weighted runs.
 
     Args:
@@ -85,7 +85,7 @@ def differences(
 def _difference(
     of_runs: Sequence[Weighed], weighted: Pooled, other: np.ndarray, apart_by_centre: np.ndarray,
     by_centre: np.ndarray, apart: Sequence[np.ndarray], alone: Sequence[np.ndarray], of_centre: np.ndarray,
-) -> Difference:  # fmt: skip
+) -> EstimateDifference:  # fmt: skip
     """One difference, from the derivatives of it and of the other estimate by each run's right sides."""
 
     def covariance(by_right: Sequence[np.ndarray], centre: np.ndarray) -> np.ndarray:
@@ -98,13 +98,13 @@ def _difference(
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
     square = value @ np.linalg.solve(expected, value) * (freedom - len(value) + 1) / (freedom * len(value))
     factor = scipy.special.stdtrit(freedom, PROBABILITY)
-    return Difference(
+    return EstimateDifference(
         value, expected, factor * np.sqrt(np.diag(covariance(alone, by_centre))),
         float(scipy.special.fdtrc(len(value), freedom - len(value) + 1, square)),
     )  # fmt: skip
 
 
-def reaching(plain: Pooled, weighted: Pooled, every: Sequence[Difference]) -> Pooled:
+def reaching(plain: Pooled, weighted: Pooled, every: Sequence[EstimateDifference]) -> Pooled:
     """Return ordinary least squares with an interval that holds those of the other estimates, too.
 
     What residuals say of its uncertainty is widened for it, which declared sources then join as ever.

@@ -22,7 +22,7 @@ ROUGH = 1e-1
 MOST_STEPS = 30
 
 
-class Fit(NamedTuple):
+class RunSolution(NamedTuple):
     """The solution of one run."""
 
     z: Float[Array, " free"]
@@ -42,7 +42,7 @@ def solve(
     whitener: Float[Array, "rows rows"],
     start: Float[Array, " free"],
     tolerance: Any = TOLERANCE,
-) -> Fit:
+) -> RunSolution:
     """Return the most probable unknowns.
 
     Args:
@@ -63,7 +63,7 @@ def solve(
     value, rows = _linearised(model, prior, whitener, solution.value)
     left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
     steps = jnp.asarray(solution.stats["num_steps"]).astype(start.dtype)
-    return Fit(
+    return RunSolution(
         z=solution.value, information=rows.T @ rows, residuals=left, steps=steps,
         converged=jnp.asarray(solution.result == optimistix.RESULTS.successful),
     )  # fmt: skip
@@ -98,7 +98,7 @@ def information(
     return rows.T @ rows
 
 
-def posterior(fit: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
+def posterior(fit: RunSolution, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariance of the unknowns, (count, count), and the part of it that the prior's errors cause."""
     information, counted, root = (np.asarray(x) for x in (fit.information, prior.counted, prior.root))
     inverse = np.linalg.inv(information + np.diag(counted))

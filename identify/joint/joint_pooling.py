@@ -18,7 +18,7 @@ CALIBRATED = ("force_offset", "moment_offset")
 """Unknowns that runs share, too, where one static calibration precedes all of them."""
 
 
-class Pooled(NamedTuple):
+class PooledJoint(NamedTuple):
     """The estimate from all runs."""
 
     theta: list[np.ndarray]
@@ -37,7 +37,7 @@ class Pooled(NamedTuple):
     """Covariance of the prior, (count, count); zero for what has none."""
 
 
-def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
+def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
     """Pool the runs' estimates.
 
     Args:
@@ -50,7 +50,7 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
         covariance, prior_covariance = runs[0].posterior()
         inverse = np.linalg.inv(np.asarray(runs[0].fit.information) + np.diag(counted))
         by_prior = root @ inverse @ np.diag(counted) @ back
-        return Pooled(
+        return PooledJoint(
             theta=[runs[0].theta], covariance=covariance, prior_covariance=prior_covariance, scatter=1.0,
             degrees_of_freedom=np.inf, by_prior=by_prior, beforehand=runs[0].prior.covariance,
         )  # fmt: skip
@@ -74,7 +74,7 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> Pooled:
     covariance += root[:, ~common] @ first.local_covariance @ root[:, ~common].T
     prior_covariance = root @ carried @ inverse @ precision @ inverse @ carried.T @ root.T
     by_prior = root @ carried @ inverse @ precision @ back[common]
-    return Pooled(
+    return PooledJoint(
         theta=theta, covariance=covariance, prior_covariance=prior_covariance, scatter=scatter,
         degrees_of_freedom=freedom, by_prior=by_prior, beforehand=runs[0].prior.covariance,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from identify.estimators.offsets import Offsets
 from identify.estimators.residual_trace import Trace, trace
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
-from identify.joint.joint_pooling import ALIGNED, CALIBRATED, Pooled, pool
+from identify.joint.joint_pooling import ALIGNED, CALIBRATED, PooledJoint, pool
 from identify.joint.prior_departure import departures
 from identify.joint.priors import STATIC, axes_of, calibrated, indices
 from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
@@ -94,7 +94,7 @@ GROUPS = {
 """Unknowns of each prior that a budget names, beside the priors of declared errors."""
 
 
-def _budget(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
+def _budget(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     """Contributions to the standard uncertainty of each component [kg·m²]: residuals, priors, declared errors."""
     tensor, declared = SLICES["inertia"], {error.unknown for error in setting.errors.values()}
 
@@ -125,7 +125,7 @@ TEN = ("mass", "r_cg", "inertia")
 """The ten parameters, in their order."""
 
 
-def _effects_of_axes(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
+def _effects_of_axes(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     """Errors of the ten parameters by one standard uncertainty of each axis of declared errors, (10,) each.
 
     The prior mean of such an error is off by minus itself, that of a static calibration by what it did there.
@@ -139,21 +139,21 @@ def _effects_of_axes(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
     }
 
 
-def _lasting(pooled: Pooled, setting: Setting) -> dict[str, np.ndarray]:
+def _lasting(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     """Return the prior's errors of the ten parameters, (10,) each, that are the same in another body's result."""
     by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
     effects = _effects_of_axes(pooled, setting)
     return {name: effects.get(name, by_static @ effect) for name, effect in setting.lasting.items()}
 
 
-def _aligned(pooled: Pooled, name: str, factor: float) -> Aligned:
+def _aligned(pooled: PooledJoint, name: str, factor: float) -> Aligned:
     where = SLICES[name]
     value, covariance = pooled.theta[0][where], pooled.covariance[where, where]
     half = factor * np.sqrt(np.diag(covariance))
     return Aligned(value, covariance, np.stack([value - half, value + half], axis=1), _share(pooled, where))
 
 
-def _share(pooled: Pooled, where: slice) -> np.ndarray:
+def _share(pooled: PooledJoint, where: slice) -> np.ndarray:
     total = np.diag(pooled.covariance)[where]
     return np.where(total > 0, np.diag(pooled.prior_covariance)[where] / np.where(total > 0, total, 1.0), 1.0)
 
@@ -164,7 +164,7 @@ def _freedom(runs: Sequence[JointRun]) -> float:
     return max(bins / 2 - sum(len(run.fit.z) for run in runs), 1.0)
 
 
-def _bias(runs: Sequence[JointRun], pooled: Pooled) -> np.ndarray:
+def _bias(runs: Sequence[JointRun], pooled: PooledJoint) -> np.ndarray:
     """Expected error of the first run's unknowns from the gyro's noise in alpha, to first order, (count,).
 
     What is predicted is ``A(theta) alpha``. Noise n of alpha adds ``-A n`` to the residuals and ``dA/dtheta n`` to
@@ -207,7 +207,7 @@ def _by_alpha(
     return matrix(theta), jax.jacfwd(matrix)(theta)
 
 
-def _warnings(pooled: Pooled, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
+def _warnings(pooled: PooledJoint, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
     warnings = [
         f"gyro noise biases {name} by about {significant(1e3 * error, 2)} g·m²: record with a better gyro, or slower"
         for name, error, three in zip(COMPONENTS, bias, 3 * sigma, strict=True)
@@ -231,7 +231,7 @@ def _assumptions(specific_force: SpecificForce, runs: int) -> tuple[str, ...]:
     )
 
 
-def _diagnostics(runs: Sequence[JointRun], pooled: Pooled, factor: float) -> dict[str, object]:
+def _diagnostics(runs: Sequence[JointRun], pooled: PooledJoint, factor: float) -> dict[str, object]:
     names = ("inertia", "mass", "r_cg", "delay", "rotation", "force_offset", "moment_offset", "gyro_bias")
     return {
         "prior_share": {name: _share(pooled, SLICES[name]).tolist() for name in names},

@@ -12,7 +12,7 @@ from identify.compiled_program import CompiledProgram
 from identify.estimators.least_squares import excitation
 from identify.joint.alignment_prior import Alignment
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
-from identify.joint.gauss_newton import ROUGH, TOLERANCE, Fit, posterior, solve
+from identify.joint.gauss_newton import ROUGH, TOLERANCE, RunSolution, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
 from identify.joint.priors import ConstantError, Prior, PriorBlock, prior
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
@@ -58,7 +58,7 @@ class JointRun:
     run: Run
     model: Model
     prior: Prior
-    fit: Fit
+    fit: RunSolution
     noise: np.ndarray
     """Covariance of one sample's rows, were its noise white: force [N] and moment [N·m], or moment alone."""
     gyro_noise: np.ndarray
@@ -99,7 +99,9 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     )
 
 
-def fitted(model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting, name: str) -> tuple[Fit, np.ndarray]:
+def fitted(
+    model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting, name: str
+) -> tuple[RunSolution, np.ndarray]:
     """Return the solution of a run, and the covariance of one row's noise that it was weighed with.
 
     Args:
@@ -179,7 +181,7 @@ def whitener(covariance: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
-def residual_noise(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
+def residual_noise(fit: RunSolution, beforehand: Prior, model: Model) -> np.ndarray:
     """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
 
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
@@ -199,7 +201,7 @@ def residual_noise(fit: Fit, beforehand: Prior, model: Model) -> np.ndarray:
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
-def _check(name: str, model: Model, beforehand: Prior, fit: Fit) -> None:
+def _check(name: str, model: Model, beforehand: Prior, fit: RunSolution) -> None:
     theta = beforehand.theta(np.asarray(fit.z))
     if not (np.isfinite(theta).all() and bool(fit.converged)):
         raise _without_solution(name)

@@ -67,7 +67,7 @@ class Problem:
         return max(run.band for run in self.runs)
 
 
-class Estimator(ABC):
+class Method(ABC):
     """A way from runs to the tensor."""
 
     type_a: ClassVar[str] = ""
@@ -85,9 +85,9 @@ class Estimator(ABC):
         """
 
 
-def estimator_of(name: str) -> Estimator:
+def estimator_of(name: str) -> Method:
     """Return the estimator of the file of this name."""
     module = import_module(f"identify.methods.{name}")
-    classes = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, Estimator)]
+    classes = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, Method)]
     (estimator,) = (value for value in classes if value.__module__ == module.__name__)
     return estimator()

@@ -6,8 +6,8 @@ import numpy as np
 
 from identify.estimators.generalised_least_squares import Weighed, whitened
 from identify.estimators.pooling import pool
-from identify.estimators.specification_test import Difference, differences, reaching
-from identify.methods.base import Estimator, Problem
+from identify.estimators.specification_test import EstimateDifference, differences, reaching
+from identify.methods.base import Method, Problem
 from identify.methods.source import estimator_for, result_of
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
@@ -16,7 +16,7 @@ from identify.rounding import significant
 OTHERS = ("by ordinary least squares", "if moments that follow the motion have unknowns of their own")
 
 
-class GeneralisedLeastSquares(Estimator):
+class GeneralisedLeastSquares(Method):
     """Least squares on Omega_R, weighed by the errors' covariance across axes and in time."""
 
     type_a = (
@@ -54,7 +54,7 @@ def _too_brief(of_runs: Sequence[Weighed]) -> list[str]:
     return [f"{names[0]}{more}: too brief to learn weights from: ordinary least squares, as with method source"]
 
 
-def _disagreement(every: Sequence[Difference]) -> str:
+def _disagreement(every: Sequence[EstimateDifference]) -> str:
     """Return a sentence on the difference that is least probable by chance."""
     k = int(np.argmin([difference.chance for difference in every]))
     at, other = every[k].largest, every[k]

@@ -13,7 +13,7 @@ from identify.joint.joint_result import joint_result
 from identify.joint.priors import STATIC, ConstantError, PriorBlock, error_blocks, linked
 from identify.joint.single_run import Setting, joint_run
 from identify.joint.still_check import check_still
-from identify.methods.base import Estimator, Problem
+from identify.methods.base import Method, Problem
 from identify.results.identification_result import Identification
 from identify.signals.run import Run
 
@@ -21,7 +21,7 @@ STILL_WITHIN = 0.003
 """Standard uncertainty of the point that is at rest, from the centre of gravity, where none is declared [m]."""
 
 
-class JointEstimator(Estimator):
+class JointEstimator(Method):
     """All unknowns of all channels together; see :mod:`identify.joint`."""
 
     type_a = (

@@ -8,7 +8,7 @@ from identify.choices import OffsetChoice
 from identify.estimators.pooling import Pooled, pool
 from identify.estimators.run_information import Information, information
 from identify.floating_point import check_precision
-from identify.methods.base import Estimator, Problem
+from identify.methods.base import Method, Problem
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import run_estimate
 from identify.results.weak_components import within_bodies
@@ -21,7 +21,7 @@ ALIGNED = "load cell and IMU are aligned"
 NO_OFFSETS = "force and moment are free of constant offsets"
 
 
-class SourceEstimator(Estimator):
+class SourceEstimator(Method):
     """Least squares on Omega_R (10), each run weighted by the inverse of its residual variance."""
 
     type_a = "What the runs show, residuals correlated in time and scatter between runs, is evaluated as type A."

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.model_check.predicted_wrench import Prediction
+from identify.model_check.predicted_wrench import PredictedWrench
 from identify.rigid_body.regressor import cross_matrices, cross_matrix
 from identify.signals.resample import uniform_spline
 
@@ -21,7 +21,7 @@ class Cause(NamedTuple):
     """Typical standard deviation of each coefficient where no care was taken."""
 
 
-def causes(run: Prediction, *, free: frozenset[str]) -> list[Cause]:
+def causes(run: PredictedWrench, *, free: frozenset[str]) -> list[Cause]:
     """Return the causes to look for.
 
     Args:
@@ -42,8 +42,8 @@ Made = tuple[np.ndarray, np.ndarray]
 """Columns of a cause, (n, 6, p), and the typical sizes of its coefficients, (p,)."""
 
 
-def _unknown(*parts: tuple[str, float]) -> Callable[[Prediction], Made]:
-    def make(run: Prediction) -> Made:
+def _unknown(*parts: tuple[str, float]) -> Callable[[PredictedWrench], Made]:
+    def make(run: PredictedWrench) -> Made:
         columns = [run.of(unknown) for unknown, _ in parts]
         sizes = [np.full(block.shape[2], size) for block, (_, size) in zip(columns, parts, strict=True)]
         return np.concatenate(columns, axis=2), np.concatenate(sizes)
@@ -51,10 +51,10 @@ def _unknown(*parts: tuple[str, float]) -> Callable[[Prediction], Made]:
     return make
 
 
-def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[Prediction], Made]:
+def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[PredictedWrench], Made]:
     """Elements of the load cell's matrix, each as large as this part of the component's size."""
 
-    def make(run: Prediction) -> Made:
+    def make(run: PredictedWrench) -> Made:
         size = _largest(np.sqrt((run.wrench**2).mean(axis=0)))
         chosen = [(i, j) for i in range(6) for j in range(6) if where(i, j)]
         columns = run.of("cell_matrix")[:, :, [6 * i + j for i, j in chosen]]
@@ -63,10 +63,10 @@ def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[Predict
     return make
 
 
-def _wrench(signal: Callable[[Prediction], np.ndarray], part: float) -> Callable[[Prediction], Made]:
+def _wrench(signal: Callable[[PredictedWrench], np.ndarray], part: float) -> Callable[[PredictedWrench], Made]:
     """Additions to the wrench, (n, 6, p), each as large as this part of the wrench's changes."""
 
-    def make(run: Prediction) -> Made:
+    def make(run: PredictedWrench) -> Made:
         columns, changes = signal(run), _largest(run.wrench.std(axis=0))
         rms = np.sqrt((columns**2).mean(axis=0))
         ratio = np.where(rms > 1e-12 * rms.max(), changes[:, None] / np.maximum(rms, 1e-300), np.inf)
@@ -88,7 +88,7 @@ def _on_axes(signal: np.ndarray, rows: slice) -> np.ndarray:
     return columns
 
 
-def _cable(run: Prediction) -> np.ndarray:
+def _cable(run: PredictedWrench) -> np.ndarray:
     """Force and moment linear in the attitude."""
     attitude = run.signals.attitude
     columns = np.zeros((len(attitude), 6, 18))
@@ -97,26 +97,26 @@ def _cable(run: Prediction) -> np.ndarray:
     return columns
 
 
-def _air(run: Prediction) -> np.ndarray:
+def _air(run: PredictedWrench) -> np.ndarray:
     omega = run.signals.omega
     return np.concatenate([_on_axes(omega, slice(3, 6)), _on_axes(np.abs(omega) * omega, slice(3, 6))], axis=2)
 
 
-def _flexible(run: Prediction) -> np.ndarray:
+def _flexible(run: PredictedWrench) -> np.ndarray:
     """A body that turns on its mounting by −M/k: its angular acceleration has the second derivative of that, too."""
     return _on_axes(-derivative(run, run.wrench[:, 3:], 2), slice(3, 6))
 
 
-def _moving(run: Prediction) -> np.ndarray:
+def _moving(run: PredictedWrench) -> np.ndarray:
     return run.of("inertia") * run.signals.progress[:, None, None]
 
 
-def _gain_drift(run: Prediction) -> np.ndarray:
+def _gain_drift(run: PredictedWrench) -> np.ndarray:
     """Gains that were right at the start."""
     return _on_axes(run.wrench * (run.signals.progress + 0.5)[:, None], slice(0, 6))
 
 
-def _late(run: Prediction) -> np.ndarray:
+def _late(run: PredictedWrench) -> np.ndarray:
     """Force and moment that come late, each by its own time."""
     slope = -derivative(run, run.wrench, 1)
     columns = np.zeros((len(slope), 6, 2))
@@ -124,34 +124,34 @@ def _late(run: Prediction) -> np.ndarray:
     return columns
 
 
-def derivative(run: Prediction, signal: np.ndarray, order: int) -> np.ndarray:
+def derivative(run: PredictedWrench, signal: np.ndarray, order: int) -> np.ndarray:
     """Return a derivative of a signal of a run's rows by time."""
     step = run.signals.interval
     return uniform_spline(signal, step, degree=5)(step * np.arange(len(signal)), order)
 
 
-def _carried(run: Prediction, force: Float[np.ndarray, "n 3 p"]) -> np.ndarray:
+def _carried(run: PredictedWrench, force: Float[np.ndarray, "n 3 p"]) -> np.ndarray:
     """A force at the centre of gravity with its moment about Q, where the accelerometer tells it, (n, 6, p)."""
     lever = cross_matrix(run.x["r_cg"]) @ force
     return np.concatenate([force, lever], axis=1) * (run.force_from == "accelerometer")
 
 
-def _accelerometer_place(run: Prediction) -> Made:
+def _accelerometer_place(run: PredictedWrench) -> Made:
     return _carried(run, -run.x["mass"] * run.signals.levers), np.full(3, 0.01)
 
 
-def accelerometer_scale(run: Prediction) -> np.ndarray:
+def accelerometer_scale(run: PredictedWrench) -> np.ndarray:
     """Return what the accelerometer's scale factors add to the wrench, (n, 6, 3), where it tells the specific force."""
     return _carried(run, -run.wrench[:, :3, None] * np.eye(3))
 
 
-def _gyro_axes(run: Prediction) -> Made:
+def _gyro_axes(run: PredictedWrench) -> Made:
     """A gyro that is turned against the accelerometer: without one it is the IMU that is turned."""
     omega, alpha = -run.signals.spin, -cross_matrices(run.signals.alpha)
     return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer"), np.full(3, 0.005)
 
 
-def _gyro_g(run: Prediction) -> Made:
+def _gyro_g(run: PredictedWrench) -> Made:
     """Angular velocity that specific force feigns, each axis by each: its slope counts in alpha."""
     force = run.specific_force
     slope = derivative(run, force, 1)
@@ -161,7 +161,7 @@ def _gyro_g(run: Prediction) -> Made:
     return run.changed(omega, alpha, np.zeros_like(omega), turning=True), np.full(9, 3e-4)
 
 
-def _clock(run: Prediction) -> Made:
+def _clock(run: PredictedWrench) -> Made:
     return run.of("delay") * run.signals.progress[:, None, None], np.array([0.02])
 
 
@@ -169,28 +169,28 @@ STEPS = (-0.25, 0.0, 0.25)
 """Instants at which a sudden change is assumed, in parts of the run from its middle."""
 
 
-def _jump(run: Prediction) -> np.ndarray:
+def _jump(run: PredictedWrench) -> np.ndarray:
     return np.concatenate(
         [_on_axes(np.repeat((run.signals.progress > at)[:, None], 6, axis=1).astype(float), slice(0, 6))
          for at in STEPS], axis=2,
     )  # fmt: skip
 
 
-def _slip(run: Prediction) -> Made:
+def _slip(run: PredictedWrench) -> Made:
     """A body that slips after a quarter, a half or three quarters of the run."""
     after = np.stack([run.signals.progress > at for at in STEPS], axis=1).astype(float)
     columns = np.einsum("nip,nk->nipk", run.of("r_cg"), after).reshape(len(after), 6, -1)
     return columns, np.full(columns.shape[2], 1e-3)
 
 
-def _mass(run: Prediction) -> Made:
+def _mass(run: PredictedWrench) -> Made:
     return run.of("mass"), 0.02 * np.abs(run.x["mass"])
 
 
 OF_UNKNOWN = {"delay": "delay", "rotation": "rotation", "mass": "mass", "centre of gravity": "r_cg",
               "still missed": "cg_from_still", "gyro axes": "gyro_axes"}  # fmt: skip
 """Causes that are one unknown of the joint model, and the gyro's axes alone."""
-MAKERS: dict[str, Callable[[Prediction], Made]] = {
+MAKERS: dict[str, Callable[[PredictedWrench], Made]] = {
     "delay": _unknown(("delay", 0.005)),
     "rotation": _unknown(("rotation", 0.03)),
     "centre of gravity": _unknown(("r_cg", 0.003)),

@@ -15,7 +15,7 @@ from identify.joint.joint_pooling import ALIGNED, CALIBRATED
 from identify.methods.base import Problem
 from identify.model_check.causes import accelerometer_scale, derivative
 from identify.model_check.evidence import products
-from identify.model_check.predicted_wrench import Columns, Prediction, about_centre
+from identify.model_check.predicted_wrench import Columns, PredictedWrench, about_centre
 from identify.model_check.run_fit import RunFit
 from identify.results.identification_result import Identification
 
@@ -48,14 +48,14 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
 
 
-def _held(run: Prediction) -> dict[str, Columns]:
+def _held(run: PredictedWrench) -> dict[str, Columns]:
     columns = {name: run.of(name) for name in HELD} | {FLEXIBILITY: flexing(run)}
     if run.force_from == "accelerometer":
         columns[ACCELEROMETER_SCALE] = accelerometer_scale(run)
     return columns
 
 
-def flexing(run: Prediction) -> Columns:
+def flexing(run: PredictedWrench) -> Columns:
     """Return what the body's turning on its mounting adds to the wrench, a unit of :data:`FLEXIBILITY` about each axis.
 
     The moment M about Q turns the body by −M / (I_Q ω₀²) from its attitude at rest; load cell and IMU do not turn.

@@ -27,9 +27,9 @@ from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import STILL_WITHIN, specific_force_source
 from identify.model_check.evidence import products
 from identify.model_check.judge import declared_of, recorded_in_band
-from identify.model_check.motion_signals import Recorded
+from identify.model_check.motion_signals import ReducedRun
 from identify.model_check.predicted_wrench import Force, about_centre
-from identify.model_check.run_fit import OVER_BAND, Declared, Lines, RunFit, block_of, fit_run
+from identify.model_check.run_fit import OVER_BAND, DeclaredUnknowns, RunFit, TransformedRows, block_of, fit_run
 from identify.model_check.weight import falls
 from identify.results.identification_result import Identification
 from identify.signals.residual_spectrum import spectrum
@@ -89,7 +89,7 @@ def _too_short(name: str, halves: bool) -> str:
     return f"{name} is too short to be held out: {cure}"
 
 
-def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -> Recorded:
+def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -> ReducedRun:
     recorded = recorded_in_band(run, result, problem)
     if recorded is None or 2 * OVER_BAND * problem.band() * recorded.rows.interval * recorded.used.sum() < FEWEST:
         raise RunError(_too_short(run.name, halves))
@@ -121,7 +121,7 @@ def _estimate(problem: Problem, method: str, without: Run, halves: bool) -> Iden
     return result if result.admissible is None else replace(result, inertia=result.admissible.plain)
 
 
-class Noise(NamedTuple):
+class ResidualNoise(NamedTuple):
     """Covariance of the rows' noise by frequency, from the residuals of runs at their best."""
 
     frequency: Float[np.ndarray, " m"]
@@ -137,7 +137,7 @@ class Noise(NamedTuple):
         return self.values[places]
 
 
-def noise_of(fits: Sequence[RunFit]) -> Noise:
+def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
     """Return the noise that the residuals of some runs show, each at its best."""
     residuals, free, frequency = [], [], []
     for fit in fits:
@@ -151,7 +151,9 @@ def noise_of(fits: Sequence[RunFit]) -> Noise:
     size = np.maximum(np.sqrt((rows**2).mean(axis=0)), 1e-300)
     shown = spectrum(rows / size, left, 0, wider=WIDER)
     values = shown.values * np.outer(size, size)
-    return Noise(np.concatenate(frequency)[order], values, left.sum(axis=0), (shown.last - shown.first).astype(float))
+    return ResidualNoise(
+        np.concatenate(frequency)[order], values, left.sum(axis=0), (shown.last - shown.first).astype(float)
+    )
 
 
 def _frequencies(fit: RunFit) -> np.ndarray:
@@ -166,7 +168,7 @@ def _inverse(normal: np.ndarray) -> np.ndarray:
 
 
 def _predicted(
-    run: Run, recorded: Recorded, estimate: Identification, problem: Problem, force_from: Force, others: list[RunFit]
+    run: Run, recorded: ReducedRun, estimate: Identification, problem: Problem, force_from: Force, others: list[RunFit]
 ) -> HeldOutRun:
     """The prediction of a run by the estimate of the others, beside what was measured."""
     followed = _followed(estimate, others, problem)
@@ -209,7 +211,7 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
     return {name: np.linalg.solve(normal, side) for name, side in right.items()}
 
 
-def _held(declared: Declared, estimate: Identification, followed: dict[str, np.ndarray]) -> Declared:
+def _held(declared: DeclaredUnknowns, estimate: Identification, followed: dict[str, np.ndarray]) -> DeclaredUnknowns:
     """Return the unknowns of a run alone, with the body and the alignment that the others gave."""
     inertia = estimate.inertia - sum((by @ declared.mean[name] for name, by in followed.items()), np.zeros(6))
     mean = declared.mean | {"inertia": inertia, "r_cg": estimate.r_cg}
@@ -234,11 +236,11 @@ def _covariance(estimate: Identification, problem: Problem) -> Float[np.ndarray,
 def _compared(
     run: Run,
     fit: RunFit,
-    lines: Lines,
+    lines: TransformedRows,
     y: np.ndarray,
     local: np.ndarray,
     by_estimate: np.ndarray,
-    noise: Noise,
+    noise: ResidualNoise,
     freedom_of_estimate: float,
 ) -> HeldOutRun:
     """Return the errors beside their expected values.
@@ -285,7 +287,7 @@ def _compared(
 
 
 def _of_body(
-    moved: np.ndarray, errors: np.ndarray, at: np.ndarray, noise: Noise, freedom_of_estimate: float
+    moved: np.ndarray, errors: np.ndarray, at: np.ndarray, noise: ResidualNoise, freedom_of_estimate: float
 ) -> tuple[float, float]:
     """Return the ratio of the error to its expected size (rms) along the estimate's errors, and its chance.
 

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.diagnostics.residual_causes import Verdict, consistency, resonances
+from identify.diagnostics.residual_causes import ResidualCause, consistency, resonances
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
 from identify.joint.priors import error_blocks, root_of
 from identify.methods.base import Problem
 from identify.methods.joint import STILL_WITHIN, specific_force_source
 from identify.model_check.held_errors import by_held_errors
-from identify.model_check.model_check import Followed, followed
-from identify.model_check.motion_signals import Recorded
+from identify.model_check.model_check import FollowedCause, followed
+from identify.model_check.motion_signals import ReducedRun
 from identify.model_check.predicted_wrench import Force
-from identify.model_check.resonance import Peak, resonance
-from identify.model_check.run_fit import Declared, RunFit, fit_run
+from identify.model_check.resonance import ResonancePeak, resonance
+from identify.model_check.run_fit import DeclaredUnknowns, RunFit, fit_run
 from identify.model_check.specification import difference
 from identify.model_check.verdict_texts import sentence, signed
 from identify.model_check.weight import LEAST_WEIGHT, falls, lasting
@@ -50,7 +50,7 @@ def judged(result: Identification, problem: Problem) -> Identification:
         result: of an estimator.
         problem: that it was given.
     """
-    verdicts: list[Verdict] = []
+    verdicts: list[ResidualCause] = []
     shifts, held = np.zeros(6), None
     if result.seen is None:
         fits = [_fits(run, result, problem) for run in problem.runs]
@@ -90,11 +90,13 @@ def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
     )  # fmt: skip
 
 
-def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFit]) -> tuple[list[Verdict], np.ndarray]:
+def _of_run(
+    run: Run, result: Identification, problem: Problem, fits: list[RunFit]
+) -> tuple[list[ResidualCause], np.ndarray]:
     """Verdicts of one run, and the sum of the shifts that they stand for."""
     if not fits:
         return _saturated(run) + _by_moment(run, result), np.zeros(6)
-    named: dict[str, Followed] = {}
+    named: dict[str, FollowedCause] = {}
     judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
     for judgement in judgements:
         for cause in judgement.causes:
@@ -116,7 +118,7 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
         )
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[3:]))
         verdicts.append(
-            Verdict(
+            ResidualCause(
                 cause=cause.evidence.cause.name,
                 axis=f"b{axis + 1}",
                 share=cause.evidence.share,
@@ -129,7 +131,7 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
         apart = difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
         if apart.clear:
             verdicts.append(
-                Verdict(cause="least squares", axis="", share=0.0, text=f"{run.name}: {apart.text}", run=run.name)
+                ResidualCause(cause="least squares", axis="", share=0.0, text=f"{run.name}: {apart.text}", run=run.name)
             )
             total = np.hypot(total, apart.value)
     lines = _lines(run, result)
@@ -144,14 +146,14 @@ def _of_run(run: Run, result: Identification, problem: Problem, fits: list[RunFi
     return verdicts + lines, total
 
 
-def _unexplained(run: Run, left_over: float, row: int) -> Verdict:
+def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
     """Return the part that no cause explains: root mean square of a row over its noise."""
     on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
     text = (
         f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
         "where the motion is: something that is none of the causes looked for; the interval is that much wider"
     )
-    return Verdict(cause="unexplained", axis=on, share=1 - left_over**-2, text=text, run=run.name)
+    return ResidualCause(cause="unexplained", axis=on, share=1 - left_over**-2, text=text, run=run.name)
 
 
 def _adds(of_mounting: np.ndarray) -> str:
@@ -162,14 +164,14 @@ def _adds(of_mounting: np.ndarray) -> str:
     return f"; a mounting that does adds {significant(GRAM_METRE * of_mounting[worst], 2)} g·m² to {COMPONENTS[worst]}"
 
 
-def _of_mounting(fit: RunFit, peak: Peak, inertia: np.ndarray) -> np.ndarray:
+def _of_mounting(fit: RunFit, peak: ResonancePeak, inertia: np.ndarray) -> np.ndarray:
     """Return the relative excess of moments on a mounting that resonates: ``(f/f0)²``; zero for a force's peak."""
     motion = fit.prediction.signals
     squared = float((motion.alpha**2).sum() / (motion.omega**2).sum()) / (2 * np.pi) ** 2
     return inertia * squared / peak.frequency**2 * (peak.quantity == "moment")
 
 
-def _saturated(run: Run) -> list[Verdict]:
+def _saturated(run: Run) -> list[ResidualCause]:
     """Channels whose samples stay at an extreme value: the end of the sensor's range."""
     verdicts = []
     for quantity in ("force", "moment", "omega"):
@@ -185,7 +187,7 @@ def _saturated(run: Run) -> list[Verdict]:
                         "samples: the sensor's range ends there (saturation); move less"
                     )
                     verdicts.append(
-                        Verdict(
+                        ResidualCause(
                             cause="saturation",
                             axis=f"b{axis}",
                             share=counts[end] / len(values),
@@ -196,7 +198,7 @@ def _saturated(run: Run) -> list[Verdict]:
     return verdicts
 
 
-def _by_moment(run: Run, result: Identification) -> list[Verdict]:
+def _by_moment(run: Run, result: Identification) -> list[ResidualCause]:
     """Return causes by the moment alone: where neither accelerometer nor a point at rest gives the force."""
     if result.method == "joint":
         return []
@@ -204,7 +206,7 @@ def _by_moment(run: Run, result: Identification) -> list[Verdict]:
     return list(verdicts)
 
 
-def _lines(run: Run, result: Identification) -> list[Verdict]:
+def _lines(run: Run, result: Identification) -> list[ResidualCause]:
     """A line in the residual moment."""
     if result.method == "joint":
         return []
@@ -239,13 +241,13 @@ def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, prob
     return None if recorded is None else fit_run(recorded, declared_of(run, result, problem, "none", 0.0), "none")
 
 
-def recorded_in_band(run: Run, result: Identification, problem: Problem) -> Recorded | None:
+def recorded_in_band(run: Run, result: Identification, problem: Problem) -> ReducedRun | None:
     """Return the run in its band; None: it is too short."""
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
     try:
-        return Recorded(run, problem.band(), reach=max(delay, reach) + 0.005)
+        return ReducedRun(run, problem.band(), reach=max(delay, reach) + 0.005)
     except RunError:
         return None
 
@@ -260,7 +262,9 @@ def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
     return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
 
 
-def declared_of(run: Run, result: Identification, problem: Problem, force_from: Force, still_within: float) -> Declared:
+def declared_of(
+    run: Run, result: Identification, problem: Problem, force_from: Force, still_within: float
+) -> DeclaredUnknowns:
     """Return the priors of a run's unknowns, the specific force from where it is said."""
     alignment = problem.alignment or Alignment()
     mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity
@@ -285,7 +289,7 @@ def declared_of(run: Run, result: Identification, problem: Problem, force_from: 
         root["rotation"] = np.diag(np.maximum(np.broadcast_to(alignment.sigma_rotation, 3), 1e-9))
     unstated = ("mass",) if "mass" not in root and problem.mass is None else ()
     flat = ("inertia", "force_offset", "moment_offset", *unstated)
-    return Declared(
+    return DeclaredUnknowns(
         mean=mean, root=root, flat=flat, gravity=problem.gravity,
         imu_position=np.zeros(3) if run.imu_position is None else run.imu_position,
         gyro_bias=np.broadcast_to(np.asarray(alignment.sigma_gyro_bias, float), (3,)),
@@ -294,7 +298,7 @@ def declared_of(run: Run, result: Identification, problem: Problem, force_from: 
     )  # fmt: skip
 
 
-def _shift_of_least_squares(fit: RunFit, cause: Followed) -> np.ndarray:
+def _shift_of_least_squares(fit: RunFit, cause: FollowedCause) -> np.ndarray:
     """Return a cause's error of the tensor of (10): the force counts as measured, the moment about r_CG."""
     at = fit.prediction
     added = cause.evidence.added

@@ -24,7 +24,7 @@ ECHO = 0.3
 linearisation."""
 
 
-class Followed(NamedTuple):
+class FollowedCause(NamedTuple):
     """A cause that a run's residuals follow."""
 
     evidence: Evidence
@@ -37,7 +37,7 @@ class Followed(NamedTuple):
 class Judgement(NamedTuple):
     """Causes that a run's residuals follow, and the rest that none explains."""
 
-    causes: list[Followed]
+    causes: list[FollowedCause]
     """Causes that the residuals follow, the most probable first."""
     unexplained: float
     """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
@@ -61,7 +61,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
     """
     base = Base(run.residuals, run.columns, run.precision)
     open_to = [(cause, run.lines(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
-    named: list[Followed] = []
+    named: list[FollowedCause] = []
     first = 0.0
     while len(named) < MOST:
         judged = [e for each in open_to if (e := evidence(base, *each)) is not None]
@@ -74,7 +74,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
             break
         first = first or power
         rivals = tuple(e.cause.name for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR)
-        named.append(Followed(best, rivals, best.shift[run.tensor]))
+        named.append(FollowedCause(best, rivals, best.shift[run.tensor]))
         base = base.taking(best.columns, best.coefficients)
         open_to = [each for each in open_to if each[0].name != best.cause.name]
     above = run.lines.above(run.prediction.residuals)

@@ -77,7 +77,7 @@ class MotionSignals:
         return np.asarray(self.interval * (np.cumsum(steps, axis=0) - (steps + steps[0]) / 2))
 
 
-class Recorded:
+class ReducedRun:
     """A run reduced to its band, from which signals are taken for one alignment and one slow error of the gyro."""
 
     def __init__(self, run: Run, band: float, *, reach: float) -> None:

@@ -25,7 +25,7 @@ Changes = Float[np.ndarray, "n 3 p"]
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictedWrench:
     """The wrench at one value of the unknowns."""
 
     signals: MotionSignals

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.diagnostics.residual_causes import Verdict
+from identify.diagnostics.residual_causes import ResidualCause
 from identify.rounding import significant
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
@@ -27,7 +27,7 @@ MOST = 0.5
 """Part of what lies above the motion's band that the peak must hold."""
 
 
-class Peak(NamedTuple):
+class ResonancePeak(NamedTuple):
     """The peak that holds most of what lies above the motion's band."""
 
     quantity: str
@@ -39,17 +39,17 @@ class Peak(NamedTuple):
     rms: float
     """Root mean square of the peak [N], [N·m]."""
 
-    def verdict(self, run: Run, adds: str = "") -> Verdict:
+    def verdict(self, run: Run, adds: str = "") -> ResidualCause:
         """Return the peak as a cause, with what it adds to the tensor."""
         on, unit = f"b{self.axis + 1}", "N" if self.quantity == "force" else "N·m"
         text = (
             f"{run.name}: the {self.quantity} on {on} shakes at about {significant(self.frequency)} Hz, "
             f"{significant(self.rms, 2)} {unit} rms (resonance); stiffen or damp what rings{adds}"
         )
-        return Verdict(cause="resonance", axis=on, share=self.share, text=text, run=run.name)
+        return ResidualCause(cause="resonance", axis=on, share=self.share, text=text, run=run.name)
 
 
-def resonance(run: Run, band: float) -> Peak | None:
+def resonance(run: Run, band: float) -> ResonancePeak | None:
     """Return the peak of force or moment above the motion's band that stands out most; None where none does.
 
     Args:
@@ -63,7 +63,9 @@ def resonance(run: Run, band: float) -> Peak | None:
     peaks = []
     for quantity in ("force", "moment"):
         frequency, spectrum = welch(getattr(run, quantity)[longest], run.rate, size)
-        peaks += [Peak(quantity, axis, *_peak(frequency, of, ABOVE * band)) for axis, of in enumerate(spectrum.T)]
+        peaks += [
+            ResonancePeak(quantity, axis, *_peak(frequency, of, ABOVE * band)) for axis, of in enumerate(spectrum.T)
+        ]
     best = max(peaks, key=lambda peak: peak.share)
     return best if best.share > MOST else None
 

@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from identify.joint.joint_model import WANDER
 from identify.model_check.evidence import products
-from identify.model_check.motion_signals import Recorded
-from identify.model_check.predicted_wrench import Columns, Force, Prediction, about_centre, zero_unknowns
+from identify.model_check.motion_signals import ReducedRun
+from identify.model_check.predicted_wrench import Columns, Force, PredictedWrench, about_centre, zero_unknowns
 from identify.signals.band_limited_run import PASSED
 
 STEPS = 10
@@ -26,7 +26,7 @@ SLOW = "slow"
 
 
 @dataclass(frozen=True)
-class Lines:
+class TransformedRows:
     """The cosine transform of rows up to the motion's band, in units of their noise."""
 
     interval: float
@@ -54,7 +54,7 @@ class Lines:
 
 
 @dataclass(frozen=True)
-class Declared:
+class DeclaredUnknowns:
     """Declared means and uncertainties of a run's unknowns."""
 
     mean: dict[str, np.ndarray]
@@ -78,8 +78,8 @@ class Declared:
 class RunFit:
     """A run at its best."""
 
-    prediction: Prediction
-    lines: Lines
+    prediction: PredictedWrench
+    lines: TransformedRows
     residuals: Float[np.ndarray, "m rows"]
     columns: Float[np.ndarray, "m rows q"]
     """Change of the residuals by a unit of each of the q numbers that are estimated."""
@@ -104,7 +104,7 @@ class RunFit:
         return np.asarray(np.sqrt(np.mean((self.residuals @ back.T) ** 2, axis=0)))
 
 
-def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit:
+def fit_run(recorded: ReducedRun, declared: DeclaredUnknowns, force_from: Force) -> RunFit:
     """Return a run's unknowns at their best.
 
     Args:
@@ -127,12 +127,12 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
     started = [name for name in declared.reference if name in declared.root]
     distance = {name: np.linalg.lstsq(declared.root[name], x[name] - declared.mean[name])[0] for name in started}
     for step in range(STEPS):
-        prediction = Prediction(
+        prediction = PredictedWrench(
             signals=signals, x=dict(x), force_from=force_from, gravity=declared.gravity,
             imu_position=declared.imu_position,
         )  # fmt: skip
         blocks = {name: block_of(prediction, recorded, declared, name) for name in names}
-        lines = Lines(signals.interval, signals.band, whitener, r_cg)
+        lines = TransformedRows(signals.interval, signals.band, whitener, r_cg)
         columns = lines(np.concatenate(list(blocks.values()), axis=2))
         residuals = lines(prediction.residuals[:, :, None])[:, :, 0]
         sizes = {name: block.shape[2] for name, block in blocks.items()}
@@ -165,7 +165,7 @@ def fit_run(recorded: Recorded, declared: Declared, force_from: Force) -> RunFit
     )  # fmt: skip
 
 
-def block_of(prediction: Prediction, recorded: Recorded, declared: Declared, name: str) -> Columns:
+def block_of(prediction: PredictedWrench, recorded: ReducedRun, declared: DeclaredUnknowns, name: str) -> Columns:
     """Return the columns of an unknown, in units of its prior."""
     if name == SLOW:
         basis = recorded.slow_basis(np.asarray(recorded.rows.t))[recorded.used]
@@ -174,7 +174,7 @@ def block_of(prediction: Prediction, recorded: Recorded, declared: Declared, nam
     return columns if name in declared.flat or name == "start" else columns @ declared.root[name]
 
 
-def _slow_size(declared: Declared) -> Float[np.ndarray, "terms 3"]:
+def _slow_size(declared: DeclaredUnknowns) -> Float[np.ndarray, "terms 3"]:
     """Standard uncertainties of the gyro's bias and random walk, three axes of each."""
     return np.vstack([declared.gyro_bias, *[declared.gyro_density] * WANDER])
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from identify.compiled_program import CompiledProgram
 from identify.motion.attitude import attitude
-from identify.motion.stewart_platform import Legs, Platform, Pose, Twist, forces, joint_angles, legs
+from identify.motion.stewart_platform import Legs, Pose, StewartPlatform, Twist, forces, joint_angles, legs
 from identify.motion.trajectory import Trajectory, acceleration_of
 from identify.rigid_body.dynamics import acceleration_at, wrench
 from identify.rigid_body.inertia import Body
@@ -31,7 +31,7 @@ class PlatformMotion(NamedTuple):
 
 @CompiledProgram
 def platform_motion(
-    platform: Platform, trajectory: Trajectory, t: Float[Array, " n"], still_from_omb: Float[Array, "3"]
+    platform: StewartPlatform, trajectory: Trajectory, t: Float[Array, " n"], still_from_omb: Float[Array, "3"]
 ) -> PlatformMotion:
     """Return the motion of a platform that carries out a trajectory, level and at home at the first instant.
 
@@ -78,7 +78,11 @@ class Effort(NamedTuple):
 
 @CompiledProgram
 def effort(
-    platform: Platform, body: Body, r_cg_from_omb: Float[Array, "3"], motion: PlatformMotion, gravity: Float[Array, ""]
+    platform: StewartPlatform,
+    body: Body,
+    r_cg_from_omb: Float[Array, "3"],
+    motion: PlatformMotion,
+    gravity: Float[Array, ""],
 ) -> Effort:
     """Return what a motion asks for.
 

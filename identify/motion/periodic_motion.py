@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.motion.leg_limits import Limits, PlatformMotion
-from identify.motion.stewart_platform import Platform, Pose, Twist, jacobian
+from identify.motion.stewart_platform import Pose, StewartPlatform, Twist, jacobian
 from identify.motion.trajectory import Motion
 from identify.pytree import Pytree
 from identify.rigid_body.dynamics import acceleration_at
@@ -33,7 +33,7 @@ class Periodic(Pytree):
     """Matrix from the unknowns of six legs to accelerations of displacement [m/s²] and rotation vector [rad/s²]."""
 
     @classmethod
-    def of(cls, platform: Platform, limits: Limits, *, period: float, band: float, rate: float) -> "Periodic":
+    def of(cls, platform: StewartPlatform, limits: Limits, *, period: float, band: float, rate: float) -> "Periodic":
         """Prepare the harmonics up to ``band`` [Hz] of a period [s], on a grid of about ``rate`` [Hz]."""
         harmonics = np.arange(1, np.floor(period * band + 1e-9) + 1) / period
         n = round(period * rate)
@@ -92,7 +92,7 @@ class Moved(NamedTuple):
 
 
 def moved(
-    platform: Platform,
+    platform: StewartPlatform,
     t: Float[Array, " n"],
     coordinates: Float[Array, "4 n 6"],
     r_cg_from_omb: Float[Array, "3"],

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from identify.motion.multisine import Multisine
 from identify.motion.periodic_motion import Moved, Periodic, moved
-from identify.motion.stewart_platform import Platform
+from identify.motion.stewart_platform import StewartPlatform
 from identify.motion.window import swell
 from identify.pytree import Pytree
 
@@ -71,7 +71,7 @@ class Stages(Pytree):
 
     def moved(
         self,
-        platform: Platform,
+        platform: StewartPlatform,
         unknowns: Float[Array, " u"],
         r_cg_from_omb: Float[Array, "3"],
         gravity: Float[Array, ""],

@@ -63,7 +63,7 @@ class Rod(NamedTuple):
     """Moment of inertia about the rod's centre of mass, across the leg [kg·m²]."""
 
 
-class Platform(Pytree):
+class StewartPlatform(Pytree):
     """Geometry and masses of a platform with six legs."""
 
     base: Float[Array | np.ndarray, "6 3"]
@@ -86,17 +86,17 @@ class Platform(Pytree):
         return Pose(home, jnp.eye(3, dtype=home.dtype))
 
 
-def vectors(platform: Platform, pose: Pose) -> Float[Array, "6 3"]:
+def vectors(platform: StewartPlatform, pose: Pose) -> Float[Array, "6 3"]:
     """Return the vectors from the base's joints to the platform's, in A [m]."""
     return pose.position[None] + platform.joints @ pose.rotation.T - platform.base
 
 
-def lengths(platform: Platform, pose: Pose) -> Float[Array, "6"]:
+def lengths(platform: StewartPlatform, pose: Pose) -> Float[Array, "6"]:
     """Return the legs' lengths [m]: the inverse kinematics."""
     return jnp.linalg.norm(vectors(platform, pose), axis=1)
 
 
-def jacobian(platform: Platform, pose: Pose) -> Float[Array, "6 6"]:
+def jacobian(platform: StewartPlatform, pose: Pose) -> Float[Array, "6 6"]:
     """Return the matrix that takes (velocity of OMB in A, omega in B) to the legs' speeds."""
     along = vectors(platform, pose)
     along = along / jnp.linalg.norm(along, axis=1, keepdims=True)
@@ -121,7 +121,7 @@ def second_order(function, pose: Pose, twist: Twist):
     return value, speed, acceleration
 
 
-def legs(platform: Platform, pose: Pose, twist: Twist) -> Legs:
+def legs(platform: StewartPlatform, pose: Pose, twist: Twist) -> Legs:
     """Return the legs' lengths, speeds and accelerations."""
     return Legs(*second_order(lambda at: lengths(platform, at), pose, twist))
 
@@ -134,7 +134,7 @@ class PoseSolution(NamedTuple):
     """Largest difference between a length wanted and that of the pose [m]."""
 
 
-def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = None) -> PoseSolution:
+def pose_of(platform: StewartPlatform, wanted: Float[Array, "6"], start: Pose | None = None) -> PoseSolution:
     """Return the pose with these leg lengths: the forward kinematics, by Newton's method from a pose nearby (home).
 
     Up to forty poses share six lengths; the one that Newton's method reaches is the start's assembly. Never raises:
@@ -156,14 +156,14 @@ def pose_of(platform: Platform, wanted: Float[Array, "6"], start: Pose | None = 
     return PoseSolution(pose, jnp.abs(lengths(platform, pose) - wanted).max())
 
 
-def singularity(platform: Platform, pose: Pose) -> Float[Array, ""]:
+def singularity(platform: StewartPlatform, pose: Pose) -> Float[Array, ""]:
     """Return the least singular value of the Jacobian with rotation in units of the joints' radius: 0 is singular."""
     radius = jnp.sqrt((jnp.asarray(platform.joints) ** 2).sum(axis=1).mean())
     scaled = jacobian(platform, pose) * jnp.concatenate([jnp.ones(3), jnp.full(3, 1 / radius)])[None]
     return jnp.linalg.svd(scaled, compute_uv=False)[-1]
 
 
-def joint_angles(platform: Platform, pose: Pose) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
+def joint_angles(platform: StewartPlatform, pose: Pose) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
     """Return how far each leg leans from its direction at home [rad]: seen from the base, and from the platform."""
     at_home, now = vectors(platform, platform.home_pose), vectors(platform, pose)
     return _between(at_home, now), _between(at_home, now @ pose.rotation)
@@ -177,7 +177,9 @@ def _between(first: Float[Array, "6 3"], second: Float[Array, "6 3"]) -> Float[A
     return jnp.arctan2(jnp.where(square > 0, jnp.sqrt(safe), 0.0), (first * second).sum(axis=1))
 
 
-def forces(platform: Platform, body: Body, pose: Pose, twist: Twist, gravity: Float[Array, ""]) -> Float[Array, "6"]:
+def forces(
+    platform: StewartPlatform, body: Body, pose: Pose, twist: Twist, gravity: Float[Array, ""]
+) -> Float[Array, "6"]:
     """Return the force along each leg that the motion takes [N], positive where the leg pushes.
 
     The virtual work of the legs' forces is that of all masses times their accelerations less gravity: body, plate, and
@@ -204,7 +206,7 @@ def _load(body: Body, pose: Pose, twist: Twist, up: Float[Array, "3"]) -> Float[
     return jnp.concatenate([pose.rotation @ force, moment])
 
 
-def _of_legs(platform: Platform, pose: Pose, twist: Twist, up: Float[Array, "3"]) -> Float[Array, "6"]:
+def _of_legs(platform: StewartPlatform, pose: Pose, twist: Twist, up: Float[Array, "3"]) -> Float[Array, "6"]:
     """Generalised force that the legs' own masses take: two centres of mass and two directions each."""
 
     def places(at: Pose):

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.choices import OffsetChoice
 from identify.diagnostics.held_out_result import HeldOut, validation_drawings
-from identify.diagnostics.residual_causes import Verdict
+from identify.diagnostics.residual_causes import ResidualCause
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
 from identify.reporting import Drawing, Result, Section
@@ -63,7 +63,7 @@ class Identification(Result):
     """Type A evaluation: residuals, and the scatter between runs and mountings."""
     budget: Mapping[str, np.ndarray] | None = None
     """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
-    consistency: tuple[Verdict, ...] = ()
+    consistency: tuple[ResidualCause, ...] = ()
     """Causes that each run's residuals follow."""
     misfit: np.ndarray | None = None
     """Shift by what the runs contradict, which counts as a standard uncertainty [kg·m²]; None: none."""

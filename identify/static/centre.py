@@ -14,7 +14,7 @@ from identify.exceptions import RunError
 from identify.rounding import fixed, significant
 from identify.static.centre_result import Centre
 from identify.static.gain_check import GainCheck, gain_check
-from identify.static.pose_fit import EXACT, LINEAR, Attitudes, Fit, fit, predicted_fit
+from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, fit, predicted_fit
 
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
@@ -107,7 +107,7 @@ def predicted_covariance(
     return jacobian @ solution.covariance @ jacobian.T
 
 
-def _checked(solution: Fit, mass: tuple[float, float]) -> GainCheck:
+def _checked(solution: PoseFit, mass: tuple[float, float]) -> GainCheck:
     factor = float(scipy.special.stdtrit(solution.degrees_of_freedom[0], 0.975))
     return gain_check(*mass, float(solution.values[0]), float(np.sqrt(solution.covariance[0, 0])), factor)
 
@@ -160,7 +160,7 @@ def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
         )
 
 
-def _parameters(solution: Fit) -> tuple[np.ndarray, np.ndarray]:
+def _parameters(solution: PoseFit) -> tuple[np.ndarray, np.ndarray]:
     """The ten parameters, and their derivatives with respect to (m, F0, m r, M0)."""
     mass, r_cg = solution.values[0], solution.values[4:7] / solution.values[0]
     jacobian = np.eye(10)[list(ORDER)]

@@ -37,7 +37,7 @@ EXACT = Attitudes()
 
 
 @dataclass(frozen=True)
-class Fit:
+class PoseFit:
     """Least squares over static poses."""
 
     values: Float[np.ndarray, "10"]
@@ -57,7 +57,7 @@ def fit(
     attitudes: Attitudes = EXACT,
     *,
     mass: tuple[float, float] | None = None,
-) -> Fit:
+) -> PoseFit:
     """Return the least squares of ``F = m f + F0`` and ``M = (m r) × f + M0``.
 
     Args:
@@ -84,7 +84,7 @@ def fit(
         common_effect = np.column_stack([factor @ common_effect, mass_gain * mass[1]])
     covariance = _covariance(gain, scatter, tilts, common_effect)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
-    return Fit(
+    return PoseFit(
         values=values, covariance=covariance, residuals=measured - rows @ values, degrees_of_freedom=degrees,
         lasting=common_effect[:, :lasting],
     )  # fmt: skip
@@ -95,7 +95,7 @@ def predicted_fit(
     specific_force: Float[np.ndarray, "n 3"],
     scatter: Float[np.ndarray, "6 6"],
     attitudes: Attitudes = EXACT,
-) -> Fit:
+) -> PoseFit:
     """Return the least squares of poses that are not measured yet, with the covariance that it will have.
 
     Args:
@@ -106,7 +106,7 @@ def predicted_fit(
     """
     gain = _gain(_rows(specific_force))
     tilts, common_effect = _attitude_effects(values, gain, specific_force, attitudes)
-    return Fit(values, _covariance(gain, scatter, tilts, common_effect), np.zeros((len(specific_force), CHANNELS)))
+    return PoseFit(values, _covariance(gain, scatter, tilts, common_effect), np.zeros((len(specific_force), CHANNELS)))
 
 
 def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:

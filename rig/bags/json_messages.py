@@ -23,7 +23,7 @@ AXES = "xyzw"
 SECONDS, NANOSECONDS = ("sec", "secs", "seconds"), ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
 
 
-class Group:
+class JsonGroup:
     """Messages of one frame and the same joints: their places among the others, and their columns."""
 
     def __init__(self, frame_id: str, names: tuple[str, ...]) -> None:
@@ -48,14 +48,14 @@ class Group:
             self.rows.setdefault(name, []).append(value)
 
 
-def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, schema: Schema) -> list[Group]:
+def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, schema: Schema) -> list[JsonGroup]:
     """Decode the messages at ``offsets`` of a chunk.
 
     Raises:
         ValueError: a message does not decode, or a field is missing or no number.
     """
     read = _json if channel.message_encoding == "json" else decoder(schema.data, schema.name)
-    groups: dict[tuple, Group] = {}
+    groups: dict[tuple, JsonGroup] = {}
     for place, offset in enumerate(offsets):
         _, length, _, sequence, log_time, _ = MESSAGE.unpack_from(data, offset)
         tree = read(data[offset + MESSAGE.size : offset + 9 + length])
@@ -63,7 +63,7 @@ def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, sc
         names, values = _values(tree, type_name)
         key = frame, names, *(len(value) for value in values.values())
         row = {"log_time": log_time, "stamp": stamp, "sequence": sequence, **values}
-        groups.setdefault(key, Group(frame, names)).add(place, row)
+        groups.setdefault(key, JsonGroup(frame, names)).add(place, row)
     return list(groups.values())
 
 

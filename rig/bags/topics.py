@@ -32,7 +32,7 @@ class TopicMessages:
         self.names = cdr_decode.column_names(type_name)
         self.chunks: dict[str, list[NDArray]] = {name: [] for name in self.names}
 
-    def add(self, groups: Sequence["cdr_decode.Group | json_messages.Group"]) -> None:
+    def add(self, groups: Sequence["cdr_decode.LayoutGroup | json_messages.JsonGroup"]) -> None:
         """Take decoded messages of one chunk."""
         order = np.argsort(np.concatenate([group.where for group in groups]))
         self.frames |= {group.frame_id for group in groups}
@@ -170,7 +170,7 @@ def type_of(channel: Channel, definitions: Definitions) -> str:
 
 def _decoded(
     data: bytes, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
-) -> Sequence["cdr_decode.Group | json_messages.Group"]:
+) -> Sequence["cdr_decode.LayoutGroup | json_messages.JsonGroup"]:
     if channel.message_encoding in ENCODINGS:
         return cdr_decode.decode(data, offsets, type_name, channel.message_encoding)
     try:

@@ -32,7 +32,7 @@ def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray
     return np.ascontiguousarray(window[offsets]).view(dtype)[:, 0]
 
 
-class Group:
+class LayoutGroup:
     """Messages of one layout: their places among the others, and their records."""
 
     def __init__(self, where: NDArray[np.intp], rows: NDArray, shape: cdr_layout.Layout) -> None:
@@ -62,7 +62,7 @@ def stamps(rows: NDArray) -> NDArray[np.int64]:
     return rows["sec"][:, 0].astype(np.int64) * 1_000_000_000 + rows["nanosec"][:, 0].astype(np.int64)
 
 
-def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[Group]:
+def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[LayoutGroup]:
     """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
@@ -70,7 +70,7 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
     """
     starts = np.array(offsets, dtype=np.int64)
     lengths = records(data, starts, START)["length"].astype(np.int64) + 9
-    left, groups = np.arange(len(starts)), list[Group]()
+    left, groups = np.arange(len(starts)), list[LayoutGroup]()
     while len(left):
         if len(groups) == MOST_LAYOUTS:
             raise ValueError("its frames or names change from message to message")
@@ -81,7 +81,7 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
         same = _same(rows, shape)
         if same is not None:
             same_layout, rows = same_layout[same], rows[same]
-        groups.append(Group(same_layout, rows, shape))
+        groups.append(LayoutGroup(same_layout, rows, shape))
         left = np.setdiff1d(left, same_layout, assume_unique=True) if len(same_layout) < len(left) else left[:0]
     return groups
 

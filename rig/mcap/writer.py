@@ -16,7 +16,7 @@ LIBRARY = "inertia-uq"
 
 
 @runtime_checkable
-class Output(Protocol):
+class RunOutput(Protocol):
     """The file or stream to which a run is written."""
 
     def write(self, data: bytes, /) -> int:
@@ -29,7 +29,7 @@ class Output(Protocol):
         """Pass everything on."""
 
 
-def new_writer(stream: Output, *, compression: Compression = "zstd", chunk_size: int = 2**18) -> Writer:
+def new_writer(stream: RunOutput, *, compression: Compression = "zstd", chunk_size: int = 2**18) -> Writer:
     """An MCAP writer of profile ros2 whose data section ends with a checksum."""
     writer = Writer(
         cast(IO[bytes], stream), compression=COMPRESSIONS[compression], chunk_size=chunk_size, enable_data_crcs=True

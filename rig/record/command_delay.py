@@ -10,7 +10,7 @@ LEAST_CORRELATION = 0.7
 Signal = deque[tuple[int, tuple[float, ...]]]  # (stamp [ns], values)
 
 
-class Delay(NamedTuple):
+class EstimatedDelay(NamedTuple):
     """Delay of the second signal behind the first [s], and their correlation at that shift."""
 
     seconds: float
@@ -25,7 +25,7 @@ def estimate(
     *,
     step: float = 1e-3,
     longest: float = 0.5,
-) -> Delay | None:
+) -> EstimatedDelay | None:
     """Shift of ``b`` (n_b,) against ``a`` (n_a,), sampled at ``time_b`` and ``time_a`` [s], both increasing.
 
     Both are brought to a common grid of ``step`` [s]; the peak of the correlation coefficient within ``longest`` [s] is
@@ -44,7 +44,7 @@ def estimate(
         return None
     left, middle, right = correlation[peak - 1 : peak + 2]
     shift = 0.5 * (left - right) / (left - 2 * middle + right)
-    return Delay(float((peak - reach + shift) * step), float(middle))
+    return EstimatedDelay(float((peak - reach + shift) * step), float(middle))
 
 
 def _coefficients(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -62,7 +62,7 @@ def of_command(
     names: tuple[str, ...],
     command: Signal,
     imu: Signal,
-) -> Delay | None:
+) -> EstimatedDelay | None:
     """The delay of the IMU behind commanded angular velocities, on the axis that moves most; None when unclear.
 
     ``names`` of the command's values: omega_x, omega_y, omega_z are compared. Both signals are (stamp [ns], values).

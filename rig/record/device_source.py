@@ -8,7 +8,7 @@ from rig.devices.conversation import Identity
 from rig.devices.parser import Counts, Sample
 from rig.record.device_clock import ClockTracker, CounterClock
 from rig.record.reader import Event, Reader
-from rig.record.rig_file import IDENTITY, Entry
+from rig.record.rig_file import IDENTITY, DeviceEntry
 
 SILENCE = 1.0  # seconds without a sample that are worth a message
 LAST_SILENCE = 0.3  # the same at the end of a recording
@@ -28,7 +28,7 @@ class Measurement(NamedTuple):
 class DeviceSource:
     """Follows one device. ``state`` is 'ok', 'unplugged', 'silent' or 'babbling'."""
 
-    def __init__(self, entry: Entry, reader: Reader, *, now: int) -> None:
+    def __init__(self, entry: DeviceEntry, reader: Reader, *, now: int) -> None:
         self.entry, self.reader = entry, reader
         self.state = "ok"
         self.troubles: list[str] = []

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from rig.devices.conversation import Identity, NoAnswerError
 from rig.exceptions import RigError
 from rig.record.port import Port, PortLostError, converse, open_port
-from rig.record.rig_file import Entry
+from rig.record.rig_file import DeviceEntry
 
 LIMIT = 8 * 2**20  # bytes that may wait for the writer, per device
 PAUSE = 0.2  # seconds between attempts to find a lost port again
@@ -26,7 +26,7 @@ class Event(NamedTuple):
 class Reader(threading.Thread):
     """Reads one device until stopped. ``failure`` is what ended it otherwise; ``identity`` is set when it is ready."""
 
-    def __init__(self, entry: Entry, port_name: str) -> None:
+    def __init__(self, entry: DeviceEntry, port_name: str) -> None:
         super().__init__(name=f"reader of {entry.name}", daemon=True)
         self.entry = entry
         self.events: deque[Event] = deque()
@@ -105,7 +105,7 @@ class Reader(threading.Thread):
             port.close()
 
 
-def unanswered(entry: Entry, port_name: str, heard: int) -> RigError:
+def unanswered(entry: DeviceEntry, port_name: str, heard: int) -> RigError:
     """Return the probable reason why a device did not answer, and what to do."""
     if heard:
         return RigError(f"no sense in the {heard} bytes of {entry.name} on {port_name}: {entry.wrong_device}")

@@ -15,7 +15,7 @@ from rig.mcap.records import seal
 from rig.mcap.writer import new_writer, register
 from rig.record import command_delay, memory
 from rig.record.device_source import DeviceSource, Measurement
-from rig.record.recording_file import Output, Sink, outputs
+from rig.record.recording_file import OutputChannel, Sink, outputs
 from rig.record.rig_file import Rig
 from rig.record.session import Session, Stop
 
@@ -186,7 +186,7 @@ class Recorder:
 
     def _register(self, session: Session) -> None:
         """Announce every channel."""
-        self._outputs: dict[str, list[Output]] = {}
+        self._outputs: dict[str, list[OutputChannel]] = {}
         self._raw = {}
         for source in session.sources:
             entry = source.entry
@@ -229,7 +229,7 @@ class Recorder:
                 self._say(source.troubles[0])
                 self._report(cdr_encode.WARN, source, source.troubles.pop(0))
 
-    def _write(self, of_source: list[Output], measurement: Measurement) -> None:
+    def _write(self, of_source: list[OutputChannel], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
         stamp += self._epoch
         for channel, encode, part in of_source:

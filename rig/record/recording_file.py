@@ -12,7 +12,7 @@ from rig.devices.base import Channel
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.writer import register
-from rig.record.rig_file import Entry
+from rig.record.rig_file import DeviceEntry
 
 ENCODERS = {"wrench": cdr_encode.WrenchEncoder, "imu": cdr_encode.ImuEncoder}
 TYPES = {
@@ -23,7 +23,7 @@ TYPES = {
 }
 
 
-class Output(NamedTuple):
+class OutputChannel(NamedTuple):
     """A channel of the file, how its messages are made, and which numbers of a sample they hold."""
 
     channel: int
@@ -31,13 +31,13 @@ class Output(NamedTuple):
     numbers: slice
 
 
-def outputs(writer: Writer, entry: Entry) -> list[Output]:
+def outputs(writer: Writer, entry: DeviceEntry) -> list[OutputChannel]:
     """Announce the channels of a device."""
     announced, start = [], 0
     for channel, topic in zip(entry.device.channels, entry.topics, strict=True):
         stop = start + len(channel.signals)
         number = register(writer, TYPES[channel.measures], topic)
-        announced.append(Output(number, _encoder(channel, entry.frame_id), slice(start, stop)))
+        announced.append(OutputChannel(number, _encoder(channel, entry.frame_id), slice(start, stop)))
         start = stop
     return announced
 

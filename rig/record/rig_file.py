@@ -93,7 +93,7 @@ class RigFile(TomlTable, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True)
-class Entry:
+class DeviceEntry:
     """One device of the rig.
 
     Attributes:
@@ -139,7 +139,7 @@ class Rig:
     """A rig file: its path and its devices."""
 
     path: Path
-    entries: tuple[Entry, ...]
+    entries: tuple[DeviceEntry, ...]
 
 
 def load_rig(path: str | os.PathLike[str]) -> Rig:
@@ -164,12 +164,12 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
     return Rig(Path(path), entries)
 
 
-def _entry(table: DeviceTable, settings: dict[str, str]) -> Entry:
+def _entry(table: DeviceTable, settings: dict[str, str]) -> DeviceEntry:
     lines = {"whole_lines": True} if table.port.startswith("udp:") and table.kind == "line" else {}
     device = create_device(table.kind, **{**table.options, **lines, **_robot(table)})
     sign = _sign(table, device)
     _check_line(table, device)
-    return Entry(
+    return DeviceEntry(
         name=table.name,
         kind=table.kind,
         port=table.port,
@@ -229,7 +229,7 @@ def _sign(table: DeviceTable, device: Device) -> float:
     return -1.0 if table.wrench == "on_sensor" else 1.0
 
 
-def _check_together(entries: tuple[Entry, ...], path: str | os.PathLike[str]) -> None:
+def _check_together(entries: tuple[DeviceEntry, ...], path: str | os.PathLike[str]) -> None:
     names = [entry.name for entry in entries]
     topics = [topic for entry in entries for topic in entry.topics]
     for attribute, values in (("name", names), ("topic", topics)):

@@ -15,7 +15,7 @@ from rig.exceptions import RigError, quoted
 from rig.record.device_source import DeviceSource, Measurement
 from rig.record.port import latency_warning
 from rig.record.reader import Event, Reader
-from rig.record.rig_file import Entry, Rig
+from rig.record.rig_file import DeviceEntry, Rig
 
 CONNECT_LIMIT = 12.0  # seconds for all devices to introduce themselves
 FIRST_SAMPLE = 2.0  # seconds until every device must have sent a sample, once it is started
@@ -35,7 +35,7 @@ EMULATOR_OPTIONS = {
 class Emulators:
     """The process that plays a run through emulated sensors, for the rig's ports ``emulator:RUN.mcap``."""
 
-    def __init__(self, entries: list[Entry], folder: Path) -> None:
+    def __init__(self, entries: list[DeviceEntry], folder: Path) -> None:
         if not hasattr(os, "openpty"):
             raise RigError("no emulated sensors on this system, which has no pseudo-terminals: use Linux, macOS or WSL")
         specs = [_spec(entry, folder) for entry in entries]
@@ -86,7 +86,7 @@ class Emulators:
             self.process.wait()
 
 
-def _spec(entry: Entry, folder: Path) -> dict:
+def _spec(entry: DeviceEntry, folder: Path) -> dict:
     name, _, query = entry.port.removeprefix("emulator:").partition("?")
     spec: dict = {"name": entry.name, "kind": entry.kind, "options": entry.device.options}
     spec |= dict(_emulator_option(entry, text) for text in query.split("&") if text)
@@ -98,7 +98,7 @@ def _spec(entry: Entry, folder: Path) -> dict:
     return {**spec, "run": run, "baudrate": entry.baudrate, "matrix": entry.matrix}
 
 
-def _emulator_option(entry: Entry, text: str) -> tuple[str, float]:
+def _emulator_option(entry: DeviceEntry, text: str) -> tuple[str, float]:
     """Name and value of one option behind a port's question mark."""
     key, _, written = text.partition("=")
     if key not in EMULATOR_OPTIONS:

@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.motion.stewart_platform import Platform, Pose, Rod, Twist
+from identify.motion.stewart_platform import Pose, Rod, StewartPlatform, Twist
 from identify.rigid_body.inertia import Body
 
 NO_BODY = Body(jnp.array(0.0), jnp.zeros(3), jnp.zeros(6))
@@ -22,7 +22,7 @@ def small(*, plate=NO_BODY, cylinder=NO_ROD, rod=NO_ROD):
     """A platform of the size of a table."""
     base, joints = ring(0.45, 12.0, 0.0), np.roll(ring(0.3, 10.0, 60.0), 1, axis=0)
     joints[:, 2] = -0.03
-    return Platform(jnp.array(base), jnp.array(joints), jnp.array([0.01, -0.02, 0.55]), plate, cylinder, rod)
+    return StewartPlatform(jnp.array(base), jnp.array(joints), jnp.array([0.01, -0.02, 0.55]), plate, cylinder, rod)
 
 
 def somewhere(generator, platform, spread=1.0):

@@ -16,7 +16,7 @@ from uq.arm.clearance import Clearance
 from uq.arm.common_practice import random_series, single_joints
 from uq.arm.joint_search import Candidate, Goal, JointSearch
 from uq.arm.mujoco_run import loaded_model
-from uq.arm.predicted_payload import Noise, declared_noise
+from uq.arm.predicted_payload import WrenchNoise, declared_noise
 from uq.excitation.design_goal import GOALS, goal_of
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
@@ -45,7 +45,7 @@ class ArmDesign:
 
     experiment: Experiment
     limits: ArmLimits
-    noise: Noise
+    noise: WrenchNoise
     goal: str
     motions: dict[str, Candidate]
     """Motions by name: ``designed``; ``random``, the best of several random Fourier series; ``single``, one joint at a

@@ -14,7 +14,7 @@ from identify.text_tables import Table
 from uq.arm.arm_design import ArmDesign
 from uq.arm.joint_export import joint_files
 from uq.arm.joint_search import Candidate
-from uq.arm.mujoco_run import SimulatedRun, simulated
+from uq.arm.mujoco_run import MujocoRun, simulated
 from uq.arm.predicted_payload import average_expanded
 from uq.files.output_folder import place
 from uq.files.provenance import provenance
@@ -34,7 +34,7 @@ class ArmDesignReport(Result):
 
     kind = "inertia design arm"
     design: ArmDesign
-    run: SimulatedRun
+    run: MujocoRun
     contents: Mapping[str, bytes]
     """Bytes by file name."""
     provenance: Mapping[str, Any] = field(default_factory=dict)

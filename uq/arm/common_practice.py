@@ -6,7 +6,7 @@ from identify.serial_arm.joint_series import JointSeries, JointStates
 from uq.arm.arm_limits import ArmLimits
 from uq.arm.joint_search import GRID, Candidate, JointSearch
 from uq.arm.largest_motion import enlarged, largest_size
-from uq.arm.predicted_payload import Noise, average_expanded, promised
+from uq.arm.predicted_payload import WrenchNoise, average_expanded, promised
 
 FREQUENCIES = 4
 """Frequencies of the swing that are tried: the bandwidth and its halves."""
@@ -24,14 +24,14 @@ def random_series(search: JointSearch, count: int, seed: int = 0) -> Candidate:
     return best([search.settled(search.random(1000 * seed + number))[0] for number in range(count)])
 
 
-def single_joints(limits: ArmLimits, noise: Noise, duration: float, ramp: float) -> Candidate:
+def single_joints(limits: ArmLimits, noise: WrenchNoise, duration: float, ramp: float) -> Candidate:
     """Return the best motion of one joint after the other, each a sine as large as its limits allow."""
     return best(
         [_single(limits, noise, duration, ramp, limits.bandwidth / 2**halvings) for halvings in range(FREQUENCIES)]
     )
 
 
-def _single(limits: ArmLimits, noise: Noise, duration: float, ramp: float, frequency: float) -> Candidate:
+def _single(limits: ArmLimits, noise: WrenchNoise, duration: float, ramp: float, frequency: float) -> Candidate:
     arm, n = limits.arm, limits.arm.count
     sizes = enlarged(limits, _swings(limits, 2 * np.pi * frequency))
     borders = np.linspace(0.0, duration, n + 1)

@@ -16,7 +16,7 @@ from identify.motion.optimiser import Lagrangian
 from identify.serial_arm.joint_series import JointSeries, JointStates, bases, combined
 from uq.arm.arm_limits import ArmLimits, JointPeak
 from uq.arm.largest_motion import enlarged, largest_size
-from uq.arm.predicted_payload import Noise, promised, ten_parameters
+from uq.arm.predicted_payload import WrenchNoise, promised, ten_parameters
 from uq.files.document import ExperimentError
 
 GRID = 10
@@ -46,7 +46,7 @@ class JointSearch:
     """Motions of one kind on one arm: for the design, for its D-optimal rival, and for random series."""
 
     def __init__(
-        self, limits: ArmLimits, noise: Noise, *, duration: float, period: float, ramp: float, grid: int = GRID
+        self, limits: ArmLimits, noise: WrenchNoise, *, duration: float, period: float, ramp: float, grid: int = GRID
     ):
         """Prepare the harmonics.
 

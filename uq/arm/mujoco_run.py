@@ -32,7 +32,7 @@ STEPS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedRun:
+class MujocoRun:
     """The simulated run of an arm in MuJoCo, at the rate of the command."""
 
     t: np.ndarray
@@ -51,7 +51,7 @@ class SimulatedRun:
     """Mesh files that the simulation leaves out."""
 
 
-def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> SimulatedRun:
+def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> MujocoRun:
     """Run a motion in MuJoCo.
 
     Args:
@@ -97,7 +97,7 @@ def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> Simu
     error = np.abs(q - command.position[::STEPS]).max(axis=0)
     touched = tuple(f"{pair} touch at {when:.3f} s" for pair, when in contacts.items())
     peaks = sorted(_peaks(arm, at, joints, efforts), key=lambda peak: -peak.share)
-    return SimulatedRun(
+    return MujocoRun(
         t=at, joints=joints, effort=efforts, wrench=read, tracking_error=error, peaks=tuple(peaks), contacts=touched,
         unseen=left_out(arm),
     )  # fmt: skip

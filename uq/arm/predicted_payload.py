@@ -16,7 +16,7 @@ from uq.gram_sums.cases import Case
 from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
 
 
-class Noise(NamedTuple):
+class WrenchNoise(NamedTuple):
     """The declared white noise of force and moment."""
 
     covariance: Float[np.ndarray, "6 6"]
@@ -25,7 +25,7 @@ class Noise(NamedTuple):
     """Names of the sources that it does not hold."""
 
 
-def declared_noise(experiment: Experiment, rate: float) -> Noise:
+def declared_noise(experiment: Experiment, rate: float) -> WrenchNoise:
     """Return the white noise of force and moment at a sample rate [Hz].
 
     Raises:
@@ -43,7 +43,7 @@ def declared_noise(experiment: Experiment, rate: float) -> Noise:
         raise ExperimentError(
             "no white noise of every force and moment among the sources: add [[source]] of kind precision for F and M"
         )
-    return Noise(covariance, tuple(s.name for s in experiment.sources if s.name not in counted))
+    return WrenchNoise(covariance, tuple(s.name for s in experiment.sources if s.name not in counted))
 
 
 def ten_parameters(motion: LinkMotion, each: Float[Array, " t"], noise: Array, body: Body) -> Float[Array, "10 10"]:
@@ -64,7 +64,9 @@ def _compiled(motion: LinkMotion, each: Array, noise: Array, body: Body) -> Arra
     return ten_parameters(motion, each, noise, body)
 
 
-def promised(motion: LinkMotion, each: Float[np.ndarray, " t"], noise: Noise, body: Body) -> Float[np.ndarray, "10 10"]:
+def promised(
+    motion: LinkMotion, each: Float[np.ndarray, " t"], noise: WrenchNoise, body: Body
+) -> Float[np.ndarray, "10 10"]:
     """Return :func:`ten_parameters` of a motion that is there, in NumPy."""
     arrays = jax.tree.map(jnp.asarray, (motion, each, noise.covariance, body))
     return np.asarray(_compiled(*arrays))

@@ -22,7 +22,7 @@ from uq.campaign.trial_setup import platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import errors_of
 from uq.sources.draws import draw_constants
-from uq.trials.samples_engine import Record, SamplesEngine, draw_noise, prepare_samples, sensed, smooth_signals
+from uq.trials.samples_engine import SamplesEngine, SensorRecord, draw_noise, prepare_samples, sensed, smooth_signals
 
 NANOSECONDS = 1_000_000_000
 
@@ -115,7 +115,7 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
 
 
 @CompiledProgram
-def _recorded(setup: SamplesEngine, motion: Motion, key: Array, trial: Array) -> tuple[Record, Array, Array]:
+def _recorded(setup: SamplesEngine, motion: Motion, key: Array, trial: Array) -> tuple[SensorRecord, Array, Array]:
     """Return the sensors' readings, the true specific force at Q, and the true attitude."""
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)
     errors, draws = errors_of(setup.sources, draws), draws | draw_noise(setup, key, trial)

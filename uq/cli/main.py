@@ -58,7 +58,7 @@ LONGEST = 150
 """Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
 
 
-class Parser(argparse.ArgumentParser):
+class CommandParser(argparse.ArgumentParser):
     """An argument parser whose complaints are one line and exit status 2."""
 
     def error(self, message: str) -> NoReturn:
@@ -147,7 +147,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     if by_itself:  # imports and traces make millions of objects that stay: looking through them takes 0.3 s
         gc.set_threshold(SELDOM)
     module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
-    parser = Parser(prog=f"inertia {name}", description=COMMANDS[name])
+    parser = CommandParser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:
         with interrupt.raising() if interrupt else contextlib.nullcontext(), _notation(concisely):

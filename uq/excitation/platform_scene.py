@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identify.motion.stewart_platform import Platform
+from identify.motion.stewart_platform import StewartPlatform
 from identify.rigid_body.inertia import Body, unpack
 
 AZIMUTH = np.radians(-62.0)
@@ -31,7 +31,7 @@ class Scene:
 
 
 def scene(
-    platform: Platform,
+    platform: StewartPlatform,
     body: Body,
     r_cg_from_omb: np.ndarray,
     position: Float[np.ndarray, "n 3"],

@@ -16,7 +16,7 @@ import jax
 import msgspec
 import numpy as np
 
-from identify.motion.stewart_platform import Platform
+from identify.motion.stewart_platform import StewartPlatform
 from identify.reporting import Shown
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
@@ -29,7 +29,7 @@ from uq.experiment.experiment_file import BodyTable, ExperimentFile
 from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.files.changed_document import with_entry, with_table
@@ -66,10 +66,10 @@ class Experiment(Shown):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...] = ()
     """Sources that are correlated."""
-    recording: Recording = field(default_factory=Recording)
+    recording: RecordingTable = field(default_factory=RecordingTable)
     poses: Poses | None = None
     """Declaration of static poses; None: there are none."""
-    geometry: Platform | None = None
+    geometry: StewartPlatform | None = None
     """The platform's six legs; None: not stated."""
     limits: DeclaredLimits | None = None
     """Limits of the rig; None: not stated."""
@@ -171,7 +171,7 @@ class Experiment(Shown):
         return ExperimentError(f"missing key {key}: {advice}{file}")
 
     @property
-    def platform(self) -> Platform:
+    def platform(self) -> StewartPlatform:
         """The platform's six legs.
 
         Raises:

@@ -10,7 +10,7 @@ from rig.toml_tables import Name, TomlTable, WrongKeyError, written
 from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import ReportTable
 from uq.experiment.stated_values import DatumTable, FixtureTable, InertiaTable, ScaleTable
 from uq.experiment.trajectory_table import HarmonicTable, MultisineTable, SphereTable
@@ -73,7 +73,7 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     """Sources of error."""
     correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""
-    recording: Recording = Recording()
+    recording: RecordingTable = RecordingTable()
     not_included: NotIncludedTable = NotIncludedTable()
     poses: Poses | None = None
     scale: ScaleTable | None = None

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 
 from identify.motion.leg_limits import Limits
-from identify.motion.stewart_platform import Platform, Rod
+from identify.motion.stewart_platform import Rod, StewartPlatform
 from identify.rigid_body.gravity import normal_gravity
 from identify.rigid_body.inertia import Body
 from rig.exceptions import quoted
@@ -143,9 +143,9 @@ class GeometryTable(TomlTable, frozen=True, kw_only=True):
     """The part of each leg that hangs on the platform."""
 
     @property
-    def platform(self) -> Platform:
+    def platform(self) -> StewartPlatform:
         """The platform in SI."""
-        return Platform(
+        return StewartPlatform(
             base=self.base, joints=self.joints, home=self.home, plate=self.plate.body, cylinder=self.cylinder.rod,
             rod=self.rod.rod,
         )  # fmt: skip
@@ -226,7 +226,7 @@ class PlatformTable(ArmKeys, frozen=True, kw_only=True):
         return normal_gravity(place.latitude, place.height) if isinstance(place, Place) else place
 
     @property
-    def legs(self) -> Platform | None:
+    def legs(self) -> StewartPlatform | None:
         """The platform's six legs; None: not stated."""
         if self.geometry is None or isinstance(self.geometry, GeometryTable):
             return None if self.geometry is None else self.geometry.platform

@@ -94,7 +94,7 @@ class SensorConventions(TomlTable, frozen=True, kw_only=True):
         return getattr(self, f"{quantity}_unit")
 
 
-class Recording(SensorConventions, frozen=True, kw_only=True):
+class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """``[recording]``: meaning of a recorded run's channels; missing: not declared."""
 
     wrench_topic: str | None = None

@@ -19,7 +19,7 @@ from rig.toml_tables import TomlTable, WrongKeyError
 
 
 @dataclass(frozen=True)
-class Columns:
+class CsvColumns:
     """Names of the columns of a table that hold each signal."""
 
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -52,11 +52,11 @@ class ColumnsTable(TomlTable, frozen=True, kw_only=True):
             )
 
     @property
-    def columns(self) -> Columns:
+    def columns(self) -> CsvColumns:
         """The columns of each signal that is named."""
         signals = {key: getattr(self, key) for key in self.SIGNALS}
         names = {key: _names(value) for key, value in signals.items() if value is not None}
-        return Columns(names, self.delimiter, self.decimal)
+        return CsvColumns(names, self.delimiter, self.decimal)
 
 
 def _names(value: str | tuple[str, ...] | TomlTable) -> tuple[str, ...]:
@@ -65,7 +65,7 @@ def _names(value: str | tuple[str, ...] | TomlTable) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else value
 
 
-def read_columns(path: str | Path, columns: Columns) -> dict[str, np.ndarray]:
+def read_columns(path: str | Path, columns: CsvColumns) -> dict[str, np.ndarray]:
     """Read the declared columns of a text file whose first line names its columns.
 
     Returns:
@@ -88,7 +88,7 @@ def read_columns(path: str | Path, columns: Columns) -> dict[str, np.ndarray]:
         raise RunError(f"no table in {path} ({error}): give a table as text (CSV)") from None
 
 
-def _read(named: str, lines: Iterator[list[str]], columns: Columns) -> dict[str, np.ndarray]:
+def _read(named: str, lines: Iterator[list[str]], columns: CsvColumns) -> dict[str, np.ndarray]:
     head = [cell.strip() for cell in next(lines, [])]
     if not any(head):
         raise RunError(f"no head in {named}: its first line must name the columns")

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.residual_causes import Verdict
+from identify.diagnostics.residual_causes import ResidualCause
 from identify.estimators.offsets import rest_of
 from identify.estimators.regressor_rows import check_rate
 from identify.exceptions import explains_names
@@ -23,7 +23,7 @@ from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
 from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import cautions
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import check_declared
@@ -182,9 +182,9 @@ def _alignment(experiment: Experiment) -> Alignment:
     return stated
 
 
-def _repeatability(repeats: ScatterVerdict) -> Verdict:
+def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
     worst = int(np.argmin(repeats.probability))
-    return Verdict("repeatability", repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
+    return ResidualCause("repeatability", repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
 
 
 def _prepared(
@@ -215,7 +215,7 @@ def _prepared(
     return replace(used, **cut_out), (*assumed, *more)
 
 
-def _weight_assumption(recording: Recording) -> tuple[str, ...]:
+def _weight_assumption(recording: RecordingTable) -> tuple[str, ...]:
     return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
 
 

@@ -23,7 +23,7 @@ from identify.rounding import exact
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
 from uq.identification.estimated_errors import estimated_errors
-from uq.identification.systematic_errors import Problem, equations, problem_of
+from uq.identification.systematic_errors import SystematicProblem, equations, problem_of
 from uq.sources.constant_errors import errors_of
 from uq.sources.source import Source, kind_of
 
@@ -167,7 +167,7 @@ def _of_least_squares(
     }  # fmt: skip
 
 
-def _slopes(problem: Problem) -> Float[np.ndarray, "6 count"]:
+def _slopes(problem: SystematicProblem) -> Float[np.ndarray, "6 count"]:
     """Derivative of the tensor by each number of each source, in units of its standard uncertainty.
 
     By central differences in NumPy: within 1e-8 of autodiff, and done before JAX would have traced it.

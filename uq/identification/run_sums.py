@@ -41,7 +41,7 @@ FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
 """Indices of the thirteen features among the elements."""
 
 
-class RunSums(NamedTuple):
+class WeightedSums(NamedTuple):
     """Weighted sums over the samples of one run, or of several of one mounting; the delays lead."""
 
     gram: Float[Array, "delays 18 18"]
@@ -69,7 +69,7 @@ def run_sums(
     weight: float = 1.0,
     delays: Sequence[float] | np.ndarray = (0.0,),
     weighed: np.ndarray | None = None,
-) -> RunSums:
+) -> WeightedSums:
     """Return a run's sums.
 
     Args:
@@ -117,15 +117,17 @@ def run_sums(
         left = elements if fixed is None else fixed
         gram.append(left @ elements.T)
         with_wrench.append(left @ wrench.T)
-    return RunSums(weight * np.array(gram), weight * np.array(with_wrench))
+    return WeightedSums(weight * np.array(gram), weight * np.array(with_wrench))
 
 
-def added(runs: Sequence[RunSums]) -> RunSums:
+def added(runs: Sequence[WeightedSums]) -> WeightedSums:
     """Return the sums of several runs together."""
-    return RunSums(*(np.sum(parts, axis=0) for parts in zip(*runs, strict=True)))
+    return WeightedSums(*(np.sum(parts, axis=0) for parts in zip(*runs, strict=True)))
 
 
-def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], at: Float[Array, " delays"]) -> Sums:
+def measured(
+    sums: WeightedSums, errors: Errors, columns: Float[Array, "6 columns"], at: Float[Array, " delays"]
+) -> Sums:
     """Return the sums of the signals of sensors with these errors.
 
     Args:
@@ -141,7 +143,7 @@ def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], 
 
 
 def weighed_equations(
-    sums: RunSums,
+    sums: WeightedSums,
     errors: Errors,
     columns: Float[Array, "6 columns"],
     at: Float[Array, " delays"],
@@ -169,10 +171,10 @@ def _features(errors: Errors) -> Float[Array, "13 18"]:
     return feature_map(gyro_map(errors), errors.gyro_bias, errors.gyro_drift)
 
 
-def _at_delay(sums: RunSums, at: Float[Array, " delays"]) -> RunSums:
+def _at_delay(sums: WeightedSums, at: Float[Array, " delays"]) -> WeightedSums:
     """The sums at a delay, from those at the nodes."""
     xp = library_of(*sums, at)
-    return RunSums(*(xp.tensordot(at, each, axes=1) for each in sums))
+    return WeightedSums(*(xp.tensordot(at, each, axes=1) for each in sums))
 
 
 def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:

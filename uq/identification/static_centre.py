@@ -21,7 +21,7 @@ from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
 from uq.inspection.rotation_findings import axes_text
-from uq.recorded.declared_channels import Rig, declared
+from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.table_recording import as_recording, silenced
 from uq.recorded.time_window import TimeWindow, resolve
@@ -39,7 +39,7 @@ class _Wrenches:
     force: np.ndarray
     moment: np.ndarray
     specific_force: np.ndarray
-    rig: Rig
+    rig: DeclaredConventions
     sha256: str
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
@@ -232,7 +232,7 @@ def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]
     return rests
 
 
-def reading_of(wrench: np.ndarray, rig: Rig) -> np.ndarray:
+def reading_of(wrench: np.ndarray, rig: DeclaredConventions) -> np.ndarray:
     """Return what the cell reads [N, N·m] of a wrench (6,) on the body at Q: in its own sign and axes."""
     force, moment = wrench[:3], wrench[3:] - np.cross(rig.wrench_point, wrench[:3])
     return rig.sign * np.concatenate([rig.wrench_rotation.T @ force, rig.wrench_rotation.T @ moment])

@@ -44,7 +44,15 @@ from uq.identification.combined_uncertainty import (
     combined_interval,
     widened_by_sources,
 )
-from uq.identification.run_sums import RunSums, added, delay_nodes, delay_weights, measured, run_sums, weighed_equations
+from uq.identification.run_sums import (
+    WeightedSums,
+    added,
+    delay_nodes,
+    delay_weights,
+    measured,
+    run_sums,
+    weighed_equations,
+)
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
@@ -58,10 +66,10 @@ HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
 
 
-class Problem(Pytree):
+class SystematicProblem(Pytree):
     """Everything that a draw of the systematic errors needs: nothing grows with the runs' length."""
 
-    sums: tuple[RunSums, ...]
+    sums: tuple[WeightedSums, ...]
     """Sums over the runs of each mounting."""
     body: Body
     platform: Platform
@@ -167,7 +175,7 @@ def propagate_constants(
     return propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials, seed=seed)
 
 
-def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Systematic:
+def propagated(problem: SystematicProblem, *, trials: int = TRIALS, seed: int = 0) -> Systematic:
     """Return the errors that draws of a problem's sources make of its tensor."""
     if not problem.sources:
         zero = np.zeros((trials, 6))
@@ -183,7 +191,7 @@ def propagated(problem: Problem, *, trials: int = TRIALS, seed: int = 0) -> Syst
 def problem_of(
     result: Identification, runs: Sequence[Run], experiment: Experiment,
     *, redrawn: Collection[str] = (), slopes: bool = False,
-) -> Problem:  # fmt: skip
+) -> SystematicProblem:  # fmt: skip
     """Return what the draws need of a result and its runs; with ``slopes``, what its derivatives at no error need.
 
     Raises:
@@ -205,7 +213,7 @@ def problem_of(
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
-    return Problem(
+    return SystematicProblem(
         sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, nodes=nodes, columns=columns,
         centre_by_draw={name: of.by_draw for name, of in _shared(result, sources, mixing, redrawn).items()},
         redrawn=acting_redrawn, offsets=result.offsets,
@@ -273,7 +281,7 @@ def nodes_of(sources: Sequence[Source], *, slopes: bool = False) -> np.ndarray:
     return sigma * np.arange(-1, 2) if slopes and sigma > 0 else delay_nodes(mean, sigma)
 
 
-def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:
+def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:
     """Return the errors that one trial draws, for each mounting; the first one's are what all others share."""
     draw = lambda key: draw_constants(problem.sources, problem.mixing, key, index, float)  # noqa: E731
     first, count = draw(key), len(problem.sums)
@@ -283,12 +291,12 @@ def draws(problem: Problem, key: Key[Array, ""], index: Any) -> list[dict[Name, 
     return [first, *(first | {name: drawn[name] for name in problem.redrawn} for drawn in others)]
 
 
-def estimate(problem: Problem, errors: Sequence[Errors]) -> Float[Array, "6"]:
+def estimate(problem: SystematicProblem, errors: Sequence[Errors]) -> Float[Array, "6"]:
     """Return the pooled tensor that the estimator gives with these errors, one set a mounting: smooth in them."""
     return solve_normal(*equations(problem, errors)).inertia
 
 
-def equations(problem: Problem, errors: Sequence[Errors]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
+def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
     """Return the pooled normal equations with these errors, in JAX or, where all is of NumPy, in NumPy."""
     normal, right = np.zeros((6, 6)), np.zeros(6)
     for sums, error in zip(problem.sums, errors, strict=True):
@@ -304,7 +312,7 @@ def equations(problem: Problem, errors: Sequence[Errors]) -> tuple[Float[Array, 
     return normal, right
 
 
-def errors_of(problem: Problem, drawn: Mapping[Name, Array], cases: Sequence[frozenset[Name]]) -> Errors:
+def errors_of(problem: SystematicProblem, drawn: Mapping[Name, Array], cases: Sequence[frozenset[Name]]) -> Errors:
     """Return the errors that act in each case, with those of the centre of gravity that a source has made before."""
     errors = errors_of_cases(problem.sources, drawn, cases)
     for name, by_draw in problem.centre_by_draw.items():
@@ -314,7 +322,7 @@ def errors_of(problem: Problem, drawn: Mapping[Name, Array], cases: Sequence[fro
 
 
 @CompiledProgram
-def _of_axes(problem: Problem, name: Name, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
+def _of_axes(problem: SystematicProblem, name: Name, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
     """The tensor with each of some draws of one source."""
     nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}
 
@@ -341,7 +349,9 @@ def _with_shared_errors(
     return with_shared_errors(result, shared, changes)
 
 
-def _trials(problem: Problem, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Float[Array, "trials cases 6"]:
+def _trials(
+    problem: SystematicProblem, key: Key[Array, ""], indices: Int[Array, " trials"]
+) -> Float[Array, "trials cases 6"]:
     def of_trial(index):
         errors = [errors_of(problem, drawn, problem.cases) for drawn in draws(problem, key, index)]
         return over_cases(lambda *of: estimate(problem, of), errors)

@@ -57,7 +57,7 @@ Matrix = Float[np.ndarray, "3 3"]
 
 
 @dataclass(frozen=True, eq=False)
-class Declared:
+class DeclaredRig:
     """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
 
     ``weighed``: whether the body's weight should be in the force, which it is not where the zero was taken with it.
@@ -76,7 +76,7 @@ class Declared:
 
 
 def wrench_findings(
-    wrench: WrenchSignal, imu: ImuSignal, declared: Declared, *, wrench_topic: str, imu_topic: str
+    wrench: WrenchSignal, imu: ImuSignal, declared: DeclaredRig, *, wrench_topic: str, imu_topic: str
 ) -> list[Finding]:
     """Judge a run's wrench on the body and motion together, both in the body frame and SI as far as declared."""
     if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
@@ -100,7 +100,7 @@ def _in_si(imu: ImuSignal) -> ImuSignal:
 class _Examination:
     """A run's findings in order: each step corrects the sums for its finding before the next looks at them."""
 
-    def __init__(self, sums: ConventionSums, declared: Declared, wrench: str, imu: str) -> None:
+    def __init__(self, sums: ConventionSums, declared: DeclaredRig, wrench: str, imu: str) -> None:
         self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
 
     def findings(self) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from rig.inspection.channel_health import Finding
 from uq.experiment.experiment import Experiment
-from uq.inspection.convention_findings import Declared, wrench_findings
+from uq.inspection.convention_findings import DeclaredRig, wrench_findings
 from uq.inspection.imported_run import cured_in_map
 from uq.inspection.imu_findings import imu_findings
 from uq.sources.constant_errors import declared_sigma
@@ -42,11 +42,11 @@ def experiment_findings(
     return [*from_imu, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
 
 
-def _declared(run: Run, experiment: Experiment, *, undone: bool) -> Declared:
+def _declared(run: Run, experiment: Experiment, *, undone: bool) -> DeclaredRig:
     """Return the experiment's declarations on the body and on the recording."""
     recording = experiment.recording
     removed = recording.compensated in ("gravity", "gravity_from_force") and not undone
-    return Declared(
+    return DeclaredRig(
         mass=experiment.mass,
         r_cg=experiment.r_cg_from_q,
         sigma_r_cg=np.asarray(experiment.sigma_r_cg),

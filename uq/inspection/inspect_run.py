@@ -14,7 +14,7 @@ from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import LEAST_SAMPLES, Finding, SensorChannel
 from rig.inspection.inspect import Inspection, inspect
-from uq.inspection.convention_findings import Declared, wrench_findings
+from uq.inspection.convention_findings import DeclaredRig, wrench_findings
 from uq.inspection.imported_run import cured_in_map
 from uq.inspection.imu_findings import imu_findings
 
@@ -70,7 +70,7 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[Findin
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
-        findings += wrench_findings(*signals, Declared(), wrench_topic=wrench.topic, imu_topic=imu.topic)
+        findings += wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
     return findings
 
 

@@ -20,7 +20,7 @@ from rig import channels
 from rig.bags.marks import Notes
 from rig.bags.topics import Contents
 from rig.channels import ImuChannel, WrenchChannel
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.recorded.load_run import of_channels
 
 BLOCK = 2.0
@@ -48,7 +48,13 @@ class GrowingRun:
     """
 
     def __init__(
-        self, path: Path, recording: Recording, estimator: EstimatorSpec, topics: tuple[str, str], *, delay: float = 0.0
+        self,
+        path: Path,
+        recording: RecordingTable,
+        estimator: EstimatorSpec,
+        topics: tuple[str, str],
+        *,
+        delay: float = 0.0,
     ) -> None:
         """Name the run.
 

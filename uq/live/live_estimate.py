@@ -21,8 +21,8 @@ from identify.signals.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
 from uq.identification.combined_uncertainty import Systematic, combined_interval
-from uq.identification.run_sums import ELEMENTS, FEATURES, RunSums
-from uq.identification.systematic_errors import Problem, nodes_of, propagated
+from uq.identification.run_sums import ELEMENTS, FEATURES, WeightedSums
+from uq.identification.systematic_errors import SystematicProblem, nodes_of, propagated
 from uq.live.running_sums import FORCE, MOMENT, RunningSums
 from uq.sources.source import Source
 
@@ -36,7 +36,7 @@ REACH, OWN, PASSED, DISAGREE = 3, 100, 0.5, 2.5
 gain of the filter at such lines; and standard deviations at which bands disagree."""
 
 
-class Fit(NamedTuple):
+class LiveFit(NamedTuple):
     """Least squares on the sums so far."""
 
     inertia: Float[np.ndarray, "6"]
@@ -123,7 +123,7 @@ def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
     )  # fmt: skip
 
 
-def fit(sums: RunningSums, r_cg: Float[np.ndarray, "3"]) -> Fit:
+def fit(sums: RunningSums, r_cg: Float[np.ndarray, "3"]) -> LiveFit:
     """Return the tensor with its type A covariance, from sums alone."""
     centred = sums.products - np.outer(sums.products[0], sums.products[0]) / sums.products[0, 0]
     normal, right = normal_equations(_sums(centred), r_cg)
@@ -139,7 +139,7 @@ def fit(sums: RunningSums, r_cg: Float[np.ndarray, "3"]) -> Fit:
     features = sums.products[np.ix_(FEATURES, FEATURES)]
     spread = np.linalg.pinv(np.einsum("auf,fg,avg->uv", rows, features, rows), hermitian=True)
     covariance, freedom = _type_a(sums, rows, residual, spread)
-    return Fit(inertia, covariance[:6, :6], freedom[:6], excitation(normal, sums.noise))
+    return LiveFit(inertia, covariance[:6, :6], freedom[:6], excitation(normal, sums.noise))
 
 
 def _type_a(
@@ -198,7 +198,7 @@ def _sums(products: np.ndarray) -> Sums:
     return Sums(rows[:, FEATURES], rows[:, FORCE], rows[:, MOMENT])
 
 
-def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> Problem:
+def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> SystematicProblem:
     """Return the problem of the declared sources' draws, from the sums."""
     sources = sources_in(experiment)
     names = {source.name for source in sources}
@@ -211,8 +211,8 @@ def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> 
     )
     wrench = np.concatenate([force, moment, *([undelayed[:, :, 10:11]] if columns.time else [])], axis=2)
     mass = experiment.mass if experiment.scale is None else experiment.scale[0]
-    return Problem(
-        sums=(RunSums(centred[:, :, :ELEMENTS], wrench),), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
+    return SystematicProblem(
+        sums=(WeightedSums(centred[:, :, :ELEMENTS], wrench),), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
         platform=Platform(np.array(experiment.gravity), np.zeros(3)), sources=sources,
         mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes=nodes_of(sources),
         columns=columns, centre_by_draw={}, redrawn=frozenset(), offsets="estimate", weighed=False,

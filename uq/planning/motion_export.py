@@ -15,7 +15,7 @@ import numpy as np
 from identify.compiled_program import CompiledProgram
 from identify.motion.leg_limits import platform_motion
 from identify.motion.multisine import Multisine
-from identify.motion.stewart_platform import Platform, Pose, lengths
+from identify.motion.stewart_platform import Pose, StewartPlatform, lengths
 from identify.motion.trajectory import Harmonic, Sphere, Trajectory
 from identify.reporting import Result, Section
 from identify.text_tables import Table
@@ -180,7 +180,7 @@ def commanded(experiment: Experiment, spec: TrajectorySpec, *, speed: float = 1.
 
 
 @CompiledProgram
-def leg_lengths(platform: Platform, poses: Pose) -> jax.Array:
+def leg_lengths(platform: StewartPlatform, poses: Pose) -> jax.Array:
     """Return the legs' lengths [m] in each of several poses, (poses, 6)."""
     return jax.vmap(lambda pose: lengths(platform, pose))(poses)
 
@@ -206,7 +206,7 @@ def scaled(trajectory: Trajectory, amplitude: float) -> Trajectory:
 
 
 def _read_back(
-    platform: Platform, contents: Mapping[str, bytes], name: str, table: Commanded, packets: Commanded
+    platform: StewartPlatform, contents: Mapping[str, bytes], name: str, table: Commanded, packets: Commanded
 ) -> dict[str, float]:
     """Return the largest difference of each file from the motion.
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
-from identify.motion.stewart_platform import Platform, Pose, Twist
+from identify.motion.stewart_platform import Pose, StewartPlatform, Twist
 from identify.reporting import Result, Section
 from identify.rigid_body.rotation import exponential
 from identify.rounding import fixed, significant
@@ -268,7 +268,7 @@ def _naive(experiment: Experiment, reach: np.ndarray, count: int) -> np.ndarray:
 
 @CompiledProgram
 def _leaning(
-    platform: Platform, azimuth: Float[Array, " n"], tilt: Float[Array, " n"], pivot: Float[Array, " n"]
+    platform: StewartPlatform, azimuth: Float[Array, " n"], tilt: Float[Array, " n"], pivot: Float[Array, " n"]
 ) -> Pose:
     """Poses whose b3 leans towards an azimuth about a point ``pivot`` above OMB."""
 

@@ -99,7 +99,7 @@ class LinearLaw(Result):
         return {name: np.ravel(values) for name, values in (columns | contributions).items()}
 
 
-class Expansion(NamedTuple):
+class ModelExpansion(NamedTuple):
     """A model about a point, over standardised coordinates z: mean 0, covariance the unit matrix."""
 
     value: Array
@@ -112,7 +112,7 @@ class Expansion(NamedTuple):
     """Derivative of the shift, ``½ Σ_k ∂³f/∂z ∂z_k²``."""
 
 
-def expand(function: Callable[[Array], Array], size: int) -> Expansion:
+def expand(function: Callable[[Array], Array], size: int) -> ModelExpansion:
     """Expand a function of ``size`` standardised coordinates about zero, to the third order where the GUM needs it."""
     zero, directions = jnp.zeros(size), jnp.eye(size)
     value = function(zero)
@@ -127,12 +127,12 @@ def expand(function: Callable[[Array], Array], size: int) -> Expansion:
         return 0.5 * jnp.sum(jax.vmap(curvature)(directions), axis=0)
 
     hessian = jax.jacfwd(jax.jacfwd(flat))(zero)
-    return Expansion(
+    return ModelExpansion(
         value=value, jacobian=jax.jacfwd(flat)(zero), shift=shift(zero), hessian=hessian, slope=jax.jacfwd(shift)(zero)
     )
 
 
-def higher_order(expansion: Expansion) -> Float[Array, "m m"]:
+def higher_order(expansion: ModelExpansion) -> Float[Array, "m m"]:
     """Return what curvature adds to normal inputs' covariance (GUM 5.1.2): ``½ tr(H_a Σ H_b Σ)`` and the ``∂f ∂³f``."""
     crossed = expansion.jacobian @ expansion.slope.T
     return 0.5 * jnp.einsum("aij,bij->ab", expansion.hessian, expansion.hessian) + crossed + crossed.T
@@ -175,7 +175,7 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
 
 
 @CompiledProgram
-def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]) -> Expansion:
+def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]) -> ModelExpansion:
     sizes = [root.shape[1] for root in roots.values()]
 
     def of_standardised(z):

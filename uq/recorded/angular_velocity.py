@@ -18,7 +18,7 @@ from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, MotionChannel
 from rig.mcap.message_fields import JOINTS, POSE, TWIST
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.recorded.joint_states import Chain
 
 AT_REST = ("map", "odom", "world", "earth")
@@ -28,7 +28,7 @@ UNJUDGED = "the wrench is as declared: nothing judges its sign, units, axes and 
 
 
 @dataclass(frozen=True)
-class Motion:
+class RecordedMotion:
     """An angular velocity as an IMU's channel, and what is to be known of it."""
 
     imu: ImuChannel
@@ -52,7 +52,9 @@ class Differentiated(NamedTuple):
     """Specific force of the frame, (m, 3) [m/s²]; None: the angles do not give it."""
 
 
-def motion(bag: channels.Recording, declared: Recording, instants: np.ndarray, *, band: float | None = None) -> Motion:
+def motion(
+    bag: channels.Recording, declared: RecordingTable, instants: np.ndarray, *, band: float | None = None
+) -> RecordedMotion:
     """Return the angular velocity that a run's motion topic tells.
 
     Args:
@@ -68,7 +70,7 @@ def motion(bag: channels.Recording, declared: Recording, instants: np.ndarray, *
     """
     source = bag.motion
     if isinstance(source, ImuChannel):
-        return Motion(source)
+        return RecordedMotion(source)
     name = f"{source.topic} in {bag.path.name}"
     if source.type == JOINTS:
         return _of_joints(source, declared, instants, name, band)
@@ -79,14 +81,16 @@ def motion(bag: channels.Recording, declared: Recording, instants: np.ndarray, *
             "record it in the body's frame, or a pose"
         )
     if turning is not None and turning.any():
-        return Motion(_channel(source, turning), notes=(f"the noise of {source.topic} ({source.type}) is white",))
+        return RecordedMotion(
+            _channel(source, turning), notes=(f"the noise of {source.topic} ({source.type}) is white",)
+        )
     if source.orientation is None:
         raise RunError(f"the angular velocity of {name} is zero throughout: record a body that moves")
     from_poses = _of_pose(source, declared, instants, name, band)
     if source.type == POSE:
         return from_poses
     warning = f"the twist of {name} is zero throughout: its poses were differentiated instead"
-    return Motion(from_poses.imu, from_poses.noise, from_poses.notes, (warning,))
+    return RecordedMotion(from_poses.imu, from_poses.noise, from_poses.notes, (warning,))
 
 
 def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
@@ -101,7 +105,9 @@ def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
     return up / np.linalg.norm(up, axis=1, keepdims=True)
 
 
-def _of_pose(source: MotionChannel, declared: Recording, instants: np.ndarray, name: str, band: float | None) -> Motion:
+def _of_pose(
+    source: MotionChannel, declared: RecordingTable, instants: np.ndarray, name: str, band: float | None
+) -> RecordedMotion:
     if declared.angular_velocity_unit is not None:
         raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")
     quaternion = continuous(np.asarray(source.orientation), name)
@@ -115,8 +121,8 @@ def _of_pose(source: MotionChannel, declared: Recording, instants: np.ndarray, n
 
 
 def _of_joints(
-    source: MotionChannel, declared: Recording, instants: np.ndarray, name: str, band: float | None
-) -> Motion:
+    source: MotionChannel, declared: RecordingTable, instants: np.ndarray, name: str, band: float | None
+) -> RecordedMotion:
     chain, gravity = Chain.load(declared, source.names, name), declared.urdf_gravity
     for unit, si in (("angular_velocity_unit", "rad/s"), ("acceleration_unit", "m/s²")):
         if getattr(declared, unit) is not None:
@@ -136,7 +142,7 @@ def _of_joints(
         notes = (*notes, UNJUDGED)
     if velocity.shape[1] and gravity is None:
         white = (f"the noise of the velocities in {source.topic} is white",)
-        return Motion(_channel(source, chain.angular_velocity(position, velocity)), notes=(*notes, *white))
+        return RecordedMotion(_channel(source, chain.angular_velocity(position, velocity)), notes=(*notes, *white))
 
     def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         taps = differentiator(uniform, rate, name, band=band)
@@ -153,7 +159,9 @@ def _of_joints(
     if gravity is not None:
         size = float(np.linalg.norm(gravity))
         notes = (*notes, f"the specific force is that of the joints' positions, with gravity of {size:.6g} m/s²")
-    return Motion(differentiated.imu, differentiated.noise, (*notes, *differentiated.notes), differentiated.warnings)
+    return RecordedMotion(
+        differentiated.imu, differentiated.noise, (*notes, *differentiated.notes), differentiated.warnings
+    )
 
 
 def _slope(uniform: np.ndarray, taps: np.ndarray) -> np.ndarray:
@@ -167,7 +175,7 @@ Turn = Callable[[np.ndarray, float], Differentiated]
 
 def _differentiated(
     source: MotionChannel, values: np.ndarray, instants: np.ndarray, turn: Turn, name: str, what: str
-) -> Motion:
+) -> RecordedMotion:
     """The rate of change of uniform samples; instants near a gap are left out."""
     start, fresh = int(instants[0]), ~repeats(values)[0]
     instants, values, stamp = instants[fresh], values[fresh], source.stamp[fresh]
@@ -189,7 +197,7 @@ def _differentiated(
         angular_velocity=omega, linear_acceleration=force,
     )  # fmt: skip
     note = f"the angular velocity is that of {source.topic}, by a fit over {window:.3g} s of {what}"
-    return Motion(imu, ShapedNoise(told.sigma, told.taps, rate), (f"{note}, whose noise is white",))
+    return RecordedMotion(imu, ShapedNoise(told.sigma, told.taps, rate), (f"{note}, whose noise is white",))
 
 
 def _uniform(t: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

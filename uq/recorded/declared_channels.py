@@ -15,7 +15,7 @@ from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import quoted
-from uq.experiment.recording_table import UNITS, Recording
+from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.units import UnitError, scale
 
 SYMBOLS = {"force": "N", "moment": "N·m", "angular_velocity": "rad/s", "acceleration": "m/s²"}
@@ -24,7 +24,7 @@ EQUAL = 1e-9
 
 
 @dataclass(frozen=True)
-class Rig:
+class DeclaredConventions:
     """Conventions by which a run's channels become wrench on the body about Q and motion, in B and in SI."""
 
     sign: float
@@ -50,7 +50,7 @@ class Rig:
         return omega, self.scales["acceleration"] * channel.linear_acceleration @ self.imu_rotation.T
 
 
-def declared(bag: channels.Recording, recording: Recording) -> Rig:
+def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConventions:
     """Bring a run's metadata and the experiment's declaration together.
 
     Raises:
@@ -72,7 +72,7 @@ def declared(bag: channels.Recording, recording: Recording) -> Rig:
         assumed.append(f"{' and '.join(unsaid)} are the body's")
     if point is None:
         assumed.append("the moment is taken about Q")
-    return Rig(
+    return DeclaredConventions(
         sign=-1.0 if meaning == "on_sensor" else 1.0, scales=scales,
         calibration=np.eye(6) if recording.calibration is None else recording.calibration,
         wrench_rotation=np.eye(3) if of_wrench is None else of_wrench,
@@ -85,7 +85,7 @@ AT_REST = ("map", "odom", "world", "earth", "base")
 """Frames of a wrench that do not turn with the body: REP 105, and the base of an arm."""
 
 
-def _check_wrench(bag: channels.Recording, recording: Recording, metadata: "_Metadata") -> None:
+def _check_wrench(bag: channels.Recording, recording: RecordingTable, metadata: "_Metadata") -> None:
     """Refuse a wrench along axes that rest, and one whose weight a robot has removed without a word of it."""
     frame = bag.wrench.frame_id.lstrip("/")
     if frame in AT_REST:
@@ -152,7 +152,7 @@ def _at_q(text: str) -> bool:
     return re.search(r"\b(at|centre|about) Q\b", text) is not None
 
 
-def _scales(metadata: _Metadata, recording: Recording, assumed: list[str]) -> dict[str, float]:
+def _scales(metadata: _Metadata, recording: RecordingTable, assumed: list[str]) -> dict[str, float]:
     """Return the factor from the unit of each quantity to SI."""
     scales, silent = {}, []
     for quantity, si in UNITS.items():

@@ -12,7 +12,7 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import on_one_line
 from rig.runs import write
 from rig.toml_tables import TomlTable, WrongKeyError
-from uq.experiment.recording_table import Recording, SensorConventions, unit_name
+from uq.experiment.recording_table import RecordingTable, SensorConventions, unit_name
 from uq.files.csv_columns import ColumnsTable, read_columns
 from uq.files.document import in_file, read_document
 from uq.files.schema import Axes, declared_table, in_unit
@@ -76,9 +76,9 @@ class Map(TomlTable, frozen=True, kw_only=True):
     """Signs, units and axes of the table's numbers."""
 
     @property
-    def conventions(self) -> Recording:
+    def conventions(self) -> RecordingTable:
         """The conventions in the form in which an experiment declares them."""
-        return Recording(**self.recording.to_dict())
+        return RecordingTable(**self.recording.to_dict())
 
     @classmethod
     def load(cls, path: str | Path) -> "Map":

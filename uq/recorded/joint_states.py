@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.signals.run import RunError
 from rig.exceptions import listed, quoted
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.files.document import ExperimentError
 from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
 
@@ -30,7 +30,7 @@ class Chain:
     """Numbers of each joint that moves the frame: in the model, and among the recorded joints."""
 
     @classmethod
-    def load(cls, declared: Recording, names: tuple[str, ...], topic: str) -> "Chain":
+    def load(cls, declared: RecordingTable, names: tuple[str, ...], topic: str) -> "Chain":
         """Read the URDF that ``[recording]`` declares.
 
         Args:

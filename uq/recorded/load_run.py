@@ -12,9 +12,9 @@ from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
 from rig.runs import read_any
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import motion, upward
-from uq.recorded.declared_channels import Rig, declared
+from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.instrument_metadata import about
 from uq.recorded.message_times import in_order, instants
 from uq.recorded.time_window import on_clock
@@ -29,13 +29,13 @@ class Recorded:
     """Seconds from the run's start, and name."""
     assumptions: tuple[str, ...]
     """Assumptions about what neither the experiment nor the run's metadata states."""
-    rig: Rig
+    rig: DeclaredConventions
     """Conventions by which the channels became force, moment and motion in B."""
     attitude: tuple[np.ndarray, np.ndarray] | None = None
     """Instants [s] and upward direction in the sensor's frame (n, 3), where poses were recorded."""
 
 
-def load_run(path: str | Path, recording: Recording | None = None) -> Run:
+def load_run(path: str | Path, recording: RecordingTable | None = None) -> Run:
     """Read a recorded run: force and moment on the body at Q, angular velocity, all in B.
 
     Args:
@@ -46,10 +46,10 @@ def load_run(path: str | Path, recording: Recording | None = None) -> Run:
         RigError: the file cannot be read, or a topic is missing.
         RunError: its data cannot be used, or what it says of itself contradicts the declaration.
     """
-    return load(path, recording or Recording(), marks=False).run
+    return load(path, recording or RecordingTable(), marks=False).run
 
 
-def load(path: str | Path, recording: Recording, *, band: float | None = None, marks: bool = True) -> Recorded:
+def load(path: str | Path, recording: RecordingTable, *, band: float | None = None, marks: bool = True) -> Recorded:
     """Read a whole recorded run with its marks and with what is assumed of it.
 
     Args:
@@ -67,7 +67,12 @@ def load(path: str | Path, recording: Recording, *, band: float | None = None, m
 
 
 def of_channels(
-    bag: channels.Recording, recording: Recording, extra: Notes, *, band: float | None = None, start: int | None = None
+    bag: channels.Recording,
+    recording: RecordingTable,
+    extra: Notes,
+    *,
+    band: float | None = None,
+    start: int | None = None,
 ) -> Recorded:
     """Turn the channels of a run, or of a part of it, into the run in B.
 
@@ -111,7 +116,9 @@ def of_channels(
 class _Channels:
     """Load cell and motion sensor in the body frame, without the samples that they did not really take."""
 
-    def __init__(self, bag: channels.Recording, rig: Rig, seconds: list[np.ndarray], extra: Notes) -> None:
+    def __init__(
+        self, bag: channels.Recording, rig: DeclaredConventions, seconds: list[np.ndarray], extra: Notes
+    ) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
         self.wrench = np.hstack(rig.wrench(wrench))

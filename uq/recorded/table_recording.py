@@ -8,11 +8,11 @@ import numpy as np
 
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
-from uq.experiment.recording_table import UNITS, Recording
+from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.provenance import sha256
 
 
-def silenced(recording: Recording, quantities: set[str]) -> Recording:
+def silenced(recording: RecordingTable, quantities: set[str]) -> RecordingTable:
     """Return the declaration with a unit for quantities that a table lacks, so that nothing is assumed of them."""
     units: dict[str, Any] = {f"{name}_unit": recording.unit(name) or UNITS[name] for name in quantities}
     return msgspec.structs.replace(recording, **units)

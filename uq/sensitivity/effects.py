@@ -7,8 +7,8 @@ Which choices are evaluated depends on which effects are wanted and what they co
 - both draws and each player swapped, for first orders and totals alone (:func:`of_swapped_players`, ``uq.sobol``);
 - beyond ten players of a model, a random permutation for each pair (:func:`of_permutations`, ``uq.shapley``), so that
   the error falls with the number of pairs;
-- beyond ten sources of an experiment, a few walks that all pairs share (:class:`Design`, ``uq.budget``), because every
-  choice is a case that must be compiled, and then costs little once its pair is drawn.
+- beyond ten sources of an experiment, a few walks that all pairs share (:class:`ChoiceDesign`, ``uq.budget``), because
+  every choice is a case that must be compiled, and then costs little once its pair is drawn.
 
 A walk starts at a random choice ``w`` and swaps one player after the other in a random order. The step that swaps ``p``
 after ``u`` gives ``½ (Y_w - Y_(w xor p)) (Y_(w xor u) - Y_(w xor u xor p))``, whose expectation is what p adds to u,
@@ -119,7 +119,7 @@ class Walk(NamedTuple):
     order: tuple[int, ...]
 
 
-class Design(NamedTuple):
+class ChoiceDesign(NamedTuple):
     """The choices that are evaluated, for players that hold some of ``draws`` independent draws."""
 
     draws: int
@@ -130,7 +130,7 @@ class Design(NamedTuple):
     choices: tuple[int, ...]
 
     @classmethod
-    def of(cls, count: int, games: Sequence[Sequence[int]]) -> "Design":
+    def of(cls, count: int, games: Sequence[Sequence[int]]) -> "ChoiceDesign":
         """Return the design for some games; the same games give the same design."""
         partitions = tuple(map(tuple, games))
         if count <= MOST_PLAYERS:

@@ -22,7 +22,7 @@ from uq.files.provenance import provenance
 from uq.gram_sums.cases import Case
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import FEWEST_PAIRS, Effects, MeanSquare, SourceBudget
-from uq.sensitivity.effects import Design, PairEffects
+from uq.sensitivity.effects import ChoiceDesign, PairEffects
 from uq.sensitivity.variance_shares import closure, mean, plain_variance
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
@@ -121,7 +121,7 @@ class Twinned(NamedTuple):
     """Cases: no source, each group's player alone, each source's alone, then the choices between the two draws."""
     sources: tuple[Player, ...]
     groups: tuple[Player, ...]
-    design: Design
+    design: ChoiceDesign
 
 
 def twinned(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Twinned:
@@ -136,7 +136,7 @@ def twinned(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Twinned:
     draws = _independent(sources, mixing)
     players = _players({s.name: s.name for s in sources}, draws)
     groups = _players({s.name: s.group for s in sources}, draws)
-    design = Design.of(len(draws), [[p.draws for p in players], [p.draws for p in groups]])
+    design = ChoiceDesign.of(len(draws), [[p.draws for p in players], [p.draws for p in groups]])
     alone = [Case("none", frozenset()), *(Case(f"alone:{p.name}", p.sources) for p in (*groups, *players))]
     fixed = {source.name for source in sources if not source.drawn}
 

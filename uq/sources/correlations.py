@@ -13,7 +13,7 @@ from uq.sources.draws import Mixing
 from uq.sources.source import Source
 
 
-class Entry(NamedTuple):
+class SourceEntry(NamedTuple):
     """One of the ``[[source]]`` tables, with the values that correlations need."""
 
     source: Source
@@ -87,7 +87,7 @@ def check_correlated(where: str, source: Source) -> None:
         raise ExperimentError(f"{where}: '{source.name}' is not normal, so it cannot be correlated; leave it out")
 
 
-def mixing_of(entries: Sequence[Entry], links: Sequence[Link]) -> tuple[Mixing, ...]:
+def mixing_of(entries: Sequence[SourceEntry], links: Sequence[Link]) -> tuple[Mixing, ...]:
     """Return the sets of sources that are correlated, each with its correlation matrix.
 
     Raises:
@@ -100,7 +100,7 @@ def mixing_of(entries: Sequence[Entry], links: Sequence[Link]) -> tuple[Mixing, 
     return tuple(_mixing([entry for entry in entries if entry.source.name in names], links) for names in sets)
 
 
-def _mixing(members: Sequence[Entry], links: Sequence[Link]) -> Mixing:
+def _mixing(members: Sequence[SourceEntry], links: Sequence[Link]) -> Mixing:
     names, axes = [entry.source.name for entry in members], [entry.axes for entry in members]
     axes_of = {name: slice(end - n, end) for name, n, end in zip(names, axes, np.cumsum(axes), strict=True)}
     matrix = np.eye(sum(axes))

@@ -9,7 +9,7 @@ import numpy as np
 from rig.exceptions import quoted
 from rig.toml_tables import TomlError, WrongKeyError, read_table, read_value
 from uq.files.document import ExperimentError
-from uq.sources.correlations import Entry, LinkTable, check_correlated, check_correlation, link_of, mixing_of
+from uq.sources.correlations import LinkTable, SourceEntry, check_correlated, check_correlation, link_of, mixing_of
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing, stream_number
 from uq.sources.source import KINDS, ErrorKind, Source
@@ -72,14 +72,14 @@ def sources_of(
     return tuple(sources.values()), mixing_of(entries, links)
 
 
-def _entry(written: WrittenSource, folder: Path) -> Entry:
+def _entry(written: WrittenSource, folder: Path) -> SourceEntry:
     try:
         return _checked_entry(written, folder)
     except WrongKeyError as error:
         raise ExperimentError(error.line(written.where, written.raw)) from None
 
 
-def _checked_entry(written: WrittenSource, folder: Path) -> Entry:
+def _checked_entry(written: WrittenSource, folder: Path) -> SourceEntry:
     table, kind, where = written.table, written.kind, written.where
     width = Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
     if kind.constant or kind.white:
@@ -93,7 +93,7 @@ def _checked_entry(written: WrittenSource, folder: Path) -> Entry:
     if correlation is not None:
         check_correlated(f"{where}.correlation", source)
         check_correlation(f"{where}.correlation", correlation)
-    return Entry(source, correlation)
+    return SourceEntry(source, correlation)
 
 
 def _check_names(sources: list[Source]) -> None:

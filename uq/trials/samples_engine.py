@@ -68,7 +68,7 @@ class SamplesEngine(Engine):
         return (len(self.t) - 1) / (self.t[-1] - self.t[0])
 
 
-class Record(NamedTuple):
+class SensorRecord(NamedTuple):
     """What sensors say, component first."""
 
     force: Float[Array, "3 n"]
@@ -140,7 +140,7 @@ def draw_noise(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
     return {source.name: noise for source, noise in zip(noisy, ordered, strict=True)}
 
 
-def smooth_signals(engine: SamplesEngine, errors: Errors) -> Record:
+def smooth_signals(engine: SamplesEngine, errors: Errors) -> SensorRecord:
     """Return what sensors without noise, of unlimited range and resolution, would record: smooth in the errors."""
     dtype, elapsed = engine.dtype, engine.t - engine.t[0]
     wrench = engine.columns.map(engine.body, engine.platform, errors).astype(dtype) @ engine.wrench
@@ -150,10 +150,12 @@ def smooth_signals(engine: SamplesEngine, errors: Errors) -> Record:
         omega = jax.vmap(engine.trajectory.omega, out_axes=1)(engine.t - errors.gyro_delay).astype(dtype)
     omega = gyro_map(errors).astype(dtype) @ omega + jnp.outer(errors.gyro_drift, elapsed).astype(dtype)
     omega = omega + errors.gyro_bias[:, None].astype(dtype)
-    return Record(wrench[:3], wrench[3:], omega)
+    return SensorRecord(wrench[:3], wrench[3:], omega)
 
 
-def sensed(engine: SamplesEngine, signals: Record, draws: Mapping[str, Array], acting: Sequence[Any] | Array) -> Record:
+def sensed(
+    engine: SamplesEngine, signals: SensorRecord, draws: Mapping[str, Array], acting: Sequence[Any] | Array
+) -> SensorRecord:
     """Add noise to signals, then let every kind that has a stage in the sensors' chain act on them.
 
     Args:
@@ -173,10 +175,10 @@ def sensed(engine: SamplesEngine, signals: Record, draws: Mapping[str, Array], a
             members, acting_members = zip(*((s, acts) for s, acts in of_signal if s.error_kind is kind), strict=True)
             signal = kind.sensed(signal, members, acting_members, draws)
         measured.append(signal)
-    return Record(*measured)
+    return SensorRecord(*measured)
 
 
-def record_sums(engine: SamplesEngine, record: Record, estimator: Estimator) -> Sums:
+def record_sums(engine: SamplesEngine, record: SensorRecord, estimator: Estimator) -> Sums:
     """Return an estimator's sums over the samples where all estimators have a derivative, block by block."""
     halo, taps = max(len(e.taps) for e in engine.estimators), estimator.taps.astype(engine.dtype)
     count, lost = len(engine.t) - 2 * halo, halo - len(taps)

@@ -23,7 +23,7 @@ from tests.helpers.joint_lab import BAND, shortened
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.files.document import ExperimentError
 from uq.files.schema import declared_table
 from uq.identification.identify_files import identify_files
@@ -292,7 +292,7 @@ def test_a_run_that_is_too_short_is_refused(brief, silent_run):
 )
 def test_a_recordings_wrong_keys_are_named(key, value, words):
     with pytest.raises(ExperimentError, match=words):
-        declared_table("recording", {key: value}, Recording)
+        declared_table("recording", {key: value}, RecordingTable)
 
 
 @pytest.mark.study

@@ -9,8 +9,8 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.joint.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
-from identify.model_check.motion_signals import Recorded
-from identify.model_check.predicted_wrench import Prediction, zero_unknowns
+from identify.model_check.motion_signals import ReducedRun
+from identify.model_check.predicted_wrench import PredictedWrench, zero_unknowns
 from identify.model_check.verdict_texts import WORDS
 from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.laboratory import FULL_SCALE, measure
@@ -38,12 +38,14 @@ def joint(model, x):
 def predicted(recorded, force_from, **changed):
     x = zero_unknowns() | UNKNOWNS | changed
     signals = recorded.signals(np.zeros((4, 3)), x)
-    return Prediction(signals, x | {"up": changed.get("up", np.array([0.0, 0.0, 1.0]))}, force_from, 9.81, POSITION)
+    return PredictedWrench(
+        signals, x | {"up": changed.get("up", np.array([0.0, 0.0, 1.0]))}, force_from, 9.81, POSITION
+    )
 
 
 @pytest.fixture(scope="module")
 def recorded():
-    return Recorded(run_of(measure(0, seconds=8.0)), 3.0, reach=0.01)
+    return ReducedRun(run_of(measure(0, seconds=8.0)), 3.0, reach=0.01)
 
 
 @pytest.mark.parametrize("force_from", ["still", "accelerometer"])

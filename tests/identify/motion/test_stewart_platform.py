@@ -120,7 +120,9 @@ def test_a_level_platform_at_rest_carries_its_weight():
 def test_a_platform_above_its_own_shadow_is_singular():
     """Fichter's case: platform and base alike and turned by 90 degrees."""
     platform = small()
-    shadow = pf.Platform(platform.base, platform.base, platform.home, platform.plate, platform.cylinder, platform.rod)
+    shadow = pf.StewartPlatform(
+        platform.base, platform.base, platform.home, platform.plate, platform.cylinder, platform.rod
+    )
     turned = Pose(shadow.home, exponential(jnp.array([0.0, 0.0, np.pi / 2])))
     assert pf.singularity(shadow, turned) < 1e-8
     assert pf.singularity(platform, platform.home_pose) > 0.1

@@ -13,13 +13,13 @@ from identify.rigid_body.rotation import (
     rotation_vectors,
 )
 from uq.experiment.experiment import Experiment
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.files.schema import declared_table
 from uq.files.units import scale
 
 
 def recording(**content):
-    return declared_table("recording", content, Recording)
+    return declared_table("recording", content, RecordingTable)
 
 
 def test_signed_axes_say_which_sensor_axis_each_body_axis_is():
@@ -64,7 +64,7 @@ def test_what_is_not_declared_is_none():
     assert silent.offsets == "estimate"
     declared = {name for name, value in silent.to_dict().items() if value is not None}
     assert declared == {"offsets", "alignment", "method", "drawn_by_mounting"}
-    assert silent.to_dict() == Recording().to_dict()
+    assert silent.to_dict() == RecordingTable().to_dict()
 
 
 @pytest.mark.parametrize(

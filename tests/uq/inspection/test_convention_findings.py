@@ -14,7 +14,7 @@ from tests.helpers.thrown_bodies import throw
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
-from uq.inspection.convention_findings import Declared, wrench_findings
+from uq.inspection.convention_findings import DeclaredRig, wrench_findings
 from uq.inspection.experiment_findings import experiment_findings
 from uq.inspection.inspect_run import inspect_run
 from uq.recorded.load_run import load_run
@@ -112,7 +112,7 @@ def test_of_a_long_free_flight_nothing_is_said(generator):
         moment = np.gradient(imu.angular_velocity, imu.time, axis=0) * [0.1, 0.2, 0.25]
         wrench = WrenchSignal(imu.time, 0.01 * generator.normal(size=moment.shape), moment)
         judged_flights += float(np.linalg.norm(imu.specific_force.mean(axis=0))) > 2
-        assert wrench_findings(wrench, imu, Declared(mass=1.0), wrench_topic="w", imu_topic="i") == []
+        assert wrench_findings(wrench, imu, DeclaredRig(mass=1.0), wrench_topic="w", imu_topic="i") == []
     assert judged_flights > 3
 
 
@@ -133,7 +133,7 @@ def test_the_command_takes_an_experiment(tmp_path, capsys):
 def wrist_findings(change=lambda force, moment, specific: (force, moment)):
     """Of a payload that an arm turns all ways, with offsets of the sensor as large as a tenth of its weight."""
     of_run = wrist_runs.run(change)
-    known = Declared(mass=wrist_runs.MASS, r_cg=wrist_runs.R_CG, sigma_r_cg=np.full(3, 1e-3))
+    known = DeclaredRig(mass=wrist_runs.MASS, r_cg=wrist_runs.R_CG, sigma_r_cg=np.full(3, 1e-3))
     imu = ImuSignal(of_run.t, of_run.omega, of_run.specific_force)
     wrench = WrenchSignal(of_run.t, of_run.force, of_run.moment)
     return wrench_findings(wrench, imu, known, wrench_topic="wrench", imu_topic="imu")

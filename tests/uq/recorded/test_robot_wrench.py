@@ -10,7 +10,7 @@ from rig import runs
 from rig.inspection.inspect import inspect
 from tests.helpers.rig_lab import JOINTS, joints_run
 from tests.helpers.rig_samples import imu_channel, wrench_channel
-from uq.experiment.recording_table import Recording
+from uq.experiment.recording_table import RecordingTable
 from uq.recorded.load_run import load_run
 
 ROBOT = {"robot.topic": "/wrench", "robot.compensated": "gravity", "imu.topic": "/imu", "imu.compensated": "none"}
@@ -38,11 +38,11 @@ def test_a_wrench_in_the_tools_frame_is_read(tmp_path):
 def test_a_removed_weight_that_the_experiment_does_not_know_of_is_refused(tmp_path, declared):
     path = written(tmp_path / "run.mcap", metadata=ROBOT)
     with pytest.raises(RunError, match='removed the weight of its payload: set compensated = "gravity"'):
-        load_run(path, Recording(compensated=declared))
+        load_run(path, RecordingTable(compensated=declared))
 
 
 def test_a_removed_weight_that_is_declared_is_read(tmp_path):
-    load_run(written(tmp_path / "run.mcap", metadata=ROBOT), Recording(compensated="gravity"))
+    load_run(written(tmp_path / "run.mcap", metadata=ROBOT), RecordingTable(compensated="gravity"))
     other = ROBOT | {"robot.compensated": "none"}
     load_run(written(tmp_path / "other.mcap", metadata=other))
 
@@ -63,7 +63,7 @@ def test_the_joints_of_a_recorded_robot_tell_the_angular_velocity(tmp_path):
     """Joint k turns with k cos t, so the tool with 21 cos t."""
     joints_run(tmp_path / "run.mcap")
     urdf = coaxial(tmp_path / "arm.urdf")
-    run = load_run(tmp_path / "run.mcap", Recording(urdf=str(urdf), urdf_frame="link6"))
+    run = load_run(tmp_path / "run.mcap", RecordingTable(urdf=str(urdf), urdf_frame="link6"))
     np.testing.assert_allclose(run.omega[:, 2], 21 * np.cos(run.t), atol=1e-9)
     np.testing.assert_allclose(run.omega[:, :2], 0, atol=1e-9)
     assert inspect(tmp_path / "run.mcap").findings == []  # joints tell the motion: no IMU is missing
