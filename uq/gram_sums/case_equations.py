@@ -59,12 +59,12 @@ class FeatureSums(NamedTuple):
 
 
 class NoiseExpectation(NamedTuple):
-    """What the gyro's noise adds to expected sums, as multiples of the features' own sums."""
+    """Additions of the gyro's noise to expected sums, as multiples of the features' own sums."""
 
     gram: Float[Array, "45 13"]
-    """Of the products of the features of Omega_R."""
+    """Additions to the products of the features of Omega_R."""
     feature: Float[Array, "9"]
-    """Of the features of Omega_R: their expectation."""
+    """Additions to the features of Omega_R."""
 
 
 NO_NOISE = NoiseExpectation(np.zeros((45, 13)), np.zeros(9))

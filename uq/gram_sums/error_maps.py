@@ -1,4 +1,4 @@
-"""What constant errors do to the signals: linear maps of functions of time, smooth in the errors.
+"""Constant errors act on the signals as linear maps of functions of time, smooth in the errors.
 
 The true wrench is linear in eighteen functions of the motion: the products of omega, alpha, and the components in B of
 frame A's axes. Gravity, platform, body and air errors change its coefficients; the load cell's misalignment, cross-talk
@@ -30,13 +30,13 @@ from uq.sources.constant_errors import Errors, no_errors, perturbed
 from uq.sources.source import Source
 
 OF_MOTION = slice(4, 13)
-"""Where the first nine of the functions of time in which the true wrench is linear stand among the features."""
+"""Places among the features of the first nine functions of time in which the true wrench is linear."""
 OF_THE_RIG = frozenset({"gravity", "r_cg_from_omb", "tilt", "displaced_air", "entrained_air"})
 """Errors that change the true wrench."""
 
 
 class Platform(Pytree):
-    """What carries the body."""
+    """The platform that carries the body."""
 
     gravity: Float[Array | np.ndarray, ""]
     """Stated local gravity [m/s²]."""

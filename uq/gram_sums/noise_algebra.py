@@ -1,4 +1,4 @@
-"""What the gyro's noise adds to the Gram sums, term by term: the algebra, without any numbers of a run.
+"""The algebra of what the gyro's noise adds to the Gram sums, term by term, without any numbers of a run.
 
 Each sum is over products of signals: omega, every estimator's alpha, force and moment. With noise e of omega, and what
 a differentiator makes of it in alpha, a product is a polynomial in the noise. Its part linear in the noise and its part

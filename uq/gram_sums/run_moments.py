@@ -39,7 +39,7 @@ class RunMoments:
     squares: Float[np.ndarray, "squares linear+squares"]
     """Sums of the coefficients of white noise's squares with those of the noise itself and with one another."""
     by_square: Float[np.ndarray, "3 products squares"]
-    """How the products follow from the coefficients of the squares, by axis."""
+    """Products as linear functions of the coefficients of the squares, by axis."""
     alpha: Mapping[NoiseFilter, Float[np.ndarray, " estimators"]]
     """Variance of the noise of each estimator's alpha for unit noise."""
     omega: Mapping[NoiseFilter, float]

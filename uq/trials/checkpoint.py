@@ -1,4 +1,4 @@
-"""What a long campaign has computed so far, in a folder: one file a segment of trials, each with its checksum.
+"""Results of a long campaign so far, in a folder: one file a segment of trials, each with its checksum.
 
 ``campaign.json`` describes the campaign; every part names it by its digest. A part is a line of JSON and
 the estimates as NumPy arrays. Several processes write into one folder, each the trials that it computed. Files are

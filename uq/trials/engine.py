@@ -1,4 +1,4 @@
-"""What an engine of trials is: draws in, tensors out, for every set of sources that act together."""
+"""An engine of trials: draws in, tensors out, for every set of sources that act together."""
 
 from abc import abstractmethod
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class TrialEstimates(NamedTuple):
     inertia: Float[Array, "*trials estimators cases 6"]
     """Packed tensors [kg·m²]; NaN where a case could not be solved."""
     ok: Bool[Array, "*trials estimators cases"]
-    """Which could."""
+    """True where the normal equations could be solved."""
 
     @classmethod
     def none(cls, estimators: int) -> "TrialEstimates":
@@ -42,7 +42,7 @@ class Engine(Pytree):
     @property
     @abstractmethod
     def segment(self) -> int:
-        """About how many trials a device does between two reports of progress."""
+        """Number of trials, roughly, that a device does between two reports of progress."""
 
     @abstractmethod
     def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:

@@ -37,7 +37,7 @@ class SamplesEngine(Engine):
     trajectory: Trajectory
     """The rotation, which a delayed gyro reads at other instants."""
     t: Float[Array, " n"]
-    """Instants [s]."""
+    """Instants of the samples [s]."""
     omega: Float[Array, "3 n"]
     """True angular velocity [rad/s]."""
     wrench: Float[Array, "columns n"]
@@ -64,19 +64,19 @@ class SamplesEngine(Engine):
 
     @property
     def rate(self) -> Float[Array, ""]:
-        """Sample rate [Hz]."""
+        """The rate of the samples [Hz]."""
         return (len(self.t) - 1) / (self.t[-1] - self.t[0])
 
 
 class SensorRecord(NamedTuple):
-    """What sensors say, component first."""
+    """Readings of the sensors, component first."""
 
     force: Float[Array, "3 n"]
-    """[N]."""
+    """Force that is read [N]."""
     moment: Float[Array, "3 n"]
-    """[N·m]."""
+    """Moment that is read [N·m]."""
     omega: Float[Array, "3 n"]
-    """Angular velocity [rad/s]."""
+    """Angular velocity that is read [rad/s]."""
 
 
 def prepare_samples(

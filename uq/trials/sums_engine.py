@@ -55,7 +55,7 @@ CELL_MAPS = frozenset(
 
 
 class GyroStreams(Pytree):
-    """What each source of the gyro's noise, and each pair of them, makes the sums of a case fluctuate by."""
+    """Fluctuations of a case's sums that each source of the gyro's noise makes, and each pair of them."""
 
     names: tuple[str, ...] = static_field()
     """Names of their random streams."""
@@ -86,7 +86,7 @@ class CellStreams(Pytree):
 
 
 class CrossedNoise(Pytree):
-    """What makes the numbers that the root of a stream's covariance maps to the right side, where the gyro is noisy."""
+    """Weights of the numbers that the root of a stream's covariance maps to the right side, where the gyro is noisy."""
 
     names: tuple[str, ...] = static_field()
     """Names of the random streams: each source of the gyro's noise with each stream of the load cell's."""
@@ -114,7 +114,7 @@ class SumsEngine(Engine):
     reach: Float[Array, ""]
     """Half of the nodes' range of delays [s]."""
     expectation: NoiseExpectation
-    """What the gyro's noise adds to expected sums, (cases, estimators, …)."""
+    """Additions of the gyro's noise to expected sums, (cases, estimators, …)."""
     gyro: GyroStreams
     cell: CellStreams
     crossed: CrossedNoise
@@ -158,7 +158,7 @@ class _Draws(NamedTuple):
     cell: Float[Array, "6 streams trials"]
     """Standard normal numbers of each stream of the load cell's noise."""
     crossed: Float[Array, "6 gyro*streams trials"]
-    """Likewise of each of these streams with each source of the gyro's noise."""
+    """Standard normal numbers of each of these streams with each source of the gyro's noise."""
     trials: int
     """Number of trials."""
 

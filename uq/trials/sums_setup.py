@@ -40,7 +40,7 @@ class TrueRun(NamedTuple):
     """A noise-free run: its signals as the gyro sees them, and their sums at several delays of the gyro, in NumPy."""
 
     rate: float
-    """Sample rate [Hz]."""
+    """The rate of the samples [Hz]."""
     valid: Float[np.ndarray, " n"]
     """1 where every estimator has a derivative, else 0."""
     taps: list[np.ndarray]

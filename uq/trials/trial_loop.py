@@ -27,7 +27,7 @@ Tree = TypeVar("Tree")
 Progress = Callable[[int, int], None]
 """Called with the trials done and the trials asked for."""
 SEGMENT = 100
-"""About how many trials a device does between two reports of progress, where each holds samples."""
+"""Number of trials, roughly, that a device does between two reports of progress, where each holds samples."""
 
 
 @runtime_checkable
@@ -176,7 +176,7 @@ def _everywhere(tree: Tree, mesh: Mesh) -> Tree:
 OLDER_LOOPS = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (0, 11, 1) else {}
 """XLA's older way to write a loop, where it still has one: the same speed, compiled in two thirds of the time."""
 COMPILER = {"xla_cpu_prefer_vector_width": 512, **OLDER_LOOPS}
-"""Of processors; others take no notice. The widest vectors, which XLA by default does not use."""
+"""Options for processors; others take no notice. The widest vectors, which XLA by default does not use."""
 
 
 def _on_mesh(

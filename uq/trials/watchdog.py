@@ -18,7 +18,7 @@ ALONE = 2
 ALONE_LINE = "the other processes did not come in time: start all of them, or give them longer by --patience"
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _have_met = -1
-"""Where the process that computes writes a byte once it has met the others."""
+"""Descriptor to which the process that computes writes a byte once it has met the others."""
 
 
 def divide() -> int | None:
