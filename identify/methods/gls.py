@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.estimators.generalised_least_squares import Weighed, whitened
+from identify.estimators.hausman import EstimateDifference, differences, reaching
 from identify.estimators.pooling import pool
-from identify.estimators.specification_test import EstimateDifference, differences, reaching
 from identify.methods.base import Method, Problem
 from identify.methods.source import estimator_for, result_of
 from identify.results.identification_result import Identification

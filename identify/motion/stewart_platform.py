@@ -6,7 +6,7 @@ Kinematics: Merlet, Parallel Robots (2006), doi:10.1007/1-4020-4133-0, chapters 
 with the legs' own masses.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -124,43 +124,6 @@ def second_order(function, pose: Pose, twist: Twist):
 def legs(platform: StewartPlatform, pose: Pose, twist: Twist) -> Legs:
     """Return the legs' lengths, speeds and accelerations."""
     return Legs(*second_order(lambda at: lengths(platform, at), pose, twist))
-
-
-class PoseSolution(NamedTuple):
-    """A pose computed from the legs' lengths."""
-
-    pose: Pose
-    residual: Float[Array, ""]
-    """Largest difference between a length wanted and that of the pose [m]."""
-
-
-def pose_of(platform: StewartPlatform, wanted: Float[Array, "6"], start: Pose | None = None) -> PoseSolution:
-    """Return the pose with these leg lengths: the forward kinematics, by Newton's method from a pose nearby (home).
-
-    Up to forty poses share six lengths; the one that Newton's method reaches is the start's assembly. Never raises:
-    where there is none, ``residual`` is not small.
-    """
-    import optimistix  # a fifth of a second, which few commands need
-
-    first = platform.home_pose if start is None else start
-
-    def miss(step, _):
-        return lengths(platform, Pose(first.position + step[:3], first.rotation @ exponential(step[3:]))) - wanted
-
-    solver: Any = optimistix.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
-    solution: Any = optimistix.least_squares(miss, solver, jnp.zeros(6, wanted.dtype), max_steps=100, throw=False)
-    step = solution.value
-    for _ in range(2):  # to the last digit
-        step = step - jnp.linalg.solve(jax.jacobian(miss)(step, None), miss(step, None))
-    pose = Pose(first.position + step[:3], first.rotation @ exponential(step[3:]))
-    return PoseSolution(pose, jnp.abs(lengths(platform, pose) - wanted).max())
-
-
-def singularity(platform: StewartPlatform, pose: Pose) -> Float[Array, ""]:
-    """Return the least singular value of the Jacobian with rotation in units of the joints' radius: 0 is singular."""
-    radius = jnp.sqrt((jnp.asarray(platform.joints) ** 2).sum(axis=1).mean())
-    scaled = jacobian(platform, pose) * jnp.concatenate([jnp.ones(3), jnp.full(3, 1 / radius)])[None]
-    return jnp.linalg.svd(scaled, compute_uv=False)[-1]
 
 
 def joint_angles(platform: StewartPlatform, pose: Pose) -> tuple[Float[Array, "6"], Float[Array, "6"]]:

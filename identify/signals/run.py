@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
-from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.power_spectrum import motion_band
 from identify.signals.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
 from identify.signals.segments import runs_of_true
+from identify.signals.shaped_noise import ShapedNoise
 
 __all__ = ["Rest", "Run", "RunError"]
 

@@ -14,7 +14,7 @@ from identify.estimators import gram, least_squares
 from identify.motion.attitude import running_product
 from identify.motion.leg_limits import PlatformMotion, effort
 from identify.motion.multisine import Multisine
-from identify.motion.stewart_platform import Pose, Twist, lengths, singularity
+from identify.motion.stewart_platform import Pose, Twist, lengths
 from identify.motion.trajectory import Harmonic, Sphere, sample
 from identify.motion.window import window
 from identify.rigid_body import dynamics, fixture, inertia, principal_axes, pseudo_inertia, regressor, rotation, solids
@@ -95,7 +95,6 @@ KERNELS = {
     "harmonic trajectory": (rates(Harmonic(1.0, 4.0, 2.0, 0.2)), np.array(1.0)),
     "multisine": (rates(MULTISINE), np.array(1.0)),
     "leg lengths": (lambda p, turn: lengths(PLATFORM, Pose(p, rotation.exponential(turn))), np.array([0.0, 0.05, 0.6]), 0.2 * VECTOR),
-    "singularity": (lambda turn: singularity(PLATFORM, Pose(jnp.asarray(PLATFORM.home), rotation.exponential(turn))), 0.2 * VECTOR),
     "leg forces": (carried, VECTOR, OTHER, 0.1 * THIRD, OTHER),
     "derivative": (differentiate.derivative, SIGNAL, np.array([50.0, 10.0])),
     "filter": (filters.apply, SIGNAL, np.array([0.25, 0.5, 0.25])),

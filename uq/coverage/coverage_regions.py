@@ -1,4 +1,4 @@
-"""Coverage regions of several outputs together (JCGM 102:2011, 7.7), and of a tensor's principal axes.
+"""Coverage regions of several outputs together (JCGM 102:2011, 7.7).
 
 Each region states its coverage as found on trials that had no part in making it, with its standard error.
 """
@@ -6,13 +6,9 @@ Each region states its coverage as found on trials that had no part in making it
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Bool, Float
-
-from identify.rigid_body.principal_axes import principal
 
 Draws = Float[np.ndarray, "trials outputs"]
 
@@ -47,41 +43,6 @@ class EllipsoidalRegion:
         return (distance(flat, self.centre, self.covariance) <= self.factor.value).reshape(np.shape(points)[:-1])
 
 
-@dataclass(frozen=True)
-class SmallestRegion:
-    """The region of least volume, where the density of the trials is above a level (JCGM 102, 7.7.4)."""
-
-    probability: float
-    density: "scipy.stats.gaussian_kde"
-    """Kernel estimate of the trials' density, in place of the counts in cells of 7.7.4: in six dimensions cells stay
-    empty."""
-    level: float
-    """Density on the boundary."""
-    coverage: Figure
-    """Share of the trials inside that had no part in density and level."""
-    volume: Figure
-    """Volume of the region, in the product of the outputs' units."""
-
-    def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
-        """Return which points lie inside."""
-        flat = np.reshape(points, (-1, self.density.d)).T
-        return (self.density(flat) >= self.level).reshape(np.shape(points)[:-1])
-
-
-@dataclass(frozen=True)
-class AxesRegion:
-    """A region of the principal axes: rotations that take the mean tensor's axes to a trial's."""
-
-    axes: np.ndarray
-    """Principal axes of the mean tensor, rows of a rotation matrix, by ascending moment."""
-    region: EllipsoidalRegion
-    """Region of the rotation vectors, whose components are along the mean tensor's axes [rad]."""
-    largest_angle: Figure
-    """Quantile of the angle of rotation [rad]."""
-    swapped: float
-    """Share of the trials turned by more than 45°: nearer to the axes with other names than to their own."""
-
-
 def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> EllipsoidalRegion:
     """Return the ellipsoidal coverage region of the trials (JCGM 102, 7.7.2).
 
@@ -98,61 +59,6 @@ def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> Ellipsoi
         probability=probability, centre=centre, covariance=covariance, factor=factor,
         coverage=_share(np.concatenate(inside)),
     )  # fmt: skip
-
-
-def smallest_region(draws: np.ndarray, probability: float = 0.95, *, most: int = 4000, seed: int = 0) -> SmallestRegion:
-    """Return the smallest coverage region of the trials.
-
-    The density is estimated by normal kernels on half of the trials (Scott's bandwidth); the level is the quantile
-    of the density at a quarter of them, so that the coverage does not hang on how well the density is known; it is
-    then counted on the last quarter.
-
-    Args:
-        draws: outputs of the trials, (trials, outputs).
-        probability: coverage probability.
-        most: kernels at most, for the time that it takes.
-        seed: of the points from which the volume is estimated.
-
-    Raises:
-        ValueError: as for :func:`ellipsoidal_region`.
-    """
-    draws = _checked(draws, probability)
-    half, quarter = len(draws) // 2, len(draws) * 3 // 4
-    density = scipy.stats.gaussian_kde(draws[: min(half, most)].T)
-    level = float(np.quantile(density(draws[half:quarter][:most].T), 1 - probability))
-    coverage = _share(density(draws[quarter:][:most].T) >= level)
-    heights = density(density.resample(most, seed=seed))
-    weights = np.where(heights >= level, 1 / heights, 0)
-    volume = Figure(float(weights.mean()), float(weights.std(ddof=1) / np.sqrt(most)))
-    return SmallestRegion(probability=probability, density=density, level=level, coverage=coverage, volume=volume)
-
-
-def axes_region(inertia: Float[np.ndarray, "trials 6"], probability: float = 0.95) -> AxesRegion:
-    """Return a coverage region of the principal axes, as rotation vectors from the mean tensor's axes.
-
-    An axis has no sign: of the four frames that a trial's axes make, the one nearest to the mean tensor's counts.
-
-    Args:
-        inertia: packed tensors of the trials [kg·m²].
-        probability: coverage probability.
-
-    Raises:
-        ValueError: as for :func:`ellipsoidal_region`.
-    """
-    inertia = _finite(inertia, probability)
-    mean = np.asarray(principal(jnp.asarray(inertia.mean(0)))[1])
-    axes = np.asarray(jax.vmap(principal)(jnp.asarray(inertia))[1])
-    turned = axes @ mean.T  # rows: a trial's axes, by their components along the mean tensor's
-    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    nearest = signs[np.argmax(np.einsum("si,nii->ns", signs, turned), axis=1)]
-    vectors = scipy.spatial.transform.Rotation.from_matrix(np.swapaxes(turned * nearest[:, :, None], 1, 2)).as_rotvec()
-    angle = np.linalg.norm(vectors, axis=1)
-    return AxesRegion(
-        mean,
-        ellipsoidal_region(vectors, probability),
-        quantile(angle, probability),
-        float(np.mean(angle > np.pi / 4)),
-    )
 
 
 def quantile(values: Float[np.ndarray, " trials"], probability: float) -> Figure:

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
-from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.held_samples import repeats
 from identify.signals.resample import in_gap, interpolate, interval, is_uniform
 from identify.signals.run import RunError
+from identify.signals.shaped_noise import ShapedNoise
 from rig import channels
 from rig.channels import ImuChannel, MotionChannel
 from rig.mcap.message_fields import JOINTS, POSE, TWIST

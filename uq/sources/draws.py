@@ -16,7 +16,7 @@ from jaxtyping import Array, Complex, Float, Inexact, Key
 from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Empirical, Normal
 from uq.sources.quasi_random import values_at
-from uq.sources.random_normals import Index, normal_pairs, normals
+from uq.sources.random_normals import Index, normal_pairs
 from uq.sources.source import Source
 
 BLOCK = 1200
@@ -193,12 +193,3 @@ def _standard_block(source: Source, key: Key[Array, ""], dtype: Any) -> Float[Ar
     if isinstance(source.shape, Empirical) and np.ndim(source.shape.samples) == 2:  # rows: axes that go together
         return source.shape.draw(key, (BLOCK, 3), dtype).T
     return source.shape.draw(key, (3, BLOCK), dtype)
-
-
-def draw_sums(
-    sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, size: int
-) -> list[Float[Array, "{size} 3"]]:
-    """Return independent normal draws, scaled on each axis by sigma, for sums that are drawn instead of samples."""
-    keys = {s.name: block_key(stream_number(s.name), key, trial, 0) for s in sources}
-    drawn = mixed({name: normals(k, (size, 3), jnp.result_type(float)).T for name, k in keys.items()}, mixing)
-    return [drawn[s.name].T * jnp.asarray(s.sigma)[None] for s in sources]

@@ -26,9 +26,9 @@ from uq.planning.required_duration import average
 from uq.propagation.experiment_law import law
 from uq.recorded.load_run import load
 from uq.report.input_tables import source_tables
+from uq.tracking.centre_stillness import SLOWEST, Stillness, stillness_of
 from uq.tracking.followed import Followed, follow, plan_at, verdicts
 from uq.tracking.measured_trajectory import measured_trajectory
-from uq.tracking.stillness import SLOWEST, Stillness, stillness_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

@@ -22,21 +22,6 @@ legs = jax.jit(pf.legs)
 lengths = jax.jit(pf.lengths)
 
 
-def test_forward_undoes_inverse_kinematics(generator):
-    platform = small()
-    forward = jax.jit(lambda wanted: pf.pose_of(platform, wanted))
-    for _ in range(200):
-        pose = somewhere(generator, platform)
-        solution = forward(lengths(platform, pose))
-        np.testing.assert_allclose(solution.pose.position, pose.position, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(solution.pose.rotation, pose.rotation, rtol=0, atol=1e-10)
-        assert solution.residual < 1e-13
-
-
-def test_lengths_that_no_pose_has_leave_a_residual():
-    assert jax.jit(pf.pose_of)(small(), jnp.full(6, 0.01)).residual > 0.1
-
-
 def in_mujoco(platform, pose, twist, body=None):
     """Lengths, speeds, and forces along the legs without mass."""
     model, data = twin(platform, platform.plate if body is None else body, GRAVITY)
@@ -124,8 +109,8 @@ def test_a_platform_above_its_own_shadow_is_singular():
         platform.base, platform.base, platform.home, platform.plate, platform.cylinder, platform.rod
     )
     turned = Pose(shadow.home, exponential(jnp.array([0.0, 0.0, np.pi / 2])))
-    assert pf.singularity(shadow, turned) < 1e-8
-    assert pf.singularity(platform, platform.home_pose) > 0.1
+    assert np.linalg.svd(pf.jacobian(shadow, turned), compute_uv=False)[-1] < 1e-8
+    assert np.linalg.svd(pf.jacobian(platform, platform.home_pose), compute_uv=False)[-1] > 0.01
 
 
 def test_joint_angles():

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.optimize import minimize_scalar
-from scipy.spatial.transform import Rotation
 
 from uq.coverage.coverage_intervals import numerical_tolerance, shortest_interval, symmetric_interval, validate
-from uq.coverage.coverage_regions import axes_region, ellipsoidal_region, smallest_region
+from uq.coverage.coverage_regions import ellipsoidal_region
 
 MODELS = {
     "exponential": stats.expon(),
@@ -132,47 +131,6 @@ def test_the_ellipsoid_of_normal_outputs(generator):
     inside = found.contains(generator.normal(size=(20_000, 6)) @ root.T).mean()
     assert abs(inside - 0.95) < 4 * np.sqrt(2 * 0.95 * 0.05 / 20_000)
     assert abs(found.coverage.value - 0.95) < 4 * np.sqrt(2) * found.coverage.standard_error
-
-
-def test_the_smallest_region_is_the_smallest(generator):
-    """Of a normal plane it is the ellipse, of area π χ² √|U|; of two heaps it is two discs, not the ellipse over both."""
-    plane = generator.normal(size=(8000, 2))
-    found = smallest_region(plane)
-    assert found.volume.value == pytest.approx(np.pi * stats.chi2.ppf(0.95, 2), rel=0.15)  # the kernels widen it
-    heaps = np.concatenate([plane - [8, 0], plane + [8, 0]])[generator.permutation(16_000)]
-    two = smallest_region(heaps)
-    ellipse = ellipsoidal_region(heaps)
-    assert not two.contains(np.zeros(2))
-    assert ellipse.contains(np.zeros(2))
-    assert two.volume.value < 0.6 * np.pi * ellipse.factor.value**2 * np.sqrt(np.linalg.det(ellipse.covariance))
-    fresh = np.concatenate([generator.normal(size=(8000, 2)) - [8, 0], generator.normal(size=(8000, 2)) + [8, 0]])
-    # level from 4,000 trials, count from 16,000: 4 standard errors
-    assert abs(two.contains(fresh).mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 * (1 / 4000 + 1 / 16_000))
-    assert abs(two.coverage.value - 0.95) < 4 * np.sqrt(2) * two.coverage.standard_error
-
-
-def test_principal_axes_turn_as_the_tensor_was_turned(generator):
-    """A body turned by small normal rotation vectors: their covariance is the region's."""
-    sigma = np.array([0.02, 0.05, 0.03])
-    vectors = sigma * generator.normal(size=(4000, 3))
-    turns = Rotation.from_rotvec(vectors).as_matrix()
-    tensors = np.einsum("nij,j,nkj->nik", turns, [1.0, 2.0, 4.0], turns)
-    rows, columns = np.triu_indices(3)
-    found = axes_region(tensors[:, rows, columns])
-    np.testing.assert_allclose(np.abs(found.axes), np.eye(3), atol=0.01)
-    # relative standard error of a standard deviation: 1/√(2N); 4 of them and the mean's own turn
-    np.testing.assert_allclose(np.sqrt(np.diag(found.region.covariance)), sigma, rtol=4 / np.sqrt(8000) + 0.01)
-    assert found.swapped == 0
-    angle = np.quantile(np.linalg.norm(vectors, axis=1), 0.95)
-    assert found.largest_angle.value == pytest.approx(angle, rel=0.02)
-
-
-def test_axes_that_cannot_be_told_apart_are_found(generator):
-    """Two moments closer than they scatter: their axes change names."""
-    inertia = np.array([1.0, 0, 0, 1.001, 0, 4.0]) + 0.01 * generator.normal(size=(2000, 6))
-    found = axes_region(inertia)
-    assert found.swapped > 0.2
-    assert found.largest_angle.value > np.pi / 4
 
 
 @pytest.mark.parametrize(

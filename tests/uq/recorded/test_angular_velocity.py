@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
 from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
-from identify.signals.coloured_noise import ShapedNoise
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
+from identify.signals.shaped_noise import ShapedNoise
 from rig.exceptions import RigError
 from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.campaign.simulation import simulate

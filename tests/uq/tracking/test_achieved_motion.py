@@ -18,9 +18,9 @@ from uq.files.toml_text import toml_text
 from uq.planning.motion_export import scaled
 from uq.recorded.load_run import load_run
 from uq.tracking.achieved_motion import achieved
+from uq.tracking.centre_stillness import SLOWEST
 from uq.tracking.followed import follow
 from uq.tracking.measured_trajectory import MeasuredRotation
-from uq.tracking.stillness import SLOWEST
 
 GAIN, LAG = 0.93, 0.0373
 RATE, SECONDS = 100, 20.0

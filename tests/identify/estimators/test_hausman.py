@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identify.estimators.generalised_least_squares import whitened
+from identify.estimators.hausman import differences
 from identify.estimators.motion_columns import ANTISYMMETRIC, SYMMETRIC, angle_turned, motion_columns
 from identify.estimators.pooling import pool
-from identify.estimators.specification_test import differences
 from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec
 from tests.helpers.laboratory import SIGMA, measure
