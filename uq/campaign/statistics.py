@@ -213,14 +213,14 @@ def large_mean_error(where: str, total: OfCase) -> list[str]:
 
 
 def verdict_on_mean_errors(totals: Mapping[tuple[str, str], OfCase]) -> str:
-    """Return in a sentence with which estimators, on which trajectories, a mean error exceeds its 3σ."""
+    """Return with which estimators, on which trajectories, a mean error exceeds its 3σ."""
     named: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
     for (trajectory, estimator), total in totals.items():
         named[bool(large_mean_error("", total))].setdefault(estimator, []).append(trajectory)
     beyond, within = (
-        "; ".join(f"{estimator} on {', '.join(trajectories)}" for estimator, trajectories in named[which].items())
+        "; ".join(f"{estimator} ({', '.join(trajectories)})" for estimator, trajectories in named[which].items())
         for which in (True, False)
     )
     if not beyond:
         return "No mean error exceeds its 3σ."
-    return f"A mean error exceeds its 3σ: {beyond}." + (f" None does: {within}." if within else "")
+    return f"Biased: {beyond}." + (f" Unbiased within 3σ: {within}." if within else "")

@@ -123,7 +123,7 @@ def test_json_warns_of_the_same_pairs(html):
     assert beyond == {f"{name}, central" for name in ("T1", "T2", "T3", "T4")}
     assert {text.partition(":")[0] for text in content["warnings"]} == beyond
     assert paper_result().to_dict()["warnings"] == content["warnings"]
-    said = "A mean error exceeds its 3σ: central on T1, T2, T3, T4. None does: smoothed on T1, T2, T3, T4."
+    said = "Biased: central (T1, T2, T3, T4). Unbiased within 3σ: smoothed (T1, T2, T3, T4)."
     assert campaign().verdict() == said
     assert said in html
 
