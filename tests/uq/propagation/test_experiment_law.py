@@ -126,9 +126,9 @@ def test_other_figures_visit_no_sample_again(brief, monkeypatch):
     counted = {"visits": 0, "documents": 0, "_expanded": 0, "_scattered": 0}
 
     def counting(name, function):
-        def counted_function(*arguments):
+        def counted_function(*arguments, **keywords):
             counted[name] += 1
-            return function(*arguments)
+            return function(*arguments, **keywords)
 
         return counted_function
 
