@@ -33,7 +33,7 @@ def test_a_door_offers_few_names():
         door = importlib.import_module(package)
         assert 10 <= len(door.__all__) <= 25
         assert set(door.__all__) <= set(dir(door))
-        with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nonsense'"):
+        with pytest.raises(AttributeError, match=f"{package} .*nonsense"):
             _ = door.nonsense
 
 

@@ -52,7 +52,7 @@ def test_the_wheel_has_every_file_of_the_packages_and_no_other(site):
         path.relative_to(ROOT)
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.is_file() and path.suffix in {".py", ".typed", ".toml", ".json", ".html", ".css", ".js"}
+        if path.is_file() and path.suffix in {".py", ".pyi", ".typed", ".toml", ".json", ".html", ".css", ".js"}
     }
     packed = {path.relative_to(site) for path in site.rglob("*") if path.is_file()}
     (described,) = {path.parts[0] for path in packed} - set(PACKAGES)

@@ -1,0 +1,14 @@
+from .channels import ImuChannel as ImuChannel
+from .channels import Recording as Recording
+from .channels import WrenchChannel as WrenchChannel
+from .devices import create_device as create_device
+from .devices.base import Device as Device
+from .exceptions import RigError as RigError
+from .inspection.inspect import inspect as inspect
+from .mcap.recover import recover as recover
+from .record.discover import discover as discover
+from .record.recorder import Recorder as Recorder
+from .record.rig_file import load_rig as load_rig
+from .runs import read as read
+from .runs import read_any as read_any
+from .runs import write as write
