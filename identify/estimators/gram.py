@@ -40,11 +40,11 @@ class Sums(NamedTuple):
 class Estimate(NamedTuple):
     """A least-squares estimate of the tensor from sums."""
 
-    inertia: Float[Array, "6 *#trials"]
+    inertia: Float[jax.Array, "6 *#trials"]
     """Packed tensor about the centre of gravity [kg·m²]; NaN where the normal equations cannot be solved."""
-    condition: Float[Array, "*#trials"]
+    condition: Float[jax.Array, "*#trials"]
     """Condition number of ``ΩᵀΩ`` in the Frobenius norm: at most six times the square of the regressor's own."""
-    ok: Bool[Array, "*#trials"]
+    ok: Bool[jax.Array, "*#trials"]
     """Whether the estimate is finite and its condition number below ``CONDITION_LIMIT``."""
 
 
@@ -193,7 +193,7 @@ def triangular_root(matrix: Float[Array, "k k *trials"]) -> tuple[Root, list[Arr
     A column whose pivot is not positive is zero, and so is its reciprocal: a covariance that is singular has its root.
     """
     root: Root = {}
-    scale = []
+    scale: list[Array] = []
     for j in range(len(matrix)):
         pivot = matrix[j, j] - sum(root[j, k] * root[j, k] for k in range(j))
         positive = pivot > 0
@@ -212,7 +212,7 @@ def _factors(matrix: Float[Array, "6 6 *trials"]) -> tuple[Root, Root, list[Arra
     """
     lower: Root = {}
     upper: Root = {}
-    scale = []
+    scale: list[Array] = []
     for j in range(6):
         for i in range(j, 6):
             upper[j, i] = matrix[j, i] - sum(lower[j, k] * upper[k, i] for k in range(j))
@@ -224,7 +224,7 @@ def _factors(matrix: Float[Array, "6 6 *trials"]) -> tuple[Root, Root, list[Arra
     return lower, upper, scale
 
 
-def _inverse_of(lower: Root, upper: Root, scale: list[Array]) -> Root:
+def _inverse_of(lower: Root, upper: Root, scale: list[Array]) -> dict[tuple[int, int], Array | float]:
     """Return the entries of the inverse of ``L U``."""
     of_lower: Root = {}
     of_upper: Root = {}

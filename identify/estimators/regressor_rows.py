@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, features
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, ArrayT, features
 from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
@@ -104,9 +104,9 @@ def usable_rows(run: Run, rows: int) -> np.ndarray:
 
 
 def filtered(
-    omega: Float[Array, "3 n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"],
+    omega: Float[ArrayT, "3 n"], force: Float[ArrayT, "3 n"], moment: Float[ArrayT, "3 n"],
     taps: np.ndarray, smoothing: np.ndarray,
-) -> tuple[Float[Array, "13 m"], Float[Array, "3 m"], Float[Array, "3 m"]]:  # fmt: skip
+) -> tuple[Float[ArrayT, "13 m"], Float[ArrayT, "3 m"], Float[ArrayT, "3 m"]]:  # fmt: skip
     """Return features, force and moment of the instants that have a derivative, all through the same filter.
 
     Of arrays of JAX or of NumPy, component first.

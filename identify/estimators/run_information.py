@@ -136,7 +136,7 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
 
 def _equations(sums: Sums, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Normal equations at a centre of gravity, and the derivative of their right side, which is linear in it."""
-    normal, right = normal_equations(sums, r_cg)
+    normal, right = map(np.asarray, normal_equations(sums, r_cg))
     shifted = [normal_equations(sums, r_cg + unit)[1] for unit in np.eye(3)]
     return normal, right, np.array(shifted).T - right[:, None]
 

@@ -71,7 +71,7 @@ def solve(
 
 def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> Array:
     """Residuals in units of their noise, instant by instant."""
-    x = unknowns(prior.theta(z))
+    x = unknowns(jnp.asarray(prior.theta(z)))
     return (whitener @ residuals(model, x, kinematics(model, x))).T.ravel()
 
 

@@ -15,12 +15,12 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from identify.motion.attitude import magnus_turn
 from identify.pytree import Pytree, static_field
 from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
-from identify.rigid_body.regressor import Array, cross_matrix
+from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import InBand, cell_of, evaluate
 
@@ -87,11 +87,11 @@ class Model(Pytree):
     """A run's rows and what is needed to predict them."""
 
     rows: InBand
-    up: Float[Array, "3"]
+    up: Float[Array | np.ndarray, "3"]
     """Direction opposite to gravity at the first node, in the IMU's axes, about which ``tilt`` is."""
-    gravity: Float[Array, ""]
+    gravity: Float[Array | np.ndarray, ""]
     """Local gravity that is stated [m/s²]."""
-    imu_position: Float[Array, "3"]
+    imu_position: Float[Array | np.ndarray, "3"]
     """The accelerometer, from Q, in B [m]."""
     specific_force: SpecificForce = static_field()
 
@@ -114,16 +114,16 @@ class Kinematics(NamedTuple):
 
 def kinematics(model: Model, x: Unknowns) -> Kinematics:
     """Return the motion that the IMU measures, ``delay`` later and turned into B."""
-    rows, turn = model.rows, exponential(x.rotation)
-    t = rows.t + x.delay[0]
+    rows, turn, at_rows = model.rows, exponential(x.rotation), jnp.asarray(model.rows.t)
+    t = at_rows + x.delay[0]
     value, slope, _ = evaluate(rows.motion, rows.step, t)
     scale = (1 + x.gyro_scale)[:, None]
-    omega = turn @ ((value[:3] - slow_terms(rows, rows.t, x)) / scale)
+    omega = turn @ ((value[:3] - slow_terms(rows, at_rows, x)) / scale)
     alpha = turn @ ((slope[:3] - x.gyro_drift[:, None]) / scale)
     if model.specific_force == "none":
         return Kinematics(omega, alpha, None)
     if model.specific_force == "still":
-        weight = (model.gravity + x.gravity[0]) * (turn @ _vertical(model, x, t))
+        weight = (jnp.asarray(model.gravity) + x.gravity[0]) * (turn @ _vertical(model, x, t))
         return Kinematics(omega, alpha, weight + _carried(omega, alpha, x.cg_from_still))
     at_imu = turn @ (value[3:] - x.accelerometer_bias[:, None])
     return Kinematics(omega, alpha, at_imu + _carried(omega, alpha, x.r_cg - model.imu_position))
@@ -136,8 +136,8 @@ def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "ro
     """
     rows = model.rows
     along = progress(rows)
-    force = rows.force - x.force_offset[:, None] - jnp.outer(x.force_drift, along)
-    moment = rows.moment - x.moment_offset[:, None] - jnp.outer(x.moment_drift, along)
+    force = jnp.asarray(rows.force) - x.force_offset[:, None] - jnp.outer(x.force_drift, along)
+    moment = jnp.asarray(rows.moment) - x.moment_offset[:, None] - jnp.outer(x.moment_drift, along)
     spin = moment_about_cg(x.inertia, motion.omega, motion.alpha)
     error = x.cell_matrix.reshape(6, 6)
     if motion.specific_force is None:
@@ -147,7 +147,7 @@ def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "ro
     # the error acts on what is predicted: on what is measured it would scale the noise, which the fit then makes small
     wrench = jnp.concatenate([true, spin + levered(x.r_cg, true)])
     left = jnp.concatenate([force, moment]) - wrench - error @ wrench
-    return rows.used[None] * (left[3:] if motion.specific_force is None else left)
+    return jnp.asarray(rows.used)[None] * (left[3:] if motion.specific_force is None else left)
 
 
 def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
@@ -157,7 +157,7 @@ def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, 
 
 def progress(rows: InBand) -> Float[Array, " n"]:
     """Return how far the run has come, from -1/2 to 1/2."""
-    return rows.t / rows.duration - 0.5
+    return jnp.asarray(rows.t) / rows.duration - 0.5
 
 
 def _carried(omega: Float[Array, "3 n"], alpha: Float[Array, "3 n"], arm: Float[Array, "3"]) -> Float[Array, "3 n"]:
@@ -186,7 +186,7 @@ def _vertical(model: Model, x: Unknowns, t: Float[Array, " n"]) -> Float[Array, 
     return jax.vmap(lambda turn, vector: exponential(-turn) @ vector, out_axes=1)(turns, at_node)
 
 
-def _tilt_axes(up: Float[Array, "3"]) -> Float[Array, "3 2"]:
+def _tilt_axes(up: Float[Array | np.ndarray, "3"]) -> Float[Array, "3 2"]:
     """Two axes at right angles to a direction: x and y where it is vertical."""
     first = jnp.cross(jnp.where(jnp.abs(up[1]) < 0.9, jnp.array([0.0, 1.0, 0.0]), jnp.array([0.0, 0.0, 1.0])), up)
     first = first / jnp.linalg.norm(first)
@@ -204,7 +204,7 @@ def _turn(rows: InBand, x: Unknowns, cell: Array, since: Float[Array, " n"]) -> 
     """Rotation vector from a cell's node on: fourth-order Magnus step on two Gauss points."""
 
     def omega(fraction: float) -> Array:
-        value = rows.motion[0, cell, :3]
+        value = jnp.asarray(rows.motion)[0, cell, :3]
         for piece in rows.motion[1:, :, :3]:
             value = value * (fraction * since)[:, None] + piece[cell]
         slow = slow_terms(rows, rows.step * cell.astype(since.dtype) + fraction * since, x).T

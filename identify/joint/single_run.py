@@ -233,13 +233,13 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     ]
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
-    x = unknowns(beforehand.mean)
-    arm = cross_matrix(np.asarray(x.r_cg))
+    mean = np.asarray(beforehand.mean)
+    arm = cross_matrix(mean[SLICES["r_cg"]])
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
     assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
     accelerometer = np.maximum(noise_level(*(run.specific_force[segment] for segment in segments)), 1e-6)
-    lever = float(x.mass[0]) * np.concatenate([np.eye(3), arm])
+    lever = float(mean[SLICES["mass"]][0]) * np.concatenate([np.eye(3), arm])
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
 

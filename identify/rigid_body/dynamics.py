@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.inertia import Body, unpack
-from identify.rigid_body.regressor import Array
+from identify.rigid_body.regressor import Array, ArrayT
 
 Vectors = Float[Array, "... 3"] | Float[np.ndarray, "... 3"]
 """Vectors of three components as an array of JAX or NumPy."""
@@ -40,8 +40,8 @@ def wrench(
 
 
 def moment_about_cg(
-    inertia: Float[Array, "6"], omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"]
-) -> Float[Array, "3 *n"]:
+    inertia: Float[ArrayT, "6"], omega: Float[ArrayT, "3 *n"], alpha: Float[ArrayT, "3 *n"]
+) -> Float[ArrayT, "3 *n"]:
     """Return Euler's moment about the centre of gravity, ``I·alpha + omega × (I·omega)`` [N·m].
 
     Args:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.regressor import Array
+from identify.rigid_body.regressor import Array, ArrayT
 
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
@@ -32,23 +32,25 @@ class Body(NamedTuple):
     """Packed inertia tensor about the centre of gravity, in B [kg·m²]."""
 
 
-def pack(tensor: Float[Array, "3 3"]) -> Float[Array, "6"]:
+def pack(tensor: Float[ArrayT, "3 3"]) -> Float[ArrayT, "6"]:
     """Return the upper triangle of a symmetric tensor, row by row."""
     return tensor[_ROWS, _COLUMNS]
 
 
-def unpack(inertia: Float[Array, "6"]) -> Float[Array, "3 3"]:
+def unpack(inertia: Float[ArrayT, "6"]) -> Float[ArrayT, "3 3"]:
     """Return the symmetric 3×3 tensor of a packed one."""
     i11, i12, i13, i22, i23, i33 = inertia
     return inertia.__array_namespace__().array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
 
 
-def parallel_axis(inertia: Float[Array, "6"], mass: Float[Array, ""], offset: Float[Array, "3"]) -> Float[Array, "6"]:
+def parallel_axis(
+    inertia: Float[ArrayT, "6"], mass: Float[ArrayT, ""], offset: Float[ArrayT, "3"]
+) -> Float[ArrayT, "6"]:
     """Return the tensor about a point at ``offset`` [m] from the centre of gravity (Huygens–Steiner)."""
     xp = offset.__array_namespace__()
     return inertia + mass * pack(xp.dot(offset, offset) * xp.eye(3) - xp.outer(offset, offset))
 
 
-def rotate(inertia: Float[Array, "6"], rotation: Float[Array, "3 3"]) -> Float[Array, "6"]:
+def rotate(inertia: Float[ArrayT, "6"], rotation: Float[ArrayT, "3 3"]) -> Float[ArrayT, "6"]:
     """Return the tensor in frame C, where ``rotation`` takes components in B to components in C."""
     return pack(rotation @ unpack(inertia) @ rotation.T)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identify.rigid_body.inertia import rotate, unpack
-from identify.rigid_body.regressor import Array
+from identify.rigid_body.regressor import Array, ArrayT
 
 LARGEST_ANGLE = 0.2
 """Standard uncertainty of a principal axis [rad] beyond which it counts as not determined: 95 % are ±23°."""
@@ -74,7 +74,7 @@ def principal_axes(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray
     return Principal(moments, axes, spread[[0, 3, 5]], angles)
 
 
-def principal(inertia: Float[Array, "6"]) -> tuple[Float[Array, "3"], Float[Array, "3 3"]]:
+def principal(inertia: Float[ArrayT, "6"]) -> tuple[Float[ArrayT, "3"], Float[ArrayT, "3 3"]]:
     """Return the principal moments [kg·m²], ascending, and their axes in B as the rows of a rotation matrix.
 
     Of an array of JAX or of NumPy, arrays of the same kind.

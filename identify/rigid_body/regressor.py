@@ -7,12 +7,18 @@ block. Every function takes arrays of JAX or of NumPy and returns the same kind;
 tables and ``inertia inspect`` start without it.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
-Array = Any  # of JAX or NumPy: jaxtyping's Array would import JAX
+if TYPE_CHECKING:
+    import jax
+
+    Array = jax.Array | np.ndarray
+    ArrayT = TypeVar("ArrayT", np.ndarray, jax.Array, Array)  # the kind that is given
+else:
+    Array = ArrayT = Any  # jaxtyping's Array would import JAX
 
 
 def library_of(*arrays: Any) -> Any:
@@ -28,7 +34,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """The axes of the products ``omega_i omega_j``."""
 
 
-def features(omega: Float[Array, "3 *n"], alpha: Float[Array, "3 *n"]) -> Float[Array, "13 *n"]:
+def features(omega: Float[ArrayT, "3 *n"], alpha: Float[ArrayT, "3 *n"]) -> Float[ArrayT, "13 *n"]:
     """Return the features ``FEATURES`` of angular velocity [rad/s] and angular acceleration [rad/s²]."""
     xp = omega.__array_namespace__()
     products = xp.stack([omega[i] * omega[j] for i, j in PAIRS])
@@ -45,7 +51,7 @@ def _omega_r(feature):
     ]
 
 
-def omega_r(omega: Float[Array, "3"], alpha: Float[Array, "3"]) -> Float[Array, "3 6"]:
+def omega_r(omega: Float[ArrayT, "3"], alpha: Float[ArrayT, "3"]) -> Float[ArrayT, "3 6"]:
     """Return ``Omega_R`` of (7): ``Omega_R @ inertia == I·alpha + omega × (I·omega)`` [N·m]."""
     return omega.__array_namespace__().array(_omega_r(features(omega, alpha)))
 
@@ -68,12 +74,12 @@ FIRST_MOMENT_OF_FEATURES = np.array([_first_moment(unit) for unit in np.eye(len(
 """Coefficients (13, 3, 3) of the features in the matrix that multiplies the first moment ``m r`` in the force."""
 
 
-def pi(force: Float[Array, "3"]) -> Float[Array, "3 3"]:
+def pi(force: Float[ArrayT, "3"]) -> Float[ArrayT, "3 3"]:
     """Return ``Pi`` of (7): ``Pi(F) @ r == r × F``."""
     return -cross_matrix(force)
 
 
-def cross_matrix(vector: Float[Array, "3 *n"]) -> Float[Array, "3 3 *n"]:
+def cross_matrix(vector: Float[ArrayT, "3 *n"]) -> Float[ArrayT, "3 3 *n"]:
     """Return the matrix with ``cross_matrix(v) @ x == v × x``."""
     v1, v2, v3 = vector
     xp = vector.__array_namespace__()
@@ -91,8 +97,8 @@ PI_OF_FORCE = np.array([pi(unit) for unit in np.eye(3)])
 
 
 def wrench_regressor(
-    omega: Float[Array, "3"], alpha: Float[Array, "3"], specific_force: Float[Array, "3"]
-) -> Float[Array, "6 10"]:
+    omega: Float[ArrayT, "3"], alpha: Float[ArrayT, "3"], specific_force: Float[ArrayT, "3"]
+) -> Float[ArrayT, "6 10"]:
     """Return the regressor of the wrench at Q over the ten inertial parameters.
 
     Args:

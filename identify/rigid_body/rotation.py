@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from identify.rigid_body.regressor import Array, cross_matrices, cross_matrix
+from identify.rigid_body.regressor import ArrayT, cross_matrices, cross_matrix
 
 CROSS = cross_matrix(np.eye(3)).transpose(2, 0, 1)
 """``unit vector ×``, as a matrix, for each axis."""
@@ -76,7 +76,7 @@ def from_axes(text: str) -> Float[np.ndarray, "3 3"]:
     return nearest_rotation(rows)
 
 
-def exponential(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
+def exponential(turn: Float[ArrayT, "3"]) -> Float[ArrayT, "3 3"]:
     """Return the rotation matrix of a rotation vector [rad] (Rodrigues), with its Taylor branch near zero."""
     xp = turn.__array_namespace__()
     square = xp.dot(turn, turn)
@@ -128,7 +128,7 @@ def cumulative_product(matrices: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray
     return np.asarray((np.array(before)[:, None] @ rows).reshape(-1, 3, 3)[:n])
 
 
-def rate_of_turn(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:
+def rate_of_turn(turn: Float[ArrayT, "3"], rate: Float[ArrayT, "3"]) -> Float[ArrayT, "3"]:
     """Return the angular velocity in B [rad/s] of the attitude ``exp(turn)``, whose rotation vector has this rate."""
     xp = turn.__array_namespace__()
     square = xp.dot(turn, turn)

@@ -5,6 +5,7 @@ are then decimated, the load cell to a few samples a period and the motion to ma
 samples is exact to rounding. White noise stays white in the band: a decimated sample's is ``sigma / sqrt(factor)``.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
@@ -135,7 +136,7 @@ def _usable(run: Run, taps: int) -> np.ndarray:
 
 def evaluate(
     motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]
-) -> tuple[Float[Array, "channels n"], Float[Array, "channels n"], Float[Array, "channels n"]]:
+) -> tuple[Float[jax.Array, "channels n"], Float[jax.Array, "channels n"], Float[jax.Array, "channels n"]]:
     """Return the spline, its slope and its second derivative at some instants [s] between the nodes."""
     cell = cell_of(motion, step, t)
     since = (t - step * cell.astype(t.dtype))[:, None]
@@ -148,6 +149,6 @@ def evaluate(
     return value.T, slope.T, 2 * half_second.T
 
 
-def cell_of(motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]) -> Int[Array, " n"]:
+def cell_of(motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]) -> Int[jax.Array, " n"]:
     """Return the node at or before each instant."""
     return jnp.clip(jnp.floor(t / step).astype(int), 0, motion.shape[1] - 1)

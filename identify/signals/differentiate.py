@@ -9,7 +9,7 @@ import functools
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.regressor import Array
+from identify.rigid_body.regressor import Array, ArrayT
 
 LONGEST = 50_000
 """Most taps of a matched differentiator."""
@@ -99,7 +99,7 @@ def highest_band(rate: float, order: int = 4) -> float:
     return low
 
 
-def derivative(signal: Float[Array, "3 n"], taps: Float[Array, " h"]) -> Float[Array, "3 m"]:
+def derivative(signal: Float[ArrayT, "3 n"], taps: Float[Array, " h"]) -> Float[ArrayT, "3 m"]:
     """Apply a differentiator to component-first samples; ``h`` samples at either end have no derivative: m = n - 2h."""
     h = taps.shape[0]
     n = signal.shape[1] - 2 * h

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.rigid_body.regressor import Array
+from identify.rigid_body.regressor import Array, ArrayT
 
 LONGEST = 10_000_000
 """Taps of a low-pass on either side of its middle, at most."""
@@ -64,7 +64,7 @@ def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray
     return np.cos(2 * np.pi * np.multiply.outer(frequency, lags)) @ taps
 
 
-def apply(signals: Float[Array, "k n"], taps: Float[Array, " odd"]) -> Float[Array, "k m"]:
+def apply(signals: Float[ArrayT, "k n"], taps: Float[Array, " odd"]) -> Float[ArrayT, "k m"]:
     """Filter each row, of an array of JAX or of NumPy; half the taps are lost at either end, m = n - taps + 1."""
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")

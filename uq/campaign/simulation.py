@@ -120,7 +120,7 @@ def _recorded(setup: SamplesEngine, motion: Motion, key: Array, trial: Array) ->
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)
     errors, draws = errors_of(setup.sources, draws), draws | draw_noise(setup, key, trial)
     record = sensed(setup, smooth_signals(setup, errors), draws, [True] * len(setup.sources))
-    rotation = exponential(errors.tilt) @ motion.rotation
+    rotation = jnp.matmul(exponential(errors.tilt), motion.rotation)
     q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
     turning = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
     moving = jax.vmap(lambda t, r_ab: acceleration_of(setup.trajectory, t) @ r_ab)(motion.t, motion.rotation)

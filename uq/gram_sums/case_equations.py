@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimators.gram import triangular_root
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PAIRS, Array, library_of
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PAIRS, Array, ArrayT, library_of
 from uq.gram_sums.noise_algebra import expectation_terms
 
 OF_OMEGA_R = slice(4, 13)
@@ -88,7 +88,7 @@ def noise_expectation(
     return NoiseExpectation(pairs, features[4:])
 
 
-def sums_by_axes(gram: Float[Array, "9 9 *#trials"]) -> Float[Array, "6 21 *#trials"]:
+def sums_by_axes(gram: Float[ArrayT, "9 9 *#trials"]) -> Float[ArrayT, "6 21 *#trials"]:
     """Return ``Σ Ω_aᵀ Ω_b`` with its transpose, pair by pair of axes, from the Gram matrix of Omega_R's features."""
     xp = library_of(gram)
     lower = xp.concat([gram[i, : i + 1] for i in range(9)])
@@ -98,12 +98,12 @@ def sums_by_axes(gram: Float[Array, "9 9 *#trials"]) -> Float[Array, "6 21 *#tri
 class Equations(NamedTuple):
     """Normal equations before the load cell's noise."""
 
-    by_axes: Float[Array, "6 21 *#trials"]
+    by_axes: Float[jax.Array, "6 21 *#trials"]
     """``Σ Ω_aᵀ Ω_b`` with its transpose for each pair of axes: the normal matrix is the sum of the first three."""
-    right: Float[Array, "6 *#trials"]
+    right: Float[jax.Array, "6 *#trials"]
 
 
-def times(first: Float[Array, "i k *#trials"], second: Float[Array, "k j *#trials"]) -> Float[Array, "i j *#trials"]:
+def times(first: Float[ArrayT, "i k *#trials"], second: Float[ArrayT, "k j *#trials"]) -> Float[ArrayT, "i j *#trials"]:
     """Return the product of two matrices trial by trial, as a sum of outer products: each is one long loop."""
     total = first[:, 0, None] * second[None, 0]
     for k in range(1, first.shape[1]):
@@ -112,17 +112,17 @@ def times(first: Float[Array, "i k *#trials"], second: Float[Array, "k j *#trial
 
 
 def feature_map(
-    gyro: Float[Array, "3 3 *#trials"], bias: Float[Array, "3 *#trials"], drift: Float[Array, "3 *#trials"] | None
-) -> Float[Array, "13 elements *#trials"]:
+    gyro: Float[ArrayT, "3 3 *#trials"], bias: Float[ArrayT, "3 *#trials"], drift: Float[ArrayT, "3 *#trials"] | None
+) -> Float[ArrayT, "13 elements *#trials"]:
     """Return the matrix that gives the features of ``G omega + b + d t`` from the elements of the true motion.
 
     These are 1, omega, its products, with a drift t, t omega, t², and alpha.
     """
-    trials = np.broadcast_shapes(gyro.shape[2:], bias.shape[1:])
+    trials: tuple[int, ...] = np.broadcast_shapes(gyro.shape[2:], bias.shape[1:])
     count = 10 if drift is None else 15
     parts = [bias[:, None], gyro, *([] if drift is None else [drift[:, None]])]
     xp = library_of(*parts)
-    sensed = xp.concat([xp.broadcast_to(x, (*x.shape[:2], *trials)) for x in parts], axis=1)
+    sensed = xp.concat([xp.broadcast_to(x, x.shape[:2] + trials) for x in parts], axis=1)
     first, second = (xp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
     twice = TWO_WAYS[:count].reshape(count, *[1] * len(trials))
     rows = [first[i] * second[j] + twice * second[i] * first[j] for i, j in PAIRS]
@@ -184,8 +184,8 @@ def equations_of(
 
 
 def residual_covariance(
-    cell: Float[Array, "6 6 *#trials"], r_cg: Float[Array, "3 *#trials"]
-) -> Float[Array, "6 *trials"]:
+    cell: Float[ArrayT, "6 6 *#trials"], r_cg: Float[ArrayT, "3 *#trials"]
+) -> Float[ArrayT, "6 *trials"]:
     """Return the covariance of ``M - r × F`` for that of force and moment, pair by pair of :data:`AXES`."""
     r1, r2, r3 = r_cg
     crossed: list[dict[int, Array]] = [{1: r3, 2: -r2}, {0: -r3, 2: r1}, {0: r2, 1: -r1}]  # -r ×, row by row
@@ -199,8 +199,8 @@ def residual_covariance(
 
 
 def weighted_sums(
-    by_axes: Float[Array, "6 21 *#trials"], cell: Float[Array, "6 6 *#trials"], r_cg: Float[Array, "3 *#trials"]
-) -> Float[Array, "21 *trials"]:
+    by_axes: Float[ArrayT, "6 21 *#trials"], cell: Float[ArrayT, "6 6 *#trials"], r_cg: Float[ArrayT, "3 *#trials"]
+) -> Float[ArrayT, "21 *trials"]:
     """Return ``Σ Ωᵀ S Ω`` for the covariance S of ``M - r × F`` that a covariance of force and moment makes."""
     covariance = residual_covariance(cell, r_cg)
     return sum((by_axes[a] * covariance[a, None] for a in range(1, len(AXES))), by_axes[0] * covariance[0, None])
@@ -214,7 +214,7 @@ def noise_of_right_side(
     return jnp.stack([sum(root[i, k] * normal[k] for k in range(i + 1)) for i in range(6)])
 
 
-def symmetric(lower: Float[Array, "21 *#trials"]) -> Float[Array, "6 6 *#trials"]:
+def symmetric(lower: Float[ArrayT, "21 *#trials"]) -> Float[ArrayT, "6 6 *#trials"]:
     """Return the matrix with this lower triangle, row by row."""
     place = {(i, j): k for k, (i, j) in enumerate(LOWER6.tolist())}
     xp = library_of(lower)

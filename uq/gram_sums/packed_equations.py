@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimators.gram import CONDITION_LIMIT
-from identify.rigid_body.regressor import Array, cross_matrix, library_of
+from identify.rigid_body.regressor import ArrayT, cross_matrix, library_of
 from uq.gram_sums.case_equations import (
     AXES,
     LOWER6,
@@ -24,15 +24,15 @@ RIGHT = np.eye(6, 27, 21)
 """Derivative of the normal equations' right-hand side by their 27 packed numbers."""
 
 
-def expected_by_axes(gram: Float[Array, "*n 13 13"], noise: NoiseExpectation) -> Float[Array, "*n 6 21"]:
+def expected_by_axes(gram: Float[ArrayT, "*n 13 13"], noise: NoiseExpectation) -> Float[ArrayT, "*n 6 21"]:
     """Return :func:`sums_by_axes` as expected under the gyro's noise, any number of sums on leading axes."""
     lower = gram[..., 4 + LOWER9[:, 0], 4 + LOWER9[:, 1]] + gram[..., 0] @ noise.gram.T
     return (lower @ WEIGHTS.T).reshape(*gram.shape[:-2], len(AXES), 21)
 
 
 def packed_equations(
-    gram: Float[Array, "*n 13 13"], moment: Float[Array, "*n 13 3"], noise: NoiseExpectation
-) -> Float[Array, "*n 27"]:
+    gram: Float[ArrayT, "*n 13 13"], moment: Float[ArrayT, "*n 13 3"], noise: NoiseExpectation
+) -> Float[ArrayT, "*n 27"]:
     """Return the normal equations of mapped sums as expected under the gyro's noise: linear in the sums.
 
     Args:

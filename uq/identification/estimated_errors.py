@@ -58,10 +58,10 @@ def estimated_errors(
             unknown, numbers = UNKNOWN.get(source.perturbs) or _drift(source, duration)
             shape = np.shape(source.sigma)
             basis = np.eye(int(np.prod(shape))).reshape(-1, *shape)
-            by_draw = np.stack([numbers(effect(source, unit)) for unit in basis], axis=1)
+            by_draw = np.stack([numbers(np.asarray(effect(source, unit))) for unit in basis], axis=1)
             axes = by_draw @ draw_root(source, experiment.mixing)
             priors[source.name] = ConstantError(
-                unknown=unknown, mean=numbers(effect(source, np.broadcast_to(source.mean, shape))),
+                unknown=unknown, mean=numbers(np.asarray(effect(source, np.broadcast_to(source.mean, shape)))),
                 covariance=axes @ axes.T, shared=source.name not in redrawn, root=axes,
             )  # fmt: skip
     return priors

@@ -281,7 +281,7 @@ def nodes_of(sources: Sequence[Source], *, slopes: bool = False) -> np.ndarray:
     return sigma * np.arange(-1, 2) if slopes and sigma > 0 else delay_nodes(mean, sigma)
 
 
-def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[dict[Name, Array]]:
+def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[dict[Name, jax.Array]]:
     """Return the errors that one trial draws, for each mounting; the first one's are what all others share."""
     draw = lambda key: draw_constants(problem.sources, problem.mixing, key, index, float)  # noqa: E731
     first, count = draw(key), len(problem.sums)

@@ -141,7 +141,7 @@ def delayed(sums: DelayedSums, delay: Any) -> FeatureSums:
     def series(value: Array, first: Array, second: Array) -> Series:
         return Series(value, by_delay * (first + delay.value * second), by_delay[:, None] * by_delay * second)
 
-    return FeatureSums(*(series(*orders) for orders in zip(now, *sums[1:], strict=True)))
+    return FeatureSums._make(series(*orders) for orders in zip(now, *sums[1:], strict=True))
 
 
 class Expansion(NamedTuple):

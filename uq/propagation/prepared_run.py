@@ -98,7 +98,7 @@ class PreparedRun:
         maps = error_maps(self.body, self.platform, self.columns, no_errors())
         for k, (sums, *_) in enumerate(self.sums.noise_free):
             gram, moment = mapped_sums(maps, sums)
-            rows = equations_of_products(moments.algebra, k, self.body.r_cg_from_q)
+            rows = equations_of_products(moments.algebra, k, np.asarray(self.body.r_cg_from_q))
             change = packed_equations(gram, moment, moments.expectation(noise, k, fourth_order=False))
             scatters.append(
                 Scatter(
@@ -113,7 +113,7 @@ class PreparedRun:
 
     def cell_scatter(self, by_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """Return the covariance of the normal equations under the load cell's noise; see :func:`cell_scatter`."""
-        return cell_scatter(by_axes, cell, self.body.r_cg_from_q)
+        return cell_scatter(by_axes, cell, np.asarray(self.body.r_cg_from_q))
 
 
 def _white(variance: Float[np.ndarray, "3"]) -> GyroNoise:

@@ -165,7 +165,7 @@ def _gram_by_delay(now: np.ndarray, *derivatives: np.ndarray) -> Float[np.ndarra
     return np.array([now @ now.T, slope + slope.T, curvature + curvature.T + 2 * first @ first.T])
 
 
-def _elements(omega: Array, t: Array, taps: Sequence[np.ndarray]) -> Float[np.ndarray, "elements n"]:
+def _elements(omega: np.ndarray, t: Array, taps: Sequence[np.ndarray]) -> Float[np.ndarray, "elements n"]:
     """Return the elements of :func:`uq.gram_sums.case_equations.feature_map`, every estimator's alpha last."""
     alphas = [padded_derivative(omega, h) for h in taps]
     return np.concatenate([true_elements(omega, alphas[0], t), *alphas])

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array, library_of
-from uq.sources.source import Source
+from uq.sources.source import Draw, Source
 
 CELL_CHANNELS = {"F": 0, "M": 3}
 """Index of the first channel of force and of moment among the load cell's channels."""
@@ -79,7 +79,7 @@ def unravel(errors: Float[Array, " e"]) -> Errors:
     return Errors(**{field: errors[place].reshape(shapes[field]) for field, place in PLACES.items()})
 
 
-def effect(source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
+def effect(source: Source, draw: Draw) -> Draw:
     """Return what a constant source's draw [SI] adds to the field that it perturbs: linear in it."""
     value, first = source.error_kind.value(source, draw), CELL_CHANNELS.get(source.target)
     if first is None:
@@ -90,7 +90,7 @@ def effect(source: Source, draw: Float[Array, "..."]) -> Float[Array, "..."]:
 
 def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
     """Return the errors that act in each case, a set of names of sources; the cases on the leading axis."""
-    effects: dict[str, list[Array]] = {}
+    effects: dict[str, list[Draw]] = {}
     acting: dict[str, list[list[float]]] = {}
     for source in sources:
         if source.constant and source.perturbs is not None:

@@ -143,12 +143,12 @@ def draw_noise(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
 def smooth_signals(engine: SamplesEngine, errors: Errors) -> SensorRecord:
     """Return what sensors without noise, of unlimited range and resolution, would record: smooth in the errors."""
     dtype, elapsed = engine.dtype, engine.t - engine.t[0]
-    wrench = engine.columns.map(engine.body, engine.platform, errors).astype(dtype) @ engine.wrench
+    wrench = jnp.matmul(engine.columns.map(engine.body, engine.platform, errors).astype(dtype), engine.wrench)
     wrench = wrench + errors.cell_bias[:, None].astype(dtype)
     omega = engine.omega
     if "gyro_delay" in perturbed(engine.sources):
         omega = jax.vmap(engine.trajectory.omega, out_axes=1)(engine.t - errors.gyro_delay).astype(dtype)
-    omega = gyro_map(errors).astype(dtype) @ omega + jnp.outer(errors.gyro_drift, elapsed).astype(dtype)
+    omega = jnp.matmul(gyro_map(errors).astype(dtype), omega) + jnp.outer(errors.gyro_drift, elapsed).astype(dtype)
     omega = omega + errors.gyro_bias[:, None].astype(dtype)
     return SensorRecord(wrench[:3], wrench[3:], omega)
 

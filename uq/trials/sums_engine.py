@@ -230,7 +230,7 @@ def _case(
     gyro_errors = errors if moving else _no_errors()
     features = _features_of(engine, gyro_errors)
     cell = _cell_map(engine, drawn)
-    r_cg = engine.body.r_cg_from_q[:, None] + errors.r_cg
+    r_cg = jnp.asarray(engine.body.r_cg_from_q)[:, None] + errors.r_cg
     weights = engine.delay_weights @ _powers((gyro_errors.gyro_delay - engine.middle) / engine.reach, len(engine.gram))
 
     def estimator(k: Int[Array, ""]) -> tuple[Array, Array]:
@@ -285,21 +285,21 @@ def _features_of(engine: SumsEngine, errors: Errors) -> Float[Array, "13 element
     if perturbed(engine.sources) & {"gyro_misalignment", "gyro_scale"}:
         given = (errors.gyro_misalignment, errors.gyro_scale)
         turned = lambda turn, scale: gyro_map(no_errors()._replace(gyro_misalignment=turn, gyro_scale=scale))  # noqa: E731
-        gyro = jax.vmap(turned, in_axes=-1, out_axes=-1)(*map(jnp.asarray, given))
+        gyro = jnp.asarray(jax.vmap(turned, in_axes=-1, out_axes=-1)(*map(jnp.asarray, given)))
     else:
         gyro = jnp.eye(3)[:, :, None]
     drifts = "gyro_drift" in perturbed(engine.sources)
     return feature_map(gyro, jnp.asarray(errors.gyro_bias), jnp.asarray(errors.gyro_drift) if drifts else None)
 
 
-def _cell_map(engine: SumsEngine, moving: Mapping[str, Array]) -> Float[Array, "6 columns trials"] | None:
+def _cell_map(engine: SumsEngine, moving: Mapping[str, Array]) -> Float[Array | np.ndarray, "6 columns trials"] | None:
     if not perturbed(engine.sources) & CELL_MAPS:
         return None
     mapped = lambda errors: engine.columns.map(engine.body, engine.platform, no_errors()._replace(**errors))  # noqa: E731
     return jax.vmap(mapped, in_axes=-1, out_axes=-1)({field: moving[field] for field in moving if field in CELL_MAPS})
 
 
-def _powers(x: Float[Array, " trials"], count: int) -> Float[Array, "powers trials"]:
+def _powers(x: Float[Array | np.ndarray, " trials"], count: int) -> Float[Array, "powers trials"]:
     return jnp.stack([x**k for k in range(count)])
 
 

@@ -37,7 +37,7 @@ class DisplacedAir(Air):
     absence = "the air has no buoyancy"
     perturbs = {"displaced_air": "displaced_air"}
 
-    def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "4"]:
+    def value(self, source: Source, draw: Float[Array, ""] | float) -> Float[Array, "4"]:
         """Return its mass, and mass times centre."""
         centre = source.settings["centre"]
         return draw * library_of(centre).concat([np.ones(1), centre])
@@ -56,7 +56,7 @@ class EntrainedAir(Air):
         radii = Annotated[np.ndarray, figures("m", (3,), least=0)] | None
         return {**super().keys(target), "radii_of_gyration": radii}
 
-    def value(self, source: Source, draw: Float[Array, ""]) -> Float[Array, "10"]:
+    def value(self, source: Source, draw: Float[Array, ""] | float) -> Float[Array, "10"]:
         """Return its mass, mass times centre, and packed tensor about the centre of gravity."""
         centre, radii = source.settings["centre"], source.settings["radii_of_gyration"]
         about_cg = parallel_axis(np.eye(6)[:, MOMENTS] @ radii**2, np.ones(()), centre)
