@@ -70,7 +70,7 @@ FAULTS = (
           ("- means) / free / len(means)", "- means) / free"),
           ("- mean) / free / len(means)", "- mean) / free")),
     fault("joint_delay", "sign of the delay in the joint model", "joint joint_estimator",
-          ("t = rows.t + x.delay[0]", "t = rows.t - x.delay[0]")),
+          ("t = at_rows + x.delay[0]", "t = at_rows - x.delay[0]")),
     fault("centre_derivative", "sign of the centre's derivative by mass", "centre static_centre static_poses pose_fit",
           ("by[1:4, 0] = -r_cg / mass", "by[1:4, 0] = r_cg / mass"),
           ("jacobian[1:4, 0] = -r_cg / mass", "jacobian[1:4, 0] = r_cg / mass")),
