@@ -66,10 +66,10 @@ def estimates(engine: SumsEngine, draws: Draws) -> np.ndarray:
         wrench[:, 4:] += of_features[:, None] * wrench[:, :1]
         cell_bias = np.concatenate(np.broadcast_arrays(error.get("F", still), error.get("M", still)), axis=1)
         white = np.moveaxis(engine.cell.white[k], -1, 0)
-        weights = (np.moveaxis(x, -1, 0) for x in (engine.crossed.own[k, 0], engine.crossed.crossed[k, 0, 0]))
+        weights = (np.moveaxis(x, -1, 0) for x in (engine.crossed.alone[k, 0], engine.crossed.with_gyro[k, 0, 0]))
         mixed = (
-            z @ own.T + with_gyro @ crossed.T
-            for own, crossed, z, with_gyro in zip(*weights, draws.cell, draws.crossed, strict=True)
+            z @ alone.T + z_with_gyro @ with_gyro.T
+            for alone, with_gyro, z, z_with_gyro in zip(*weights, draws.cell, draws.crossed, strict=True)
         )
         noise = [(size, z) for size, z in zip(white, mixed, strict=True) if size.any()]
         solutions.append(solved(gram, wrench, cell_bias, engine.body.r_cg_from_q + error.get("r_cg", still), noise))

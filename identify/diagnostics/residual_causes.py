@@ -191,28 +191,29 @@ def _needless(fit: CauseFit, others: list[CauseFit]) -> bool:
     return bool(inside) and fit.power < BETTER * max(inside)
 
 
-def causes(left: Residuals, inertia: Float[np.ndarray, "6"]) -> list[CauseSignals]:
+def causes(residual: Residuals, inertia: Float[np.ndarray, "6"]) -> list[CauseSignals]:
     """Return the causes that are looked for, each with the signals that it makes."""
-    n, unit = len(left.t), np.eye(3)
+    n, unit = len(residual.t), np.eye(3)
     on_every_axis = lambda signal: np.einsum("nk,ij->nikj", signal, unit).reshape(n, 3, 9)  # noqa: E731  every component on every axis
     on_own_axis = lambda signal: np.einsum("ni,ij->nij", signal, unit)  # noqa: E731  each component on its axis
     crossed = lambda signal: np.stack([np.cross(e, signal) for e in unit], axis=2)  # noqa: E731
-    change = np.gradient(left.spin, 1 / left.rate, axis=0)
-    time = np.broadcast_to(2 * left.t[:, None] / max(left.t[-1], 1e-300) - 1, (n, 3))
+    change = np.gradient(residual.spin, 1 / residual.rate, axis=0)
+    time = np.broadcast_to(2 * residual.t[:, None] / max(residual.t[-1], 1e-300) - 1, (n, 3))
     candidates = [
         CauseSignals("delay", change[:, :, None]),
-        CauseSignals("rotation", crossed(left.spin)),
-        CauseSignals("tensor", left.rows * time[:, :, None]),
-        CauseSignals("gyro bias", gyro_bias_columns(left, inertia)),
+        CauseSignals("rotation", crossed(residual.spin)),
+        CauseSignals("tensor", residual.rows * time[:, :, None]),
+        CauseSignals("gyro bias", gyro_bias_columns(residual, inertia)),
         CauseSignals(
-            "air", np.concatenate([on_own_axis(left.omega), on_own_axis(np.abs(left.omega) * left.omega)], axis=2)
+            "air",
+            np.concatenate([on_own_axis(residual.omega), on_own_axis(np.abs(residual.omega) * residual.omega)], axis=2),
         ),
         CauseSignals("drift", on_own_axis(time)),
     ]
-    if np.abs(left.force).max() > 0:
+    if np.abs(residual.force).max() > 0:
         candidates += [
-            CauseSignals("centre of gravity", crossed(left.force)),
-            CauseSignals("attitude", on_every_axis(left.force)),
+            CauseSignals("centre of gravity", crossed(residual.force)),
+            CauseSignals("attitude", on_every_axis(residual.force)),
         ]
     return candidates
 
@@ -237,21 +238,21 @@ def explain(moment: np.ndarray, cause: CauseSignals, base: Float[np.ndarray, "m 
     )
     good = values > 1e-8 * values[-1]
     back = vectors[:, good] / np.sqrt(values[good]) / scale[independent][:, None]
-    left, values = beside_base[:, independent] @ back, moment.reshape(-1)
-    along = left.T @ values
-    after = (values - left @ along).reshape(n, 3)
+    basis, values = beside_base[:, independent] @ back, moment.reshape(-1)
+    along = basis.T @ values
+    after = (values - basis @ along).reshape(n, 3)
     time = correlation_time(after)
     freedom = 3 * n / time - good.sum()
     if freedom < FEWEST * good.sum():
         return None
-    scores = (left.reshape(n, 3, -1) * after[:, :, None]).sum(axis=1)
+    scores = (basis.reshape(n, 3, -1) * after[:, :, None]).sum(axis=1)
     covariance = score_covariance(scores, time)
     wald = float(along @ np.linalg.solve(covariance, along)) if np.linalg.cond(covariance) < 1e12 else 0.0
     coefficients, spread = np.zeros(count), np.full(count, np.inf)
     coefficients[independent] = back @ along
     spread[independent] = np.sqrt(np.einsum("ij,jk,ik->i", back, covariance, back))
     return CauseFit(
-        cause=cause, coefficients=coefficients, standard_uncertainty=spread, explained=(left @ along).reshape(n, 3),
+        cause=cause, coefficients=coefficients, standard_uncertainty=spread, explained=(basis @ along).reshape(n, 3),
         wald=wald, freedom=freedom,
     )  # fmt: skip
 

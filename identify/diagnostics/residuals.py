@@ -67,15 +67,15 @@ def residuals(
     lost = estimator.lost(run.rate)
     keep, half = usable_rows(run, len(run.t) - lost), lost // 2
     rows, about_cg = _sides(run, phi, force, moment, r_cg, offsets)
-    left, spin = about_cg - rows @ inertia, rows @ inertia
+    residual_moment, spin = about_cg - rows @ inertia, rows @ inertia
     if offsets == "estimate":
         spin = spin + np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi.mean(axis=1)) @ inertia
     smooth = _Smoother(run.rate, OVER_BAND * run.band, len(keep))
     alpha = smooth(phi[ALPHA].T)
     fitted = force_of_motion(force.T, upward_by_force(run, r_cg)[half + keep], phi[1:4].T, alpha)
     return Residuals(
-        t=run.t[half + keep] - run.t[0], moment=left, rows=rows, spin=smooth(spin), force=fitted, omega=phi[1:4].T,
-        alpha=alpha, rate=run.rate, band=run.band,
+        t=run.t[half + keep] - run.t[0], moment=residual_moment, rows=rows, spin=smooth(spin), force=fitted,
+        omega=phi[1:4].T, alpha=alpha, rate=run.rate, band=run.band,
     )  # fmt: skip
 
 

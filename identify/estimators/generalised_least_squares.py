@@ -85,7 +85,7 @@ class WeightedFit(NamedTuple):
     """Normal equations, with what is known beforehand, (p, p)."""
     weights: np.ndarray
     """``S⁻¹`` of the lines that take part, (k, 3, 3)."""
-    left: np.ndarray
+    residuals: np.ndarray
     """Residuals of all lines, (m, 3)."""
     spectrum: Spectrum
 
@@ -202,11 +202,11 @@ def _with_room(
         scale, scale
     )
     rows = weighed - weighed_beside @ inverse @ _times(weighed, more).T
-    left = fit.left.copy()
-    left[: len(more)] -= beside @ inverse @ np.einsum("maz,ma->z", weighed_beside, fit.left[: len(more)])
+    residuals = fit.residuals.copy()
+    residuals[: len(more)] -= beside @ inverse @ np.einsum("maz,ma->z", weighed_beside, fit.residuals[: len(more)])
     free = fit.spectrum.free.copy()
     free[: len(more)] -= np.einsum("maz,zy,may->ma", beside, inverse, weighed_beside, optimize=True)
-    return rows, left, np.clip(free, 0, 1)
+    return rows, residuals, np.clip(free, 0, 1)
 
 
 def fitted(
@@ -233,14 +233,14 @@ def fitted(
         free = np.ones(values.shape)
         taken = np.einsum("map,pq,mbq,mba->ma", taking, inverse, taking, weights, optimize=True)
         free[:inside] = np.clip(1 - taken, 0, 1)
-        left = values - columns @ value
-        weights = np.linalg.inv(spectrum(left, free, constants, gain, wider=WIDER).values[:inside])
+        residuals = values - columns @ value
+        weights = np.linalg.inv(spectrum(residuals, free, constants, gain, wider=WIDER).values[:inside])
     normal, right = _equations(taking, weights, values[:inside, :, None])
     normal = normal + before
     inverse = np.linalg.pinv(normal, hermitian=True)
     return WeightedFit(
-        value=inverse @ right[:, 0], inverse=inverse, normal=normal, weights=weights, left=left,
-        spectrum=spectrum(left, free, constants, gain),
+        value=inverse @ right[:, 0], inverse=inverse, normal=normal, weights=weights, residuals=residuals,
+        spectrum=spectrum(residuals, free, constants, gain),
     )  # fmt: skip
 
 

@@ -46,51 +46,51 @@ class EstimateDifference(NamedTuple):
 
 
 def differences(
-    of_runs: Sequence[Weighed], weighted: Pooled, plain: Pooled, of_centre: np.ndarray
+    runs: Sequence[Weighed], weighted: Pooled, plain: Pooled, centre_covariance: np.ndarray
 ) -> tuple[EstimateDifference, ...]:
     """Return the differences of ordinary least squares, and of the estimate with more unknowns, from weighted runs.
 
     Args:
-        of_runs: the runs.
+        runs: with weights.
         weighted: their tensor with weights.
         plain: by ordinary least squares.
-        of_centre: covariance of r_CG, (3, 3) [m²].
+        centre_covariance: covariance of r_CG, (3, 3) [m²].
 
     Returns:
         Both; none where the motion does not determine the whole tensor.
     """
     if not (weighted.excitation.identifiable.all() and plain.excitation.identifiable.all()):
         return ()
-    spread = np.linalg.inv(np.sum([of_run.extended.normal for of_run in of_runs], axis=0))
-    extended = spread @ np.sum([of_run.extended.right for of_run in of_runs], axis=0)
-    extended_by_centre = spread @ np.sum([of_run.extended.right_by_centre for of_run in of_runs], axis=0)
+    spread = np.linalg.inv(np.sum([run.extended.normal for run in runs], axis=0))
+    extended = spread @ np.sum([run.extended.right for run in runs], axis=0)
+    extended_by_centre = spread @ np.sum([run.extended.right_by_centre for run in runs], axis=0)
     zero = np.zeros((6, 6))
-    of_weighted, of_plain = weighted.by_right, plain.by_right
+    weighted_by_right, plain_by_right = weighted.by_right, plain.by_right
     return (
         _difference(
-            of_runs=of_runs, weighted=weighted, other=plain.inertia, by_centre=plain.by_centre,
+            runs=runs, weighted=weighted, other=plain.inertia, by_centre=plain.by_centre,
             apart_by_centre=plain.by_centre - weighted.by_centre,
-            apart=[np.hstack([-g, o, zero]) for g, o in zip(of_weighted, of_plain, strict=True)],
-            alone=[np.hstack([zero, o, zero]) for o in of_plain], of_centre=of_centre,
+            apart=[np.hstack([-g, o, zero]) for g, o in zip(weighted_by_right, plain_by_right, strict=True)],
+            alone=[np.hstack([zero, o, zero]) for o in plain_by_right], centre_covariance=centre_covariance,
         ),
         _difference(
-            of_runs=of_runs, weighted=weighted, other=extended, by_centre=extended_by_centre,
+            runs=runs, weighted=weighted, other=extended, by_centre=extended_by_centre,
             apart_by_centre=extended_by_centre - weighted.by_centre,
-            apart=[np.hstack([-g, zero, spread]) for g in of_weighted],
-            alone=[np.hstack([zero, zero, spread])] * len(of_runs), of_centre=of_centre,
+            apart=[np.hstack([-g, zero, spread]) for g in weighted_by_right],
+            alone=[np.hstack([zero, zero, spread])] * len(runs), centre_covariance=centre_covariance,
         ),
     )  # fmt: skip
 
 
 def _difference(
-    of_runs: Sequence[Weighed], weighted: Pooled, other: np.ndarray, apart_by_centre: np.ndarray,
-    by_centre: np.ndarray, apart: Sequence[np.ndarray], alone: Sequence[np.ndarray], of_centre: np.ndarray,
+    runs: Sequence[Weighed], weighted: Pooled, other: np.ndarray, apart_by_centre: np.ndarray,
+    by_centre: np.ndarray, apart: Sequence[np.ndarray], alone: Sequence[np.ndarray], centre_covariance: np.ndarray,
 ) -> EstimateDifference:  # fmt: skip
     """One difference, from the derivatives of it and of the other estimate by each run's right sides."""
 
     def covariance(by_right: Sequence[np.ndarray], centre: np.ndarray) -> np.ndarray:
-        noise = np.sum([j @ of_run.scores @ j.T for j, of_run in zip(by_right, of_runs, strict=True)], axis=0)
-        return noise + centre @ of_centre @ centre.T
+        noise = np.sum([j @ run.scores @ j.T for j, run in zip(by_right, runs, strict=True)], axis=0)
+        return noise + centre @ centre_covariance @ centre.T
 
     value = other - weighted.inertia
     no_news = SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
@@ -113,15 +113,15 @@ def reaching(plain: Pooled, weighted: Pooled, every: Sequence[EstimateDifference
     needed = np.maximum(plain.half_width, np.abs(apart) + weighted.half_width)
     for difference in every:
         needed = np.maximum(needed, np.abs(apart + difference.value) + difference.half_width)
-    of_centre = np.diag(plain.covariance - plain.together.covariance)
+    centre_variance = np.diag(plain.covariance - plain.together.covariance)
     normal = scipy.special.ndtri(PROBABILITY)
     together = plain.together
-    of_noise = np.sqrt(np.maximum(needed**2 - normal**2 * of_centre, together.half_width**2))
+    noise_half_width = np.sqrt(np.maximum(needed**2 - normal**2 * centre_variance, together.half_width**2))
     student = scipy.special.stdtrit(together.residual_degrees_of_freedom, PROBABILITY)
-    wider = of_noise / (student * np.sqrt(np.diag(together.from_residuals)))
+    wider = noise_half_width / (student * np.sqrt(np.diag(together.from_residuals)))
     residual = together.from_residuals * np.outer(wider, wider)
     together = replace(together, from_residuals=residual)
     return plain._replace(
         covariance=together.covariance + plain.covariance - plain.together.covariance, residual=residual,
-        together=together, half_width=np.hypot(together.half_width, normal * np.sqrt(of_centre)),
+        together=together, half_width=np.hypot(together.half_width, normal * np.sqrt(centre_variance)),
     )  # fmt: skip

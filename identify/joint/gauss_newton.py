@@ -61,10 +61,10 @@ def solve(
     solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
     solution: Any = optimistix.least_squares(weighed, solver, start, max_steps=MOST_STEPS, throw=False)
     value, rows = _linearised(model, prior, whitener, solution.value)
-    left = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
+    residuals = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
     steps = jnp.asarray(solution.stats["num_steps"]).astype(start.dtype)
     return RunSolution(
-        z=solution.value, information=rows.T @ rows, residuals=left, steps=steps,
+        z=solution.value, information=rows.T @ rows, residuals=residuals, steps=steps,
         converged=jnp.asarray(solution.result == optimistix.RESULTS.successful),
     )  # fmt: skip
 

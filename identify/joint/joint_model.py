@@ -146,8 +146,8 @@ def residuals(model: Model, x: Unknowns, motion: Kinematics) -> Float[Array, "ro
         true = x.mass[0] * motion.specific_force
     # the error acts on what is predicted: on what is measured it would scale the noise, which the fit then makes small
     wrench = jnp.concatenate([true, spin + levered(x.r_cg, true)])
-    left = jnp.concatenate([force, moment]) - wrench - error @ wrench
-    return jnp.asarray(rows.used)[None] * (left[3:] if motion.specific_force is None else left)
+    misfit = jnp.concatenate([force, moment]) - wrench - error @ wrench
+    return jnp.asarray(rows.used)[None] * (misfit[3:] if motion.specific_force is None else misfit)
 
 
 def levered(arm: Float[Array, "3"], force: Float[Array, "3 n"]) -> Float[Array, "3 n"]:

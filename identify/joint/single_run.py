@@ -91,11 +91,11 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     _check_excitation(run, model, setting, gyro_noise)
     raw = _raw_noise(run, model, beforehand) if setting.noise is None else np.diag(np.square(setting.noise))
     try:
-        fit, left = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
+        fit, noise = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
     except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
         raise _without_solution(run.name) from None
     return JointRun(
-        run=run, model=model, prior=beforehand, fit=fit, noise=left * model.rows.factor, gyro_noise=gyro_noise
+        run=run, model=model, prior=beforehand, fit=fit, noise=noise * model.rows.factor, gyro_noise=gyro_noise
     )
 
 

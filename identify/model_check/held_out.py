@@ -147,12 +147,12 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
         free.append(np.clip(1 - taken, 0, 1)[1:])
         frequency.append(_frequencies(fit)[1:])
     order = np.argsort(np.concatenate(frequency), kind="stable")
-    rows, left = np.concatenate(residuals)[order], np.concatenate(free)[order]
+    rows, freedom = np.concatenate(residuals)[order], np.concatenate(free)[order]
     size = np.maximum(np.sqrt((rows**2).mean(axis=0)), 1e-300)
-    shown = spectrum(rows / size, left, 0, wider=WIDER)
+    shown = spectrum(rows / size, freedom, 0, wider=WIDER)
     values = shown.values * np.outer(size, size)
     return ResidualNoise(
-        np.concatenate(frequency)[order], values, left.sum(axis=0), (shown.last - shown.first).astype(float)
+        np.concatenate(frequency)[order], values, freedom.sum(axis=0), (shown.last - shown.first).astype(float)
     )
 
 

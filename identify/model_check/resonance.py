@@ -64,7 +64,8 @@ def resonance(run: Run, band: float) -> ResonancePeak | None:
     for quantity in ("force", "moment"):
         frequency, spectrum = welch(getattr(run, quantity)[longest], run.rate, size)
         peaks += [
-            ResonancePeak(quantity, axis, *_peak(frequency, of, ABOVE * band)) for axis, of in enumerate(spectrum.T)
+            ResonancePeak(quantity, axis, *_peak(frequency, density, ABOVE * band))
+            for axis, density in enumerate(spectrum.T)
         ]
     best = max(peaks, key=lambda peak: peak.share)
     return best if best.share > MOST else None

@@ -140,11 +140,11 @@ def fit_run(recorded: ReducedRun, declared: DeclaredUnknowns, force_from: Force)
         z = np.concatenate([distance.get(name, np.zeros(size)) for name, size in sizes.items()])
         normal = products(columns, columns) + np.diag(precision)
         change = _solved(normal, products(columns, residuals[:, :, None])[:, 0] - precision * z)
-        left = residuals - columns @ change
+        remaining = residuals - columns @ change
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)
         if step > 1 and (near or force_from == "none"):
             break
-        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(left, whitener, force_from, columns.shape[2])))
+        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(remaining, whitener, force_from, columns.shape[2])))
         if force_from == "none":  # linear in what acts, but for what the estimate tells already
             continue
         for name, part in zip(sizes, np.split(change, np.cumsum(list(sizes.values()))[:-1]), strict=True):
@@ -160,7 +160,7 @@ def fit_run(recorded: ReducedRun, declared: DeclaredUnknowns, force_from: Force)
     ends = np.cumsum(list(sizes.values())).tolist()
     places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
     return RunFit(
-        prediction=prediction, lines=lines, residuals=left, columns=columns, precision=precision, places=places,
+        prediction=prediction, lines=lines, residuals=remaining, columns=columns, precision=precision, places=places,
         root=declared.root, numbers=z,
     )  # fmt: skip
 

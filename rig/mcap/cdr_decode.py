@@ -70,19 +70,19 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
     """
     starts = np.array(offsets, dtype=np.int64)
     lengths = records(data, starts, START)["length"].astype(np.int64) + 9
-    left, groups = np.arange(len(starts)), list[LayoutGroup]()
-    while len(left):
+    pending, groups = np.arange(len(starts)), list[LayoutGroup]()
+    while len(pending):
         if len(groups) == MOST_LAYOUTS:
             raise ValueError("its frames or names change from message to message")
-        first = starts[left[0]]
-        shape = cdr_layout.of(data[first + START.itemsize : first + lengths[left[0]]], type_name, encoding)
-        same_layout = left[lengths[left] == lengths[left[0]]]
+        first = starts[pending[0]]
+        shape = cdr_layout.of(data[first + START.itemsize : first + lengths[pending[0]]], type_name, encoding)
+        same_layout = pending[lengths[pending] == lengths[pending[0]]]
         rows = records(data, starts[same_layout], np.dtype(RECORD + shape.fields))
         same = _same(rows, shape)
         if same is not None:
             same_layout, rows = same_layout[same], rows[same]
         groups.append(LayoutGroup(same_layout, rows, shape))
-        left = np.setdiff1d(left, same_layout, assume_unique=True) if len(same_layout) < len(left) else left[:0]
+        pending = np.setdiff1d(pending, same_layout, assume_unique=True)
     return groups
 
 

@@ -58,8 +58,8 @@ class Arm:
         placements, links = [model.jointPlacements[k] for k in numbers], [model.inertias[k] for k in numbers]
         tool = model.frames[frame].placement
         chain = SerialChain(
-            rotation=np.array([each.rotation for each in placements]),
-            position=np.array([each.translation for each in placements]),
+            rotation=np.array([placement.rotation for placement in placements]),
+            position=np.array([placement.translation for placement in placements]),
             axis=np.where(np.array(slides)[:, None], axes[:, :3], axes[:, 3:]), tool_rotation=np.array(tool.rotation),
             tool_position=np.array(tool.translation), mass=np.array([link.mass for link in links]),
             r_cg=np.array([link.lever for link in links]),

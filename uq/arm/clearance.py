@@ -201,14 +201,14 @@ def _geometry(arm: Arm) -> Any:
     return geometry
 
 
-def _shape(each: Any) -> Shape:
+def _shape(model: Any) -> Shape:
     """A shape from Pinocchio's."""
-    each.geometry.computeLocalAABB()
-    box = each.geometry.aabb_local
+    model.geometry.computeLocalAABB()
+    box = model.geometry.aabb_local
     low, high = np.array(box.min_).ravel(), np.array(box.max_).ravel()
-    turn, place = np.array(each.placement.rotation), np.array(each.placement.translation)
-    is_round = type(each.geometry).__name__ in ("Cylinder", "Capsule", "Sphere")
+    turn, place = np.array(model.placement.rotation), np.array(model.placement.translation)
+    is_round = type(model.geometry).__name__ in ("Cylinder", "Capsule", "Sphere")
     return Shape(
-        link=int(each.parentJoint), rotation=turn, position=place + turn @ (low + high) / 2, half=(high - low) / 2,
+        link=int(model.parentJoint), rotation=turn, position=place + turn @ (low + high) / 2, half=(high - low) / 2,
         is_round=is_round,
     )  # fmt: skip

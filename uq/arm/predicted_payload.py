@@ -46,29 +46,29 @@ def declared_noise(experiment: Experiment, rate: float) -> WrenchNoise:
     return WrenchNoise(covariance, tuple(s.name for s in experiment.sources if s.name not in counted))
 
 
-def ten_parameters(motion: LinkMotion, each: Float[Array, " t"], noise: Array, body: Body) -> Float[Array, "10 10"]:
+def ten_parameters(motion: LinkMotion, samples: Float[Array, " t"], noise: Array, body: Body) -> Float[Array, "10 10"]:
     """Return the covariance of mass, r_CG from Q and tensor about the centre of gravity that a motion promises.
 
     Args:
         motion: of the tool, instants first.
-        each: samples that every instant stands for.
+        samples: number that every instant stands for.
         noise: covariance of force and moment at one sample.
         body: the payload.
     """
     body = jax.tree.map(jnp.asarray, body)
-    return covariance_about_cg(information(motion, each, noise), body)
+    return covariance_about_cg(information(motion, samples, noise), body)
 
 
 @jax.jit
-def _compiled(motion: LinkMotion, each: Array, noise: Array, body: Body) -> Array:
-    return ten_parameters(motion, each, noise, body)
+def _compiled(motion: LinkMotion, samples: Array, noise: Array, body: Body) -> Array:
+    return ten_parameters(motion, samples, noise, body)
 
 
 def promised(
-    motion: LinkMotion, each: Float[np.ndarray, " t"], noise: WrenchNoise, body: Body
+    motion: LinkMotion, samples: Float[np.ndarray, " t"], noise: WrenchNoise, body: Body
 ) -> Float[np.ndarray, "10 10"]:
     """Return :func:`ten_parameters` of a motion that is there, in NumPy."""
-    arrays = jax.tree.map(jnp.asarray, (motion, each, noise.covariance, body))
+    arrays = jax.tree.map(jnp.asarray, (motion, samples, noise.covariance, body))
     return np.asarray(_compiled(*arrays))
 
 

@@ -109,17 +109,17 @@ def _typical(experiment: Experiment, runs: Sequence[Run]) -> list[Source]:
     """Errors at their typical figures, as sources that could be declared; those that are silenced left out."""
     size = [max(float(np.abs(getattr(run, name)).max()) for run in runs) for name in ("force", "moment")]
     sources = []
-    for name, each in KINDS.items():
+    for name, error in KINDS.items():
         figure = getattr(experiment.not_included, name)
-        if figure is None or not each.kind:
+        if figure is None or not error.kind:
             continue
-        kind = kind_of(each.target, each.kind)
-        of_full_scale = len(kind.wholes(each.target, None)) < math.prod(kind.shape)
+        kind = kind_of(error.target, error.kind)
+        of_full_scale = len(kind.wholes(error.target, None)) < math.prod(kind.shape)
         if of_full_scale and not all(size):
             continue
         stated = np.array(figure) if of_full_scale else np.full(kind.shape, figure)
         sigma = kind.placed(stated, np.repeat(size, 3))
-        sources.append(Source(name=name, target=each.target, kind=each.kind, group="not included", sigma=sigma))
+        sources.append(Source(name=name, target=error.target, kind=error.kind, group="not included", sigma=sigma))
     return sources
 
 

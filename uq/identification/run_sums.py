@@ -174,7 +174,7 @@ def _features(errors: Errors) -> Float[Array, "13 18"]:
 def _at_delay(sums: WeightedSums, at: Float[Array, " delays"]) -> WeightedSums:
     """The sums at a delay, from those at the nodes."""
     xp = library_of(*sums, at)
-    return WeightedSums(*(xp.tensordot(at, each, axes=1) for each in sums))
+    return WeightedSums(*(xp.tensordot(at, part, axes=1) for part in sums))
 
 
 def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:

@@ -202,20 +202,21 @@ def problem_of(
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(sources, slopes=slopes)
     columns = Columns.of(sources)
-    of = result.estimator, result.r_cg, result.inertia, columns
+    fit = result.estimator, result.r_cg, result.inertia, columns
     sums = [
-        run_sums(run, *of, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
+        run_sums(run, *fit, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
         for run, fitted in zip(runs, result.runs, strict=True)
     ]
     by_mounting = tuple(
-        added([of for of, run in zip(sums, runs, strict=True) if run.mounting == mounting]) for mounting in mountings
+        added([part for part, run in zip(sums, runs, strict=True) if run.mounting == mounting])
+        for mounting in mountings
     )
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return SystematicProblem(
         sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, nodes=nodes, columns=columns,
-        centre_by_draw={name: of.by_draw for name, of in _shared(result, sources, mixing, redrawn).items()},
+        centre_by_draw={name: shared.by_draw for name, shared in _shared(result, sources, mixing, redrawn).items()},
         redrawn=acting_redrawn, offsets=result.offsets,
         weighed=any(fitted.weighed is not None for fitted in result.runs),
     )  # fmt: skip

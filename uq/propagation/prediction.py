@@ -82,7 +82,7 @@ class Prediction(Pytree):
         motion: Motion,
         jerk: Float[Array, "3 n"],
         gain: Float[Array, ""] | float,
-        each: Float[Array, " #n"] | float | None = None,
+        samples: Float[Array, " #n"] | float | None = None,
     ) -> Predicted:
         """Return mean error and covariance of the tensor predicted for a motion.
 
@@ -96,12 +96,12 @@ class Prediction(Pytree):
             motion: at n instants, far fewer than the run's samples; from rest to rest or periodic.
             jerk: derivative of alpha in B [rad/s³].
             gain: standard deviation of alpha's noise by that of omega's (``EstimatorSpec.alpha_noise_gain``) [1/s].
-            each: samples that an instant stands for, one number or one an instant, where the motion is one period of
+            samples: number that an instant stands for, one number or one an instant, where the motion is one period of
                 a longer run, or of each of its stages; None: those between two instants, which are uniform.
         """
-        if each is None:
-            each = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1) * self.rate
-        weights = jnp.broadcast_to(jnp.asarray(each), motion.t.shape)
+        if samples is None:
+            samples = (motion.t[-1] - motion.t[0]) / (len(motion.t) - 1) * self.rate
+        weights = jnp.broadcast_to(jnp.asarray(samples), motion.t.shape)
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
         inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", weights, rows, rows))
         noise = inverse @ (self._of_cell(rows, weights) + self._of_gyro(motion, jerk, weights)) @ inverse

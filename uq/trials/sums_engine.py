@@ -90,9 +90,9 @@ class CrossedNoise(Pytree):
 
     names: tuple[str, ...] = static_field()
     """Names of the random streams: each source of the gyro's noise with each stream of the load cell's."""
-    own: Float[Array, "cases estimators 6 6 streams"]
+    alone: Float[Array, "cases estimators 6 6 streams"]
     """Weights of a stream's own numbers."""
-    crossed: Float[Array, "cases estimators gyro 6 6 streams"]
+    with_gyro: Float[Array, "cases estimators gyro 6 6 streams"]
     """Weights of the numbers that it has with each source of the gyro's noise."""
 
 
@@ -254,9 +254,9 @@ def _case(
 
 def _cell_normals(engine: SumsEngine, draws: _Draws, case: Array, estimator: Array) -> Float[Array, "6 streams trials"]:
     """Return the numbers that the root of each stream's covariance maps, in a case with a noisy gyro."""
-    own, crossed = engine.crossed.own[case, estimator], engine.crossed.crossed[case, estimator]
-    numbers = draws.crossed.reshape(6, *crossed.shape[::3], draws.trials)
-    return jnp.einsum("ijs,jst->ist", own, draws.cell) + jnp.einsum("gijs,jgst->ist", crossed, numbers)
+    alone, with_gyro = engine.crossed.alone[case, estimator], engine.crossed.with_gyro[case, estimator]
+    numbers = draws.crossed.reshape(6, *with_gyro.shape[::3], draws.trials)
+    return jnp.einsum("ijs,jst->ist", alone, draws.cell) + jnp.einsum("gijs,jgst->ist", with_gyro, numbers)
 
 
 def _cell_covariance(

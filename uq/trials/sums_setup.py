@@ -310,8 +310,8 @@ def _crossed_noise(
         spread = residual_covariance(np.moveaxis(np.asarray(noise), 0, 2), r_cg)
         return symmetric(np.tensordot(by_axes.T, spread, 1)).transpose(2, 3, 0, 1)
 
-    own: list[np.ndarray] = []
-    crossed: list[list[np.ndarray]] = []
+    alone: list[np.ndarray] = []
+    with_gyro: list[list[np.ndarray]] = []
     for k, gram in enumerate(run.gram[len(run.gram) // 2]):
         true = covariances(sums_by_axes(rows @ gram @ rows.T), cell.white)
         for noise in cell.coloured:
@@ -325,12 +325,12 @@ def _crossed_noise(
             acts = np.array([name in case.sources for case in cases])[:, None, None, None]
             roots.append(square_root(acts * covariances(added.reshape(len(AXES), 21), cell.white)))
         root = np.linalg.cholesky(true + sum(x @ x.swapaxes(2, 3) for x in roots))
-        own.append(np.linalg.solve(root, np.linalg.cholesky(true)))
-        crossed.append([np.linalg.solve(root, x) for x in roots])
+        alone.append(np.linalg.solve(root, np.linalg.cholesky(true)))
+        with_gyro.append([np.linalg.solve(root, x) for x in roots])
     names = tuple(f"{gyro} {stream}" for gyro in noises for stream in cell.names)
-    shape = (len(own), len(noises), len(cases), len(cell.names), 6, 6)
-    by_gyro = np.array(crossed).reshape(shape).transpose(2, 0, 1, 4, 5, 3)
-    return CrossedNoise(names, jax.device_put(np.array(own).transpose(1, 0, 3, 4, 2)), jax.device_put(by_gyro))
+    shape = (len(alone), len(noises), len(cases), len(cell.names), 6, 6)
+    by_gyro = np.array(with_gyro).reshape(shape).transpose(2, 0, 1, 4, 5, 3)
+    return CrossedNoise(names, jax.device_put(np.array(alone).transpose(1, 0, 3, 4, 2)), jax.device_put(by_gyro))
 
 
 def white_covariance(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Float[np.ndarray, "6 6"]:
