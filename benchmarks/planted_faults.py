@@ -72,7 +72,7 @@ FAULTS = (
     fault("crossed_noise", "what two noises make together is drawn with one of them", "source_budget",
           ("_cell_normals(engine, draws, case, k) if moving and engine.crossed.names else draws.cell", "draws.cell")),
     fault("joint_delay", "sign of the delay in the joint model", "joint joint_estimator",
-          ("t = at_rows + x.delay[0]", "t = at_rows - x.delay[0]")),
+          ('self.t + self.x["delay"][0]', 'self.t - self.x["delay"][0]')),
     fault("centre_derivative", "sign of the centre's derivative by mass", "centre static_centre static_poses pose_fit",
           ("by[1:4, 0] = -r_cg / mass", "by[1:4, 0] = r_cg / mass"),
           ("jacobian[1:4, 0] = -r_cg / mass", "jacobian[1:4, 0] = r_cg / mass")),

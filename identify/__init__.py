@@ -9,12 +9,11 @@ Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transfor
 - ``rigid_body``: inertia, principal_axes, rotation (rotation vectors), dynamics, regressor, pseudo_inertia
   (log_cholesky, pseudo_inertia), solids, fixture (left_over);
 - ``motion``: window, trajectory, multisine, attitude, stewart_platform, leg_limits, periodic_motion, stages;
-- ``signals``: differentiate (derivative), filters (apply), band_limited_run (evaluate);
-- ``estimators``: gram (ordinary_least_squares: from arrays to the tensor), least_squares;
-- ``joint``: joint_model, gauss_newton.
+- ``signals``: differentiate (derivative), filters (apply);
+- ``estimators``: gram (ordinary_least_squares: from arrays to the tensor), least_squares.
 
 All others take and return NumPy arrays on the host, some around a kernel of these: runs, segments, spectra, pooling,
-diagnostics, the model check, results and static poses.
+the joint model, diagnostics, the model check, results and static poses.
 """
 
 import lazy_loader

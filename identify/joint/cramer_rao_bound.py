@@ -9,10 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
-from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import information
@@ -118,11 +116,11 @@ def bound(
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), position, setting)
-    theta = np.array(beforehand.mean)
+    theta = beforehand.mean.copy()
     theta[SLICES["inertia"]] = body.inertia
-    return _bound_from_information(
-        beforehand, _information(model, beforehand, _whitener(body, noise, rows.factor, specific_force), theta)
-    )
+    z = np.linalg.lstsq(beforehand.root, theta - beforehand.mean, rcond=None)[0]
+    white = _whitener(body, noise, rows.factor, specific_force)
+    return _bound_from_information(beforehand, information(model, beforehand, white, z))
 
 
 def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: SpecificForce) -> np.ndarray:
@@ -134,13 +132,8 @@ def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: Specif
     return whitener(covariance[3:, 3:] + arm @ covariance[:3, :3] @ arm.T)
 
 
-def _information(model: Any, beforehand: Prior, white: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    z = np.linalg.lstsq(np.asarray(beforehand.root), theta - np.asarray(beforehand.mean), rcond=None)[0]
-    return np.asarray(CompiledProgram(information)(model, beforehand, jnp.asarray(white), jnp.asarray(z)))
-
-
 def _bound_from_information(beforehand: Prior, samples: np.ndarray) -> Bound:
-    root, precision = np.asarray(beforehand.root), np.diag(np.asarray(beforehand.counted))
+    root, precision = beforehand.root, np.diag(beforehand.counted)
     inverse = np.linalg.inv(samples + precision)
     covariance, prior_covariance = root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T
     total = np.diag(covariance)

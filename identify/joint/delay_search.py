@@ -6,14 +6,13 @@ best of several.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from identify.compiled_program import CompiledProgram
 from identify.joint.alignment_prior import Alignment
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
-from identify.signals.band_limited_run import InBand, evaluate
+from identify.signals.band_limited_run import InBand
+from identify.signals.resample import UniformSpline
 
 DELAYS_PER_PERIOD = 16
 """Delays that are tried, a period of the motion."""
@@ -55,8 +54,8 @@ def tried_delays(band: float, alignment: Alignment) -> np.ndarray:
 
 def tensor_at_delay(rows: InBand, turn: Float[np.ndarray, "3 3"], delay: float) -> DelayedTensor:
     """Return tensor and misfit of (7) by ordinary least squares with r and a constant free."""
-    used, phi = np.asarray(rows.used), features_at_delay(rows, turn, delay)
-    force, moment = np.asarray(rows.force) * used, np.asarray(rows.moment) * used
+    used, phi = rows.used, features_at_delay(rows, turn, delay)
+    force, moment = rows.force * used, rows.moment * used
     tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi)
     lever, constant = np.einsum("kjl,kn->jnl", PI_OF_FORCE, force), np.einsum("jk,n->jnk", np.eye(3), used)
     matrix = np.concatenate([tensor, lever, constant], axis=2).reshape(-1, 12)
@@ -74,10 +73,5 @@ def features_at_delay(rows: InBand, turn: Float[np.ndarray, "3 3"], delay: float
 
 def motion_at_delay(rows: InBand, delay: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the IMU's signals, ``delay`` [s] after the rows' instants, and their derivatives."""
-    value, slope, _ = _spline(rows, jnp.asarray(delay, float))
-    return np.asarray(value), np.asarray(slope)
-
-
-@CompiledProgram
-def _spline(rows: InBand, delay: Array) -> tuple[Array, Array, Array]:
-    return evaluate(rows.motion, rows.step, rows.t + delay)
+    spline, t = UniformSpline(rows.motion, rows.step), rows.t + delay
+    return spline(t).T, spline(t, 1).T

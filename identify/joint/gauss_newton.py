@@ -1,47 +1,73 @@
 """The joint estimate of one run: the most probable unknowns, given its samples and the prior.
 
 Gauss–Newton on whitened residuals and priors (maximum a posteriori); the covariance is the inverse of the information
-at the solution. Every function takes one run; ``vmap`` it over runs of one length.
+at the solution.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 
-from identify.compiled_program import CompiledProgram
-from identify.joint.joint_model import Model, kinematics, residuals, unknowns
+from identify.joint.joint_model import SIZES, SLICES, Model
+from identify.joint.predicted_wrench import PredictedWrench
 from identify.joint.priors import Prior
 
-TOLERANCE = 1e-3
-"""Tolerance of the solution, in standard uncertainties of the prior."""
-ROUGH = 1e-1
-"""Tolerance of a solution that only shows the noise."""
+TOLERANCE = 1e-6
+"""Last step of the search in standard uncertainties of the unknowns, at which it ends."""
+ROUGH = 1e-3
+"""Last step, in standard uncertainties, of a solution that only shows the noise."""
 MOST_STEPS = 30
+Transform = Callable[[Float[np.ndarray, "n rows p"]], Float[np.ndarray, "m rows p"]]
+"""Function that transforms rows before they are weighed."""
 
 
 class RunSolution(NamedTuple):
     """The solution of one run."""
 
-    z: Float[Array, " free"]
+    z: Float[np.ndarray, " free"]
     """Most probable coordinates z; ``prior.theta(z)`` are the unknowns."""
-    information: Float[Array, "free free"]
+    information: Float[np.ndarray, "free free"]
     """Information of the samples on z."""
-    residuals: Float[Array, "rows n"]
+    prediction: PredictedWrench
+    """The prediction with these unknowns."""
+    steps: int
+    converged: bool
+
+
+class Linearised(NamedTuple):
+    """A run's rows about one value of the unknowns."""
+
+    prediction: PredictedWrench
+    residuals: Float[np.ndarray, "m rows"]
     """Measured less predicted [N], [N·m]."""
-    steps: Float[Array, ""]
-    converged: Bool[Array, ""]
+    columns: Float[np.ndarray, "m rows free"]
+    """Change of the predicted rows by a unit of each coordinate z."""
 
 
-@CompiledProgram
+def linearised(model: Model, prior: Prior, z: Float[np.ndarray, " free"], transform: Transform) -> Linearised:
+    """Return rows and columns of a run about z."""
+    prediction = PredictedWrench(model, prior.theta(z))
+    counted, transformed = prediction.counted, []
+    for name in SIZES:
+        root = prior.root[SLICES[name]]
+        acting = root.any(axis=0)
+        if acting.any():
+            transformed.append((acting, transform(counted(prediction.of(name) @ root[:, acting]))))
+    residuals = transform(counted(prediction.residuals[:, :, None]))[:, :, 0]
+    columns = np.zeros((*residuals.shape, len(z)))
+    for acting, block in transformed:
+        columns[:, :, acting] += block
+    return Linearised(prediction, residuals, columns)
+
+
 def solve(
     model: Model,
     prior: Prior,
-    whitener: Float[Array, "rows rows"],
-    start: Float[Array, " free"],
-    tolerance: Any = TOLERANCE,
+    whitener: Float[np.ndarray, "rows rows"],
+    start: Float[np.ndarray, " free"],
+    tolerance: float = TOLERANCE,
 ) -> RunSolution:
     """Return the most probable unknowns.
 
@@ -50,57 +76,31 @@ def solve(
         prior: of its unknowns.
         whitener: W with ``W C Wᵀ = 1``, C the covariance of one instant's rows.
         start: z to start from.
-        tolerance: of the solution, in standard uncertainties of the prior.
+        tolerance: of the solution, in standard uncertainties.
     """
-    import lineax  # both take a fifth of a second, which no other method needs
-    import optimistix
-
-    def weighed(z: Array, _: None) -> Any:
-        return _whitened(model, prior, whitener, z), prior.counted * z
-
-    solver: Any = optimistix.GaussNewton(tolerance, tolerance, linear_solver=lineax.Normal(lineax.Cholesky()))
-    solution: Any = optimistix.least_squares(weighed, solver, start, max_steps=MOST_STEPS, throw=False)
-    value, rows = _linearised(model, prior, whitener, solution.value)
-    residuals = jnp.linalg.solve(whitener, value.reshape(-1, len(whitener)).T)
-    steps = jnp.asarray(solution.stats["num_steps"]).astype(start.dtype)
-    return RunSolution(
-        z=solution.value, information=rows.T @ rows, residuals=residuals, steps=steps,
-        converged=jnp.asarray(solution.result == optimistix.RESULTS.successful),
-    )  # fmt: skip
-
-
-def _whitened(model: Model, prior: Prior, whitener: Array, z: Array) -> Array:
-    """Residuals in units of their noise, instant by instant."""
-    x = unknowns(jnp.asarray(prior.theta(z)))
-    return (whitener @ residuals(model, x, kinematics(model, x))).T.ravel()
-
-
-def _linearised(model: Model, prior: Prior, whitener: Array, z: Array) -> tuple[Array, Array]:
-    """Residuals in units of their noise, and their derivatives by z.
-
-    By autodiff: in closed form the derivatives took half the time once compiled, and 0.8 of the processor time of a
-    whole identification of 72,000 samples, compilation included.
-    """
-
-    def twice(z: Array) -> tuple[Array, Array]:
-        value = _whitened(model, prior, whitener, z)
-        return value, value
-
-    rows, value = jax.jacfwd(twice, has_aux=True)(z)
-    return value, rows
+    z, change, steps = start, np.full(len(start), np.inf), 0
+    while True:
+        at = linearised(model, prior, z, lambda rows: np.asarray(whitener @ rows))
+        columns = at.columns.reshape(-1, len(z))
+        information = columns.T @ columns
+        normal = information + np.diag(prior.counted)
+        change = np.linalg.solve(normal, columns.T @ at.residuals.ravel() - prior.counted * z)
+        converged = bool(change @ normal @ change < tolerance**2 * len(z))
+        if converged or steps == MOST_STEPS or not np.isfinite(change).all():
+            return RunSolution(z, information, at.prediction, steps, converged)
+        z, steps = z + change, steps + 1
 
 
 def information(
-    model: Model, prior: Prior, whitener: Float[Array, "rows rows"], z: Float[Array, " free"]
-) -> Float[Array, "free free"]:
+    model: Model, prior: Prior, whitener: Float[np.ndarray, "rows rows"], z: Float[np.ndarray, " free"]
+) -> Float[np.ndarray, "free free"]:
     """Return the information of the samples on z."""
-    rows = _linearised(model, prior, whitener, z)[1]
-    return rows.T @ rows
+    columns = linearised(model, prior, z, lambda rows: np.asarray(whitener @ rows)).columns.reshape(-1, len(z))
+    return columns.T @ columns
 
 
 def posterior(fit: RunSolution, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariance of the unknowns, (count, count), and the part of it that the prior's errors cause."""
-    information, counted, root = (np.asarray(x) for x in (fit.information, prior.counted, prior.root))
-    inverse = np.linalg.inv(information + np.diag(counted))
-    prior_covariance = inverse @ np.diag(counted) @ inverse
-    return root @ inverse @ root.T, root @ prior_covariance @ root.T
+    inverse = np.linalg.inv(fit.information + np.diag(prior.counted))
+    prior_covariance = inverse @ np.diag(prior.counted) @ inverse
+    return prior.root @ inverse @ prior.root.T, prior.root @ prior_covariance @ prior.root.T

@@ -44,11 +44,11 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
         runs: their estimates, made with the same prior.
         shared: names of the unknowns that are the same in all.
     """
-    root, counted = np.asarray(runs[0].prior.root), np.asarray(runs[0].prior.counted)
+    root, counted = runs[0].prior.root, runs[0].prior.counted
     back = np.linalg.pinv(root)
     if len(runs) == 1:
         covariance, prior_covariance = runs[0].posterior()
-        inverse = np.linalg.inv(np.asarray(runs[0].fit.information) + np.diag(counted))
+        inverse = np.linalg.inv(runs[0].fit.information + np.diag(counted))
         by_prior = root @ inverse @ np.diag(counted) @ back
         return PooledJoint(
             theta=[runs[0].theta], covariance=covariance, prior_covariance=prior_covariance, scatter=1.0,
@@ -66,7 +66,7 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
     for run, equations in zip(runs, reduced, strict=True):
         whole = np.empty(len(common))
         whole[common], whole[~common] = z, equations.local_map @ np.concatenate([[1.0], z])
-        theta.append(np.asarray(run.prior.mean) + np.asarray(run.prior.root) @ whole)
+        theta.append(run.prior.theta(whole))
     first = reduced[0]
     carried = np.zeros((len(common), int(common.sum())))
     carried[common], carried[~common] = np.eye(int(common.sum())), first.local_map[:, 1:]
@@ -92,8 +92,7 @@ class _Eliminated(NamedTuple):
 
 
 def _eliminated(run: JointRun, common: np.ndarray) -> _Eliminated:
-    counted, z = np.asarray(run.prior.counted), np.asarray(run.fit.z)
-    data = np.asarray(run.fit.information)
+    counted, z, data = run.prior.counted, run.fit.z, run.fit.information
     right = (data + np.diag(counted)) @ z
     matrix = data + np.diag(np.where(common, 0.0, counted))
     cross = matrix[np.ix_(common, ~common)]

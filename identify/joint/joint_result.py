@@ -1,20 +1,19 @@
 """The joint estimate of one or more runs as a result: tensor, mass, centre of gravity, offsets, delay, rotation."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from identify.choices import OffsetChoice
-from identify.compiled_program import CompiledProgram
 from identify.estimators.offsets import Offsets
 from identify.estimators.residual_trace import Trace, trace
 from identify.joint.alignment_prior import Alignment
-from identify.joint.joint_model import SLICES, Model, SpecificForce, kinematics, residuals, unknowns
+from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, PooledJoint, pool
+from identify.joint.predicted_wrench import PredictedWrench
 from identify.joint.prior_departure import departures
 from identify.joint.priors import STATIC, axes_of, calibrated, indices
 from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
@@ -23,10 +22,8 @@ from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import ESTIMATED
 from identify.results.run_estimate import RunEstimate
 from identify.results.weak_components import contradicts_bodies
-from identify.rigid_body.dynamics import acceleration_at, moment_about_cg
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import cross_matrix
-from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
 
@@ -58,7 +55,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
     warnings = contradicts_bodies(inertia, covariance[tensor, tensor])
-    warnings += departures(value, np.asarray(joint_runs[0].prior.mean), pooled.beforehand)
+    warnings += departures(value, joint_runs[0].prior.mean, pooled.beforehand)
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     cell_may_turn = _cell_may_turn(setting)
     warnings += alignment_warnings(delay, None if cell_may_turn else rotation)
@@ -121,10 +118,6 @@ def _budget(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}
 
 
-TEN = ("mass", "r_cg", "inertia")
-"""The ten parameters, in their order."""
-
-
 def _effects_of_axes(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     """Errors of the ten parameters by one standard uncertainty of each axis of declared errors, (10,) each.
 
@@ -179,32 +172,21 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     rows = run.model.rows
     variance = run.gyro_noise**2 * alpha_noise_gain(run.run.rate, rows)
     weight = np.linalg.inv(run.noise / rows.factor)
-    unknown, position = jax.device_put((theta, run.model.imu_position))
-    matrix, slope = map(np.asarray, _by_alpha(unknown, position, run.model.specific_force))
+    matrix = _by_alpha(run.model, theta)
+    slope = np.stack([(_by_alpha(run.model, theta + step) - _by_alpha(run.model, theta - step)) / (2 * STEP)
+                      for step in STEP * np.eye(len(theta))], axis=-1)  # fmt: skip
     return float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
 
 
-@CompiledProgram
-def _by_alpha(
-    theta: Float[Array, " count"], imu_position: Float[Array, "3"], specific_force: SpecificForce
-) -> tuple[Array, Array]:
-    """Return the predicted rows' derivative by alpha in the IMU's axes, (rows, 3), and its derivative by theta."""
+STEP = 1e-5
+"""Difference of an unknown, in SI, of whose numbers the prediction is nearly a polynomial of third degree."""
 
-    def matrix(theta: Array) -> Array:
-        x = unknowns(theta)
-        turn, zero = exponential(x.rotation), jnp.zeros(3)
-        arm = {"still": x.cg_from_still, "accelerometer": x.r_cg - imu_position, "none": zero}[specific_force]
 
-        def predicted(measured: Array) -> Array:
-            alpha = turn @ (measured / (1 + x.gyro_scale))
-            force = x.mass[0] * acceleration_at(arm, zero, alpha)
-            spin = moment_about_cg(x.inertia, zero[:, None], alpha[:, None])[:, 0]
-            wrench = jnp.concatenate([force, spin + jnp.cross(x.r_cg, force)])
-            return (wrench + x.cell_matrix.reshape(6, 6) @ wrench)[3 if specific_force == "none" else 0 :]
-
-        return jax.jacfwd(predicted)(zero)
-
-    return matrix(theta), jax.jacfwd(matrix)(theta)
+def _by_alpha(model: Model, theta: np.ndarray) -> Float[np.ndarray, "rows 3"]:
+    """Return the derivative of the predicted rows by the angular acceleration that the IMU measures."""
+    at = PredictedWrench(replace(model, used=np.arange(len(model.used)) == 0), theta)
+    by_axis = (at.signals.turn / at.signals.scale)[None]
+    return at.counted(at.cell @ at.changed(0 * by_axis, by_axis, 0 * by_axis))[0]
 
 
 def _warnings(pooled: PooledJoint, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
@@ -240,7 +222,7 @@ def _diagnostics(runs: Sequence[JointRun], pooled: PooledJoint, factor: float) -
         "gyro_bias": [theta[SLICES["gyro_bias"]].tolist() for theta in pooled.theta],
         "tilt": [theta[SLICES["tilt"]].tolist() for theta in pooled.theta],
         "noise": [np.sqrt(np.diag(run.noise)).tolist() for run in runs],
-        "steps": [int(run.fit.steps) for run in runs],
+        "steps": [run.fit.steps for run in runs],
     }
 
 
@@ -260,20 +242,10 @@ def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
 
 def _trace(fitted_run: JointRun, theta: np.ndarray) -> Trace:
     """Residuals and motion of the rows that count, in the motion's band."""
-    used = np.asarray(fitted_run.model.rows.used) > 0
-    signals = [np.asarray(signal).T[used] for signal in _fitted(fitted_run.model, jax.device_put(theta))]
-    left, fitted, omega, alpha = signals
-    t = float(fitted_run.run.t[0]) + np.asarray(fitted_run.model.rows.t)[used]
-    return trace(t, left, fitted + left, omega, alpha)
-
-
-@CompiledProgram
-def _fitted(model: Model, theta: Float[Array, " count"]) -> tuple[Array, Array, Array, Array]:
-    """Residual moment, the moment that motion and tensor ask for, angular velocity and acceleration."""
-    x = unknowns(theta)
-    motion = kinematics(model, x)
-    needed = moment_about_cg(x.inertia, motion.omega, motion.alpha)
-    return residuals(model, x, motion)[-3:], needed, motion.omega, motion.alpha
+    at = PredictedWrench(fitted_run.model, theta)
+    residuals = at.counted(at.residuals[:, :, None])[:, -3:, 0]
+    signals, needed = at.signals, at.regressor @ at.x["inertia"]
+    return trace(float(fitted_run.run.t[0]) + signals.t, residuals, needed + residuals, signals.omega, signals.alpha)
 
 
 def _offsets(theta: np.ndarray, covariance: np.ndarray) -> Offsets:

@@ -39,7 +39,7 @@ QUANTITIES = {
     "gyro_scale": Quantity("scale error of the gyro", 100.0, "%", "declare it wider, or calibrate"),
     "cell_matrix": Quantity("error of the load cell's matrix", 100.0, "%", "declare it wider, or calibrate"),
 }  # fmt: skip
-"""Name, unit and cure of each unknown of :class:`identify.joint.joint_model.Unknowns`, the rotation first, as all
+"""Name, unit and cure of each unknown of :data:`identify.joint.joint_model.SIZES`, the rotation first, as all
 others are in its axes.
 
 Unknowns that are missing here only absorb slow errors."""

@@ -5,6 +5,7 @@ free. An unknown of zero uncertainty has no column, so it is neither estimated n
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,6 @@ from jaxtyping import Float
 
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER
-from identify.pytree import Pytree
-from identify.rigid_body.regressor import Array
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")
 """Unknowns that static poses determine, in the order of their covariance."""
@@ -30,7 +29,7 @@ class ConstantError(NamedTuple):
     """A declared constant error of the rig: the same in all runs, unless it is drawn for each of them."""
 
     unknown: str
-    """Name of the unknown of :class:`identify.joint.joint_model.Unknowns` that the error changes."""
+    """Name of the unknown of :data:`identify.joint.joint_model.SIZES` that the error changes."""
     mean: np.ndarray
     covariance: np.ndarray
     shared: bool = True
@@ -107,22 +106,23 @@ def calibrated(blocks: Mapping[tuple[str, ...], PriorBlock]) -> bool:
     return any(names[: len(STATIC)] == STATIC for names in blocks)
 
 
-class Prior(Pytree):
+@dataclass(frozen=True, eq=False)
+class Prior:
     """The prior of all unknowns of one run."""
 
-    mean: Float[Array, " count"]
-    root: Float[Array, "count free"]
-    counted: Float[Array, " free"]
+    mean: Float[np.ndarray, " count"]
+    root: Float[np.ndarray, "count free"]
+    counted: Float[np.ndarray, " free"]
     """Prior precision of each coordinate z: 1 where it is standard normal, 0 where it has no prior."""
 
-    def theta(self, z: Float[Array, " free"]) -> Float[Array, " count"]:
+    def theta(self, z: Float[np.ndarray, " free"]) -> Float[np.ndarray, " count"]:
         """Return the unknowns of z."""
         return self.mean + self.root @ z
 
     @property
     def covariance(self) -> np.ndarray:
         """Prior covariance of the unknowns, (count, count); zero for those without a prior."""
-        root = np.asarray(self.root) * np.asarray(self.counted)
+        root = self.root * self.counted
         return root @ root.T
 
 
@@ -133,6 +133,7 @@ def prior(
     gyro_density: np.ndarray,
     scale: float,
     wander: bool = True,
+    flat: Iterable[str] = ("inertia",),
 ) -> Prior:
     """Return the prior of one run.
 
@@ -142,6 +143,7 @@ def prior(
         gyro_density: density of the gyro's white noise on each axis [rad/s^0.5].
         scale: order of magnitude of the tensor [kg·m²].
         wander: whether the attitude is integrated, so that the gyro's noise makes it wander.
+        flat: unknowns without a prior; what is stated of them is only where the search starts, and their size.
     """
     sigma = {
         "inertia": scale,
@@ -163,7 +165,7 @@ def prior(
         mean[where] = block.mean
         spread[np.ix_(where, where)] = root_of(block.covariance)
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
-    counted = (free >= SIZES["inertia"]).astype(float)
+    counted = 1.0 - np.isin(free, indices(flat))
     return Prior(mean, spread[:, free], counted)
 
 

@@ -1,19 +1,16 @@
 """One run's joint estimate from its samples: start, noise, solution."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.estimators.least_squares import excitation
 from identify.joint.alignment_prior import Alignment
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
 from identify.joint.gauss_newton import ROUGH, TOLERANCE, RunSolution, posterior, solve
-from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, Unknowns, attitude_at_nodes, unknowns
+from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, unknowns
+from identify.joint.motion_signals import MotionSignals
 from identify.joint.priors import ConstantError, Prior, PriorBlock, prior
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
 from identify.rigid_body.rotation import exponential
@@ -42,6 +39,8 @@ class Setting:
     """Local gravity that is stated [m/s²]."""
     scale: float = 1.0
     """Order of magnitude of the tensor [kg·m²]."""
+    flat: tuple[str, ...] = ("inertia",)
+    """Unknowns of which nothing is known beforehand."""
     noise: np.ndarray | None = None
     """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: from the residuals."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
@@ -67,7 +66,7 @@ class JointRun:
     @property
     def theta(self) -> np.ndarray:
         """The most probable unknowns, flat."""
-        return np.asarray(self.prior.theta(np.asarray(self.fit.z)))
+        return self.prior.theta(self.fit.z)
 
     def prior_sigma(self, name: str) -> np.ndarray:
         """Return the standard uncertainties of an unknown beforehand; zero where it has no prior or is exact."""
@@ -111,16 +110,16 @@ def fitted(
         setting: all else that is declared; with ``setting.noise`` the covariance stays as it is.
         name: what messages call the run.
     """
-    start = jax.device_put(_start(model, beforehand, setting))
+    start = _start(model, beforehand, setting)
     tolerance = TOLERANCE if setting.noise is not None else ROUGH
-    first = solve(model, beforehand, jax.device_put(whitener(noise)), start, jax.device_put(tolerance))
+    first = solve(model, beforehand, whitener(noise), start, tolerance)
     _check(name, model, beforehand, first)
     if setting.noise is not None:
         return first, noise
-    left = residual_noise(first, beforehand, model)
-    fit = solve(model, beforehand, jax.device_put(whitener(left)), first.z, jax.device_put(TOLERANCE))
+    shown = residual_noise(first, beforehand, model)
+    fit = solve(model, beforehand, whitener(shown), first.z)
     _check(name, model, beforehand, fit)
-    return fit, left
+    return fit, shown
 
 
 def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
@@ -128,23 +127,34 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     alignment, kind = setting.alignment, setting.specific_force
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
-    gyro = np.maximum(noise_level(*(run.omega[segment] for segment in run.used())), LEAST_NOISE * _size(run.omega))
+    gyro = gyro_noise(run)
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
+
+
+def gyro_noise(run: Run) -> np.ndarray:
+    """Return the standard deviation of the gyro's white noise on each axis [rad/s], from its fourth differences."""
+    return np.maximum(noise_level(*(run.omega[segment] for segment in run.used())), LEAST_NOISE * _size(run.omega))
 
 
 def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
     """Return the model of decimated rows, and the prior of its unknowns."""
     alignment, kind = setting.alignment, setting.specific_force
     beforehand = prior(
-        setting.blocks, alignment, gyro_density=gyro_density, scale=setting.scale, wander=kind == "still"
+        setting.blocks,
+        alignment,
+        gyro_density=gyro_density,
+        scale=setting.scale,
+        wander=kind == "still",
+        flat=setting.flat,
     )
     to_imu = exponential(np.asarray(alignment.rotation, float)).T
-    up, gravity = to_imu[:, 2], np.asarray(float(setting.gravity))
-    model = Model(rows=rows, up=up, gravity=gravity, imu_position=imu_position, specific_force=kind)
+    model = Model(
+        rows=rows, up=to_imu[:, 2], gravity=setting.gravity, imu_position=imu_position, specific_force=kind,
+        used=rows.used,
+    )  # fmt: skip
     if kind == "still" and alignment.sigma_tilt is None:
-        up = _up(model, to_imu, _start_bias(model, to_imu, alignment))
-        model = Model(rows=rows, up=up, gravity=gravity, imu_position=imu_position, specific_force=kind)
+        model = replace(model, up=_up(model, to_imu, _start_bias(model, to_imu, alignment)))
     return model, beforehand
 
 
@@ -187,13 +197,15 @@ def residual_noise(fit: RunSolution, beforehand: Prior, model: Model) -> np.ndar
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
     fit has taken of the residuals (its effective number of unknowns) is put back.
     """
-    spectrum = np.fft.rfft(np.asarray(fit.residuals), axis=1)
+    at = fit.prediction
+    counted = at.counted(at.residuals[:, :, None])[:, :, 0]
+    residuals = np.zeros((counted.shape[1], len(model.used)))
+    residuals[:, model.used] = counted.T
+    spectrum = np.fft.rfft(residuals, axis=1)
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
     bins = max(int(share * (spectrum.shape[1] - 1)), 1)
     inside = spectrum[:, 1 : bins + 1]
-    taken = np.trace(
-        np.linalg.solve(np.asarray(fit.information) + np.diag(beforehand.counted), np.asarray(fit.information))
-    )
+    taken = np.trace(np.linalg.solve(fit.information + np.diag(beforehand.counted), fit.information))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
@@ -202,8 +214,8 @@ def residual_noise(fit: RunSolution, beforehand: Prior, model: Model) -> np.ndar
 
 
 def _check(name: str, model: Model, beforehand: Prior, fit: RunSolution) -> None:
-    theta = beforehand.theta(np.asarray(fit.z))
-    if not (np.isfinite(theta).all() and bool(fit.converged)):
+    theta = beforehand.theta(fit.z)
+    if not (np.isfinite(theta).all() and fit.converged):
         raise _without_solution(name)
     delay = float(theta[SLICES["delay"]][0])
     if abs(delay) > model.rows.reach:
@@ -220,8 +232,8 @@ def _without_solution(name: str) -> RunError:
     )
 
 
-def _size(signal: np.ndarray | Array) -> float:
-    return float(np.sqrt(np.mean(np.square(np.asarray(signal)))))
+def _size(signal: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(signal))))
 
 
 def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
@@ -233,7 +245,7 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     ]
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
-    mean = np.asarray(beforehand.mean)
+    mean = beforehand.mean
     arm = cross_matrix(mean[SLICES["r_cg"]])
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
@@ -245,20 +257,20 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
 
 def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
     """Start of the search: delay and tensor by cross-correlation, the gyro's bias from the slow turn of the force."""
-    theta, alignment = np.array(beforehand.mean), setting.alignment
+    theta, alignment = beforehand.mean.copy(), setting.alignment
     turn = exponential(np.asarray(alignment.rotation, float))
     best = search_delay(model.rows, alignment, turn)
     theta[SLICES["delay"]], theta[SLICES["inertia"]] = best.delay, best.inertia
     if model.specific_force == "still":
         theta[SLICES["gyro_bias"]] = _start_bias(model, turn.T, alignment)
-    z, *_ = np.linalg.lstsq(np.asarray(beforehand.root), theta - np.asarray(beforehand.mean), rcond=None)
+    z, *_ = np.linalg.lstsq(beforehand.root, theta - beforehand.mean, rcond=None)
     return z
 
 
 def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
     """The gyro's bias that turns gravity as the force turns: ``γ' + omega × γ = bias × γ``, γ = F/|F|, integrated."""
     rows = model.rows
-    up = to_imu @ np.asarray(rows.force)
+    up = to_imu @ rows.force
     up = (up / np.linalg.norm(up, axis=0)).T
     omega = motion_at_delay(rows, alignment.delay)[0][:3].T
     integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
@@ -272,12 +284,7 @@ def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nd
 
 def _up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
     """Direction opposite to gravity at the first node: the mean of the force, turned back to it."""
-    x = unknowns(jnp.zeros(COUNT))._replace(gyro_bias=jnp.asarray(bias))
-    attitude = np.asarray(_attitude(model.rows, x))[model.rows.at_rows]
-    mean = np.einsum("nij,jn->i", attitude, to_imu @ np.asarray(model.rows.force))
+    signals = MotionSignals(model, {**unknowns(np.zeros(COUNT)), "gyro_bias": bias})
+    attitude = signals.attitude_at_nodes[model.rows.at_rows]
+    mean = np.einsum("nij,jn->i", attitude, to_imu @ model.rows.force)
     return mean / np.linalg.norm(mean)
-
-
-@CompiledProgram
-def _attitude(rows: InBand, x: Unknowns) -> Float[Array, "nodes 3 3"]:
-    return attitude_at_nodes(rows, x)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.model_check.predicted_wrench import PredictedWrench
+from identify.joint.predicted_wrench import PredictedWrench
 from identify.rigid_body.regressor import cross_matrices, cross_matrix
 from identify.signals.resample import uniform_spline
 
@@ -90,7 +90,7 @@ def _on_axes(signal: np.ndarray, rows: slice) -> np.ndarray:
 
 def _cable(run: PredictedWrench) -> np.ndarray:
     """Force and moment linear in the attitude."""
-    attitude = run.signals.attitude
+    attitude = run.signals.turning
     columns = np.zeros((len(attitude), 6, 18))
     for row in range(6):
         columns[:, row, 3 * row : 3 * row + 3] = attitude
@@ -126,7 +126,7 @@ def _late(run: PredictedWrench) -> np.ndarray:
 
 def derivative(run: PredictedWrench, signal: np.ndarray, order: int) -> np.ndarray:
     """Return a derivative of a signal of a run's rows by time."""
-    step = run.signals.interval
+    step = run.model.rows.interval
     return uniform_spline(signal, step, degree=5)(step * np.arange(len(signal)), order)
 
 
@@ -158,7 +158,9 @@ def _gyro_g(run: PredictedWrench) -> Made:
     omega, alpha = (
         -np.einsum("nj,ik->nikj", signal, np.eye(3)).reshape(len(signal), 3, 9) for signal in (force, slope)
     )
-    return run.changed(omega, alpha, np.zeros_like(omega), turning=True), np.full(9, 3e-4)
+    at_nodes = run.signals.up_at_start @ run.signals.attitude_at_nodes  # gravity alone, where the attitude follows
+    turning = -run.gravity * np.einsum("nj,ik->nikj", at_nodes, np.eye(3)).reshape(len(at_nodes), 3, 9)
+    return run.changed(omega, alpha, np.zeros_like(omega), turning=turning), np.full(9, 3e-4)
 
 
 def _clock(run: PredictedWrench) -> Made:

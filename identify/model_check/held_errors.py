@@ -11,16 +11,18 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from identify.joint.joint_model import TEN
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED
+from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
+from identify.joint.priors import indices
 from identify.methods.base import Problem
 from identify.model_check.causes import accelerometer_scale, derivative
 from identify.model_check.evidence import products
-from identify.model_check.predicted_wrench import Columns, PredictedWrench, about_centre
 from identify.model_check.run_fit import RunFit
 from identify.results.identification_result import Identification
 
 HELD = ("gyro_scale", "cell_matrix", "r_cg", "gravity")
-"""Unknowns of :class:`identify.joint.joint_model.Unknowns` that a joint estimate may take as exact."""
+"""Unknowns of :data:`identify.joint.joint_model.SIZES` that a joint estimate may take as exact."""
 FLEXIBILITY = "flexibility"
 """Unknown of the mounting's flexibility about each axis: the body's angular frequency on it, to the power −2 [s²]."""
 ACCELEROMETER_SCALE = "accelerometer_scale"
@@ -30,7 +32,7 @@ ACCELEROMETER_SCALE = "accelerometer_scale"
 def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunFit]) -> dict[str, np.ndarray]:
     """Return the derivatives of the ten parameters (mass, r_CG, tensor) by errors that count as zero, (10, p) each.
 
-    By unknown of :class:`identify.joint.joint_model.Unknowns` in SI, :data:`FLEXIBILITY`, :data:`ACCELEROMETER_SCALE`.
+    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, :data:`FLEXIBILITY`, :data:`ACCELEROMETER_SCALE`.
 
     Args:
         result: of an estimator.
@@ -40,7 +42,9 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     if result.method != "joint":
         return {FLEXIBILITY: _of_least_squares(result, fits)}
     held = [_held(fit.prediction) for fit in fits]
-    added = [fit.lines(np.concatenate(list(of_run.values()), axis=2)) for fit, of_run in zip(fits, held, strict=True)]
+    added = [
+        fit.transformed(np.concatenate(list(of_run.values()), axis=2)) for fit, of_run in zip(fits, held, strict=True)
+    ]
     calibrated = CALIBRATED if problem.centre is not None else ()
     declared = {error.unknown for error in problem.errors.values() if error.shared}
     shift = _shift(fits, added, {*ALIGNED, *calibrated, *declared, "cg_from_still"})
@@ -70,7 +74,8 @@ def flexing(run: PredictedWrench) -> Columns:
     def crossed(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
         return np.cross(columns, vectors[:, :, None], axis=1)
 
-    about = replace(run, force_from="none", imu_position=np.zeros(3))  # so that the lever is that from Q
+    from_q = replace(run.model, specific_force="accelerometer", imu_position=np.zeros(3))  # the lever is that from Q
+    about = PredictedWrench(from_q, run.theta)
     at_q = run.specific_force - s.levers @ r
     on_body = about.changed(
         rate - crossed(angle, s.omega),
@@ -96,29 +101,22 @@ def _of_least_squares(result: Identification, fits: Sequence[RunFit]) -> np.ndar
 
 def _shift(fits: Sequence[RunFit], added: Sequence[np.ndarray], shared: set[str]) -> Float[np.ndarray, "10 p"]:
     """Shift of the ten parameters by columns that are added to the lines of each run."""
-    first = fits[0]
-    names = [name for name in first.places if name in shared]
-    common = np.concatenate([np.arange(first.columns.shape[2])[first.places[name]] for name in names])
+    prior = fits[0].prior
+    common = np.flatnonzero(prior.root[indices(shared)].any(axis=0))
     count, size = len(common), added[0].shape[2]
-    normal, right = np.diag(first.precision[common]), np.zeros((count, size))
+    normal, right = np.diag(prior.counted[common]), np.zeros((count, size))
     for fit, columns in zip(fits, added, strict=True):
         matrix = products(fit.columns, fit.columns)
         side = products(fit.columns, columns)
         local = np.setdiff1d(np.arange(len(matrix)), common)
         by_local = _scaled_solve(
-            matrix[np.ix_(local, local)] + np.diag(fit.precision[local]),
+            matrix[np.ix_(local, local)] + np.diag(prior.counted[local]),
             np.hstack([matrix[np.ix_(local, common)], side[local]]),
         )
         cross = matrix[np.ix_(common, local)]
         normal = normal + matrix[np.ix_(common, common)] - cross @ by_local[:, :count]
         right = right + side[common] - cross @ by_local[:, count:]
-    follows = np.zeros((first.columns.shape[2], size))
-    follows[common] = _scaled_solve(normal, right)
-    parts = []
-    for name, rows in (("mass", 1), ("r_cg", 3), ("inertia", 6)):
-        numbers = follows[first.places[name]] if name in first.places else np.zeros((rows, size))
-        parts.append(first.root[name] @ numbers if name in first.root else numbers)
-    return np.concatenate(parts)
+    return np.asarray(prior.root[np.ix_(indices(TEN), common)] @ _scaled_solve(normal, right))
 
 
 def _scaled_solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:

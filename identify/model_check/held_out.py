@@ -22,16 +22,19 @@ from jaxtyping import Float
 from identify.diagnostics.held_out_result import HeldOut
 from identify.diagnostics.held_out_run import HeldOutRun
 from identify.exceptions import RunError
-from identify.joint.priors import error_blocks, root_of
+from identify.joint.gauss_newton import linearised
+from identify.joint.joint_model import SLICES, TEN, SpecificForce
+from identify.joint.predicted_wrench import about_centre
+from identify.joint.priors import PriorBlock, error_blocks, root_of
+from identify.joint.single_run import Setting
 from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import STILL_WITHIN, specific_force_source
 from identify.model_check.evidence import products
-from identify.model_check.judge import declared_of, recorded_in_band
-from identify.model_check.motion_signals import ReducedRun
-from identify.model_check.predicted_wrench import Force, about_centre
-from identify.model_check.run_fit import OVER_BAND, DeclaredUnknowns, RunFit, TransformedRows, block_of, fit_run
+from identify.model_check.judge import declared_of, rows_in_band, start_of
+from identify.model_check.run_fit import OVER_BAND, RunFit, fit_run
 from identify.model_check.weight import falls
 from identify.results.identification_result import Identification
+from identify.signals.band_limited_run import InBand
 from identify.signals.residual_spectrum import spectrum
 from identify.signals.run import Run
 
@@ -41,7 +44,6 @@ FEWEST = 16
 """Lines from which a run is judged."""
 STRETCH = 8.0
 """Periods of the motion's highest frequency that the figure shows."""
-TEN = ("mass", "r_cg", "inertia")
 
 
 def held_out(problem: Problem, result: Identification) -> HeldOut:
@@ -58,17 +60,17 @@ def held_out(problem: Problem, result: Identification) -> HeldOut:
     runs = _halves(problem.runs[0]) if halves else problem.runs
     whole = replace(problem, runs=runs)
     force_from = _force_from(whole, result)
-    signals = [_in_band(run, result, problem, halves) for run in runs]
+    reduced = [_in_band(run, result, problem, halves) for run in runs]
     fits = [
-        fit_run(recorded, declared_of(run, result, problem, force_from, _still_within(force_from)), force_from)
-        for run, recorded in zip(runs, signals, strict=True)
+        fit_run(run, rows, declared_of(run, result, problem, force_from, _still_within(force_from)), start_of(result))
+        for run, rows in zip(runs, reduced, strict=True)
     ]
     predicted = []
-    for k, (run, recorded) in enumerate(zip(runs, signals, strict=True)):
+    for k, (run, rows) in enumerate(zip(runs, reduced, strict=True)):
         others = [index for index in range(len(runs)) if index != k]
         estimate = _estimate(replace(whole, runs=tuple(runs[index] for index in others)), result.method, run, halves)
         of_others = [fits[index] for index in others]
-        predicted.append(_predicted(run, recorded, estimate, problem, force_from, of_others))
+        predicted.append(_predicted(run, rows, estimate, problem, force_from, of_others))
     return HeldOut(tuple(predicted), halves)
 
 
@@ -89,14 +91,14 @@ def _too_short(name: str, halves: bool) -> str:
     return f"{name} is too short to be held out: {cure}"
 
 
-def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -> ReducedRun:
-    recorded = recorded_in_band(run, result, problem)
-    if recorded is None or 2 * OVER_BAND * problem.band() * recorded.rows.interval * recorded.used.sum() < FEWEST:
+def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -> InBand:
+    rows = rows_in_band(run, result, problem)
+    if rows is None or 2 * OVER_BAND * problem.band() * rows.interval * rows.used.sum() < FEWEST:
         raise RunError(_too_short(run.name, halves))
-    return recorded
+    return rows
 
 
-def _force_from(problem: Problem, result: Identification) -> Force:
+def _force_from(problem: Problem, result: Identification) -> SpecificForce:
     """Return the source of the specific force; "none" where no force follows, so that only moments are predicted."""
     source = specific_force_source(problem)
     if result.mass is None or any(falls(run, result, problem) for run in problem.runs):
@@ -104,7 +106,7 @@ def _force_from(problem: Problem, result: Identification) -> Force:
     return source
 
 
-def _still_within(force_from: Force) -> float:
+def _still_within(force_from: SpecificForce) -> float:
     return STILL_WITHIN if force_from == "still" else 0.0
 
 
@@ -141,7 +143,7 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
     """Return the noise that the residuals of some runs show, each at its best."""
     residuals, free, frequency = [], [], []
     for fit in fits:
-        inverse = _inverse(products(fit.columns, fit.columns) + np.diag(fit.precision))
+        inverse = _inverse(products(fit.columns, fit.columns) + np.diag(fit.prior.counted))
         taken = np.einsum("map,pq,maq->ma", fit.columns, inverse, fit.columns, optimize=True)
         residuals.append((fit.residuals @ np.linalg.inv(fit.lines.whitener).T)[1:])
         free.append(np.clip(1 - taken, 0, 1)[1:])
@@ -158,8 +160,7 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
 
 def _frequencies(fit: RunFit) -> np.ndarray:
     """Return the frequencies of a run's lines [Hz]."""
-    signals = fit.prediction.signals
-    return np.arange(len(fit.residuals)) / (2 * signals.interval * len(signals.t))
+    return np.arange(len(fit.residuals)) / (2 * fit.lines.interval * len(fit.prediction.signals.t))
 
 
 def _inverse(normal: np.ndarray) -> np.ndarray:
@@ -168,29 +169,33 @@ def _inverse(normal: np.ndarray) -> np.ndarray:
 
 
 def _predicted(
-    run: Run, recorded: ReducedRun, estimate: Identification, problem: Problem, force_from: Force, others: list[RunFit]
+    run: Run,
+    rows: InBand,
+    estimate: Identification,
+    problem: Problem,
+    force_from: SpecificForce,
+    others: list[RunFit],
 ) -> HeldOutRun:
     """The prediction of a run by the estimate of the others, beside what was measured."""
     followed = _followed(estimate, others, problem)
     declared = _held(declared_of(run, estimate, problem, force_from, _still_within(force_from)), estimate, followed)
-    fit = fit_run(recorded, declared, force_from)
-    at, lines = fit.prediction, replace(fit.lines, whitener=np.eye(len(fit.lines.whitener)))
-    ten = lines(np.concatenate([at.of(name) for name in TEN], axis=2))
-    blocks = {name: lines(block_of(at, recorded, declared, name)) for name in fit.places}
-    y = lines(at.residuals[:, :, None])[:, :, 0]
-    y = y + np.concatenate(list(blocks.values()), axis=2) @ fit.numbers
+    fit = fit_run(run, rows, declared, {})
+    fit = replace(fit, lines=replace(fit.lines, whitener=np.eye(len(fit.lines.whitener))))
+    at = fit.prediction
+    ten = fit.transformed(np.concatenate([at.of(name) for name in TEN], axis=2))
+    local = linearised(at.model, fit.prior, fit.z, fit.lines).columns
+    y = fit.transformed(at.residuals[:, :, None])[:, :, 0] + local @ fit.z
     covariance = _covariance(estimate, problem)
     shared = {error.unknown for error in problem.errors.values() if error.shared}
     for name, by_error in followed.items():
-        made = by_error @ declared.root[name]
+        made = by_error @ fit.prior.root[SLICES[name]]
         if name in shared:  # the others' tensor has the same error in it
-            blocks[name] = blocks[name] - ten[:, :, 4:] @ made
+            local = local - ten[:, :, 4:] @ made
         else:
             covariance[4:, 4:] += made @ made.T
-    local = np.concatenate(list(blocks.values()), axis=2)
     freedom = np.inf if estimate.pooling is None else float(estimate.pooling.residual_degrees_of_freedom.min())
     return _compared(
-        run=run, fit=fit, lines=lines, y=y, local=local, by_estimate=ten @ root_of(covariance), noise=noise_of(others),
+        run=run, fit=fit, y=y, local=local, by_estimate=ten @ root_of(covariance), noise=noise_of(others),
         freedom_of_estimate=freedom,
     )  # fmt: skip
 
@@ -211,17 +216,19 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
     return {name: np.linalg.solve(normal, side) for name, side in right.items()}
 
 
-def _held(declared: DeclaredUnknowns, estimate: Identification, followed: dict[str, np.ndarray]) -> DeclaredUnknowns:
+def _held(declared: Setting, estimate: Identification, followed: dict[str, np.ndarray]) -> Setting:
     """Return the unknowns of a run alone, with the body and the alignment that the others gave."""
-    inertia = estimate.inertia - sum((by @ declared.mean[name] for name, by in followed.items()), np.zeros(6))
-    mean = declared.mean | {"inertia": inertia, "r_cg": estimate.r_cg}
+    by_errors = (by_error @ declared.blocks[name,].mean for name, by_error in followed.items())
+    body = {"inertia": estimate.inertia - sum(by_errors, np.zeros(6)), "r_cg": estimate.r_cg}
     if estimate.mass is not None:
-        mean["mass"] = np.array([estimate.mass])
-    root = {name: block for name, block in declared.root.items() if name not in TEN}
+        body["mass"] = np.array([estimate.mass])
+    blocks = dict(declared.blocks)
+    for name, value in body.items():
+        blocks[name,] = PriorBlock(value, np.zeros((len(value), len(value))))
     for name, aligned in (("delay", estimate.delay), ("rotation", estimate.rotation)):
         if aligned is not None:
-            mean[name], root[name] = aligned.value, root_of(aligned.covariance)
-    return replace(declared, mean=mean, root=root, flat=("force_offset", "moment_offset"), reference={})
+            blocks[name,] = PriorBlock(aligned.value, aligned.covariance)
+    return replace(declared, blocks=blocks, flat=("force_offset", "moment_offset"))
 
 
 def _covariance(estimate: Identification, problem: Problem) -> Float[np.ndarray, "10 10"]:
@@ -236,7 +243,6 @@ def _covariance(estimate: Identification, problem: Problem) -> Float[np.ndarray,
 def _compared(
     run: Run,
     fit: RunFit,
-    lines: TransformedRows,
     y: np.ndarray,
     local: np.ndarray,
     by_estimate: np.ndarray,
@@ -247,8 +253,7 @@ def _compared(
 
     Args:
         run: that is held out.
-        fit: with the body held.
-        lines: from its rows to lines, in SI.
+        fit: with the body held, its lines in SI.
         y: measured less predicted, the run's own unknowns at their means, (m, rows).
         local: their columns, (m, rows, q).
         by_estimate: columns of the estimate's error, its covariance one, (m, rows, k).
@@ -258,7 +263,7 @@ def _compared(
     at = noise.at(_frequencies(fit))
     weighed = np.linalg.solve(at, np.concatenate([local, by_estimate, y[:, :, None]], axis=2))
     q = local.shape[2]
-    inverse = _inverse(products(local, weighed[:, :, :q]) + np.diag(fit.precision))
+    inverse = _inverse(products(local, weighed[:, :, :q]) + np.diag(fit.prior.counted))
     left = np.concatenate([by_estimate, y[:, :, None]], axis=2)
     left = left - local @ (inverse @ products(local, weighed[:, :, q:]))
     moved, errors = left[:, :, :-1], left[:, :, -1]
@@ -271,8 +276,8 @@ def _compared(
     total = (errors**2).sum(axis=0)
     body, chance = _of_body(moved, errors, at, noise, freedom_of_estimate)
     measured = np.hstack([fit.prediction.signals.force, fit.prediction.signals.moment])
-    in_band = lines(measured[:, :, None])[:, :, 0]
-    middle, reach = count // 2, max(int(STRETCH / 2 / lines.band / lines.interval), 10)
+    in_band = fit.transformed(measured[:, :, None])[:, :, 0]
+    middle, reach = count // 2, max(int(STRETCH / 2 / fit.lines.band / fit.lines.interval), 10)
     shown = slice(max(middle - reach, 0), middle + reach)
     in_time, errors_in_time = (_samples(signal, count)[shown] for signal in (in_band, errors))
     return HeldOutRun(

@@ -7,22 +7,22 @@ import numpy as np
 from identify.diagnostics.residual_causes import ResidualCause, consistency, resonances
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
-from identify.joint.priors import error_blocks, root_of
+from identify.joint.joint_model import SpecificForce
+from identify.joint.priors import PriorBlock, error_blocks
+from identify.joint.single_run import Setting
 from identify.methods.base import Problem
-from identify.methods.joint import STILL_WITHIN, specific_force_source
+from identify.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
 from identify.model_check.held_errors import by_held_errors
 from identify.model_check.model_check import FollowedCause, followed
-from identify.model_check.motion_signals import ReducedRun
-from identify.model_check.predicted_wrench import Force
 from identify.model_check.resonance import ResonancePeak, resonance
-from identify.model_check.run_fit import DeclaredUnknowns, RunFit, fit_run
+from identify.model_check.run_fit import RunFit, fit_run
 from identify.model_check.specification import difference
 from identify.model_check.verdict_texts import sentence, signed
 from identify.model_check.weight import LEAST_WEIGHT, falls, lasting
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.rounding import significant
-from identify.signals.power_spectrum import noise_level
+from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
 MATTERS = 0.5
@@ -215,15 +215,18 @@ def _lines(run: Run, result: Identification) -> list[ResidualCause]:
 
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
     """The run at its best about a point at rest, if there is one, and with its accelerometer, if it has one."""
-    recorded = None if falls(run, result, problem) else recorded_in_band(run, result, problem)
-    if recorded is None:
+    rows = None if falls(run, result, problem) else rows_in_band(run, result, problem)
+    if rows is None:
         return []
+
+    def fitted(force_from: SpecificForce, still_within: float) -> RunFit:
+        return fit_run(run, rows, declared_of(run, result, problem, force_from, still_within), start_of(result))
+
     if problem.cg_motion == "still":
-        return [fit_run(recorded, declared_of(run, result, problem, "still", STILL_WITHIN), "still")]
+        return [fitted("still", STILL_WITHIN)]
     if run.specific_force is None:
         return []
-    read = fit_run(recorded, declared_of(run, result, problem, "accelerometer", 0.0), "accelerometer")
-    about = fit_run(recorded, declared_of(run, result, problem, "still", LOOSE), "still")
+    read, about = fitted("accelerometer", 0.0), fitted("still", LOOSE)
     scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
     turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
     return [about, read] if turns else [read]
@@ -237,17 +240,21 @@ def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, prob
         return of_estimator[0] if of_estimator else None
     if not lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) or not problem.gravity > 0:
         return None  # nothing tells the mass
-    recorded = recorded_in_band(run, result, problem)
-    return None if recorded is None else fit_run(recorded, declared_of(run, result, problem, "none", 0.0), "none")
+    rows = rows_in_band(run, result, problem)
+    if rows is None:
+        return None
+    return fit_run(run, rows, declared_of(run, result, problem, "none", 0.0), start_of(result))
 
 
-def recorded_in_band(run: Run, result: Identification, problem: Problem) -> ReducedRun | None:
+def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
     """Return the run in its band; None: it is too short."""
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
     try:
-        return ReducedRun(run, problem.band(), reach=max(delay, reach) + 0.005)
+        return in_band(
+            run, problem.band(), reach=max(delay, reach) + 0.005, accelerometer=run.specific_force is not None
+        )
     except RunError:
         return None
 
@@ -263,39 +270,47 @@ def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
 
 
 def declared_of(
-    run: Run, result: Identification, problem: Problem, force_from: Force, still_within: float
-) -> DeclaredUnknowns:
-    """Return the priors of a run's unknowns, the specific force from where it is said."""
-    alignment = problem.alignment or Alignment()
-    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity
-    mean = {"mass": np.array([mass]), "r_cg": problem.r_cg}
-    root = {"r_cg": np.diag(problem.sigma_r_cg)}
-    if problem.centre is not None:
-        root["r_cg"] = root_of(problem.centre.covariance[1:4, 1:4])
-        root["mass"] = root_of(problem.centre.covariance[:1, :1])
-    elif problem.mass is not None and problem.mass_uncertainty:
-        root["mass"] = np.array([[problem.mass_uncertainty]])
-    if force_from == "still":
-        root["cg_from_still"] = still_within * np.eye(3)
+    run: Run, result: Identification, problem: Problem, force_from: SpecificForce, still_within: float
+) -> Setting:
+    """Return the priors of a run's unknowns.
+
+    Args:
+        run: the run.
+        result: of an estimator.
+        problem: that it was given.
+        force_from: source of the specific force.
+        still_within: standard uncertainty of a point at rest [m].
+    """
+    alignment, errors = problem.alignment or Alignment(), problem.errors
+    if result.delay is None:
+        alignment = replace(alignment, delay=0.0, sigma_delay=0.0, rotation=(0.0, 0.0, 0.0), sigma_rotation=0.0)
     else:
-        root["accelerometer_bias"] = np.diag(np.broadcast_to(alignment.sigma_accelerometer_bias, 3))
-    for (name,), block in error_blocks(problem.errors).items():
-        mean[name], root[name] = block.mean, root_of(block.covariance)
-    reference = {"inertia": result.inertia}
-    if result.delay is not None and result.rotation is not None:
-        mean |= {"delay": np.array([alignment.delay]), "rotation": np.array(alignment.rotation)}
-        reference |= {"delay": result.delay.value, "rotation": result.rotation.value}
-        root["delay"] = np.array([[max(alignment.sigma_delay, 1e-9)]])
-        root["rotation"] = np.diag(np.maximum(np.broadcast_to(alignment.sigma_rotation, 3), 1e-9))
-    unstated = ("mass",) if "mass" not in root and problem.mass is None else ()
-    flat = ("inertia", "force_offset", "moment_offset", *unstated)
-    return DeclaredUnknowns(
-        mean=mean, root=root, flat=flat, gravity=problem.gravity,
-        imu_position=np.zeros(3) if run.imu_position is None else run.imu_position,
-        gyro_bias=np.broadcast_to(np.asarray(alignment.sigma_gyro_bias, float), (3,)),
-        gyro_density=noise_level(*(run.omega[segment] for segment in run.used())) / np.sqrt(run.rate),
-        reference=reference,
+        errors = beside_alignment(errors)
+    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity
+    mass_variance, cg_covariance = (problem.mass_uncertainty or 0.0) ** 2, np.diag(problem.sigma_r_cg**2)
+    flat = ["inertia", "force_offset", "moment_offset"]
+    if problem.centre is not None:
+        mass_variance, cg_covariance = problem.centre.covariance[0, 0], problem.centre.covariance[1:4, 1:4]
+    elif problem.mass is None:
+        flat.append("mass")
+        mass_variance = 1.0
+    blocks = {
+        ("mass",): PriorBlock(np.array([mass]), np.array([[mass_variance]])),
+        ("r_cg",): PriorBlock(problem.r_cg, cg_covariance),
+        ("force_offset",): PriorBlock(np.zeros(3), np.eye(3)),
+        ("moment_offset",): PriorBlock(np.zeros(3), np.eye(3)),
+        ("cg_from_still",): PriorBlock(np.zeros(3), still_within**2 * np.eye(3)),
+    }
+    return Setting(
+        blocks=blocks | error_blocks(errors), alignment=alignment, band=problem.band(), specific_force=force_from,
+        gravity=problem.gravity, flat=tuple(flat),
     )  # fmt: skip
+
+
+def start_of(result: Identification) -> dict[str, np.ndarray]:
+    """Return an estimate, from which the search for a run's unknowns starts."""
+    aligned = {"delay": result.delay, "rotation": result.rotation}
+    return {"inertia": result.inertia} | {name: part.value for name, part in aligned.items() if part is not None}
 
 
 def _shift_of_least_squares(fit: RunFit, cause: FollowedCause) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.joint.joint_model import SLICES
 from identify.model_check.causes import causes
 from identify.model_check.evidence import Base, Evidence, evidence
 from identify.model_check.run_fit import RunFit
@@ -59,8 +60,9 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         run: at its best.
         free: unknowns of which nothing is declared.
     """
-    base = Base(run.residuals, run.columns, run.precision)
-    open_to = [(cause, run.lines(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
+    tensor = run.prior.root[SLICES["inertia"]]
+    base = Base(run.residuals, run.columns, run.prior.counted)
+    open_to = [(cause, run.transformed(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
     named: list[FollowedCause] = []
     first = 0.0
     while len(named) < MOST:
@@ -74,7 +76,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
             break
         first = first or power
         rivals = tuple(e.cause.name for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR)
-        named.append(FollowedCause(best, rivals, best.shift[run.tensor]))
+        named.append(FollowedCause(best, rivals, tensor @ best.shift[: len(run.z)]))
         base = base.taking(best.columns, best.coefficients)
         open_to = [each for each in open_to if each[0].name != best.cause.name]
     above = run.lines.above(run.prediction.residuals)

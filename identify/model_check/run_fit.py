@@ -1,28 +1,30 @@
 """The unknowns of one run at their best under their priors: what causes are judged beside.
 
-Gauss–Newton with the derivatives of :mod:`identify.model_check.predicted_wrench`, on the lines of the cosine transform
-up to the motion's band: above it the motion's derivatives hold the gyro's noise, which the residuals hold, too.
+Gauss–Newton on the joint model's rows, on the lines of the cosine transform up to the motion's band: above it the
+motion's derivatives hold the gyro's noise, which the residuals hold, too.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.joint.joint_model import WANDER
+from identify.joint.gauss_newton import linearised
+from identify.joint.joint_model import SLICES, SpecificForce
+from identify.joint.predicted_wrench import Columns, PredictedWrench
+from identify.joint.priors import Prior
+from identify.joint.single_run import Setting, gyro_noise, prepared
 from identify.model_check.evidence import products
-from identify.model_check.motion_signals import ReducedRun
-from identify.model_check.predicted_wrench import Columns, Force, PredictedWrench, about_centre, zero_unknowns
-from identify.signals.band_limited_run import PASSED
+from identify.signals.band_limited_run import PASSED, InBand
+from identify.signals.run import Run
 
 STEPS = 10
 ENOUGH = 0.02
 """Change of the unknowns, in standard uncertainties, below which they are at their best."""
 OVER_BAND = 1.2
 """Highest frequency that is compared, over the motion's."""
-SLOW = "slow"
-"""Name of the gyro's bias and random walk together."""
 
 
 @dataclass(frozen=True)
@@ -32,70 +34,39 @@ class TransformedRows:
     interval: float
     band: float
     whitener: Float[np.ndarray, "rows rows"]
-    r_cg: Float[np.ndarray, "3"] | None = None
-    """Centre of gravity [m] when only moments about it count, as nothing measures the specific force; otherwise
-    None."""
 
-    def __call__(self, columns: Float[np.ndarray, "n 6 p"]) -> Float[np.ndarray, "m rows p"]:
+    def __call__(self, columns: Float[np.ndarray, "n rows p"]) -> Float[np.ndarray, "m rows p"]:
         """Return the lines of some columns."""
-        counting = columns if self.r_cg is None else about_centre(columns, self.r_cg)
         count = int(2 * OVER_BAND * self.band * self.interval * len(columns))
-        signals = counting.reshape(len(counting), -1)
+        signals = columns.reshape(len(columns), -1)
         acting = signals.any(axis=0)  # most columns change few rows
         lines = np.zeros((count, signals.shape[1]))
         lines[:, acting] = scipy.fft.dct(signals[:, acting], axis=0, norm="ortho")[:count]
-        return np.asarray(self.whitener @ lines.reshape(count, *counting.shape[1:]))
+        return np.asarray(self.whitener @ lines.reshape(count, *columns.shape[1:]))
 
-    def above(self, rows: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "m 6"]:
+    def above(self, rows: Float[np.ndarray, "n rows"]) -> Float[np.ndarray, "m rows"]:
         """Return the lines of rows above the motion's band, as far as the run's low-pass is flat."""
         lines = scipy.fft.dct(rows, axis=0, norm="ortho")
         first, last = (int(2 * over * self.band * self.interval * len(rows)) for over in (OVER_BAND, PASSED))
         return np.asarray(lines[first:last] @ self.whitener.T)
 
 
-@dataclass(frozen=True)
-class DeclaredUnknowns:
-    """Declared means and uncertainties of a run's unknowns."""
-
-    mean: dict[str, np.ndarray]
-    """Prior mean of each unknown of :class:`identify.joint.joint_model.Unknowns`; unknowns that are missing here have
-    zero."""
-    root: dict[str, np.ndarray]
-    """Root of each inexact unknown's prior covariance: its product with its transpose is the covariance."""
-    flat: tuple[str, ...]
-    """Unknowns without a prior."""
-    gravity: float
-    imu_position: np.ndarray
-    gyro_bias: np.ndarray
-    """Standard uncertainty of the gyro's zero on each axis [rad/s]."""
-    gyro_density: np.ndarray
-    """Density of the gyro's white noise on each axis, whose integral makes the attitude wander [rad/s^0.5]."""
-    reference: dict[str, np.ndarray]
-    """Start of the search of each unknown for which it is not the prior mean."""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RunFit:
     """A run at its best."""
 
     prediction: PredictedWrench
+    prior: Prior
     lines: TransformedRows
     residuals: Float[np.ndarray, "m rows"]
     columns: Float[np.ndarray, "m rows q"]
-    """Change of the residuals by a unit of each of the q numbers that are estimated."""
-    precision: Float[np.ndarray, " q"]
-    """Prior precision of each number: one, or zero without a prior."""
-    places: dict[str, slice]
-    """Slice of each unknown among the numbers that are estimated."""
-    root: dict[str, np.ndarray]
-    """Matrix from an unknown's numbers to the unknown; a missing one is the unit matrix."""
-    numbers: Float[np.ndarray, " q"]
-    """Values of the numbers at which ``prediction`` was made, counted from the priors' means."""
+    """Change of the residuals by a unit of each of the prior's q coordinates."""
+    z: Float[np.ndarray, " q"]
+    """Coordinates at which ``prediction`` was made."""
 
-    @property
-    def tensor(self) -> slice:
-        """Slice of the tensor among the numbers that are estimated."""
-        return self.places["inertia"]
+    def transformed(self, columns: Columns) -> Float[np.ndarray, "m rows p"]:
+        """Return the lines of changes of the wrench."""
+        return self.lines(self.prediction.counted(columns))
 
     @property
     def level(self) -> Float[np.ndarray, "6"]:
@@ -104,84 +75,50 @@ class RunFit:
         return np.asarray(np.sqrt(np.mean((self.residuals @ back.T) ** 2, axis=0)))
 
 
-def fit_run(recorded: ReducedRun, declared: DeclaredUnknowns, force_from: Force) -> RunFit:
+def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.ndarray]) -> RunFit:
     """Return a run's unknowns at their best.
 
     Args:
-        recorded: the run.
-        declared: the priors.
-        force_from: where the specific force comes from.
+        run: the run.
+        rows: that it is reduced to.
+        setting: priors, and where the specific force comes from.
+        start: unknowns from which the search starts elsewhere than at the prior's mean.
     """
-    x = zero_unknowns() | {name: np.array(value, float) for name, value in (declared.mean | declared.reference).items()}
-    slow = np.zeros((1 + WANDER, 3))
-    names = [*declared.flat, *declared.root, SLOW, *(["start"] if force_from == "still" else [])]
-    signals = recorded.signals(slow, x)
-    x["up"] = np.array([0.0, 0.0, 1.0])
-    if force_from == "still":
-        mean = np.einsum("nij,nj->i", signals.turns, signals.force)
-        x["up"] = mean / np.linalg.norm(mean)
-    wrench = np.hstack([signals.force, signals.moment])
-    r_cg = x["r_cg"] if force_from == "none" else None
-    rows = wrench if r_cg is None else about_centre(wrench[:, :, None], r_cg)[:, :, 0]
-    whitener = np.diag(1 / np.maximum(rows.std(axis=0), 1e-12))
-    started = [name for name in declared.reference if name in declared.root]
-    distance = {name: np.linalg.lstsq(declared.root[name], x[name] - declared.mean[name])[0] for name in started}
+    position = np.zeros(3) if run.imu_position is None else run.imu_position
+    model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), position, setting)
+    model = model.with_fast_transform()
+    theta = prior.mean.copy()
+    for name, value in start.items():
+        theta[SLICES[name]] = value
+    z = np.linalg.lstsq(prior.root, theta - prior.mean, rcond=None)[0]
+    first = PredictedWrench(model, prior.theta(z)).signals
+    wrench = np.hstack([first.force, first.moment])[:, :, None]
+    shown = PredictedWrench(model, prior.theta(z)).counted(wrench)[:, :, 0]
+    whitener = np.diag(1 / np.maximum(shown.std(axis=0), 1e-12))
     for step in range(STEPS):
-        prediction = PredictedWrench(
-            signals=signals, x=dict(x), force_from=force_from, gravity=declared.gravity,
-            imu_position=declared.imu_position,
+        lines = TransformedRows(rows.interval, rows.band, whitener)
+        at = linearised(model, prior, z, lines)
+        normal = products(at.columns, at.columns) + np.diag(prior.counted)
+        right = products(at.columns, at.residuals[:, :, None])[:, 0] - prior.counted * z
+        change = _solved(normal, right)
+        remaining = at.residuals - at.columns @ change
+        fit = RunFit(
+            prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z
         )  # fmt: skip
-        blocks = {name: block_of(prediction, recorded, declared, name) for name in names}
-        lines = TransformedRows(signals.interval, signals.band, whitener, r_cg)
-        columns = lines(np.concatenate(list(blocks.values()), axis=2))
-        residuals = lines(prediction.residuals[:, :, None])[:, :, 0]
-        sizes = {name: block.shape[2] for name, block in blocks.items()}
-        precision = np.concatenate([np.full(size, float(name not in declared.flat)) for name, size in sizes.items()])
-        z = np.concatenate([distance.get(name, np.zeros(size)) for name, size in sizes.items()])
-        normal = products(columns, columns) + np.diag(precision)
-        change = _solved(normal, products(columns, residuals[:, :, None])[:, 0] - precision * z)
-        remaining = residuals - columns @ change
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)
-        if step > 1 and (near or force_from == "none"):
+        if step > 1 and (near or setting.specific_force == "none"):
             break
-        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(remaining, whitener, force_from, columns.shape[2])))
-        if force_from == "none":  # linear in what acts, but for what the estimate tells already
-            continue
-        for name, part in zip(sizes, np.split(change, np.cumsum(list(sizes.values()))[:-1]), strict=True):
-            distance[name] = distance.get(name, 0.0) + part
-            if name == SLOW:
-                slow = slow + _slow_size(declared) * part.reshape(slow.shape)
-            elif name == "start":
-                x["up"] = x["up"] + np.cross(part, x["up"])
-                x["up"] = x["up"] / np.linalg.norm(x["up"])
-            else:
-                x[name] = x[name] + (part if name in declared.flat else declared.root[name] @ part)
-        signals = recorded.signals(slow, x)
-    ends = np.cumsum(list(sizes.values())).tolist()
-    places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
-    return RunFit(
-        prediction=prediction, lines=lines, residuals=remaining, columns=columns, precision=precision, places=places,
-        root=declared.root, numbers=z,
-    )  # fmt: skip
+        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(remaining, whitener, setting.specific_force, len(z))))
+        if setting.specific_force != "none":  # else linear in what acts, but for what the estimate tells already
+            z = z + change
+    return fit
 
 
-def block_of(prediction: PredictedWrench, recorded: ReducedRun, declared: DeclaredUnknowns, name: str) -> Columns:
-    """Return the columns of an unknown, in units of its prior."""
-    if name == SLOW:
-        basis = recorded.slow_basis(np.asarray(recorded.rows.t))[recorded.used]
-        return prediction.of_slow(basis) * _slow_size(declared).ravel()
-    columns = prediction.of(name)
-    return columns if name in declared.flat or name == "start" else columns @ declared.root[name]
-
-
-def _slow_size(declared: DeclaredUnknowns) -> Float[np.ndarray, "terms 3"]:
-    """Standard uncertainties of the gyro's bias and random walk, three axes of each."""
-    return np.vstack([declared.gyro_bias, *[declared.gyro_density] * WANDER])
-
-
-def _covariance(left: np.ndarray, whitener: np.ndarray, force_from: Force, count: int) -> np.ndarray:
-    """Covariance of the rows' noise, from what is left on the lines; independent rows where nothing joins them."""
-    rows = left @ np.linalg.inv(whitener).T
+def _covariance(
+    remaining: np.ndarray, whitener: np.ndarray, force_from: SpecificForce, count: int
+) -> Float[np.ndarray, "rows rows"]:
+    """Covariance of the rows' noise, from what remains on the lines; independent rows where nothing joins them."""
+    rows = remaining @ np.linalg.inv(whitener).T
     covariance = rows.T @ rows / max(len(rows) - count / len(whitener), 1.0)
     covariance = covariance + 1e-10 * np.diag(np.diag(covariance)) + 1e-24 * np.eye(len(whitener))
     return np.diag(np.diag(covariance)) if force_from == "still" else covariance

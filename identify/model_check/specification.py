@@ -57,14 +57,14 @@ def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> Difference:
     at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
     moved = np.zeros((*at.regressor.shape[:1], 6, 6))
     moved[:, 3:] = at.regressor - at.regressor.mean(axis=0)
-    rows = back @ fit.lines(moved)
+    rows = back @ fit.transformed(moved)
     about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, np.eye(3)])  # M - r × F of a wrench
     inverse = np.linalg.inv(products(rows, rows))
     gain = np.einsum("mkp,ki->mip", rows[:, 3:], about_cg @ back) @ inverse
     value = np.einsum("miq,mi->q", gain, fit.residuals)
     noise = gain * np.sqrt(spectrum(fit.residuals))[:, :, None]
     along = products(fit.columns, gain)
-    normal = products(fit.columns, fit.columns) + np.diag(fit.precision)
+    normal = products(fit.columns, fit.columns) + np.diag(fit.prior.counted)
     covariance = products(noise, noise) - along.T @ np.linalg.solve(normal, along)
     values, vectors = np.linalg.eigh(covariance)
     no_news = np.diag((SMALL * standard_uncertainty) ** 2)

@@ -5,13 +5,11 @@ are then decimated, the load cell to a few samples a period and the motion to ma
 samples is exact to rounding. White noise stays white in the band: a decimated sample's is ``sigma / sqrt(factor)``.
 """
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Float, Int
+from dataclasses import dataclass
 
-from identify.pytree import Pytree, static_field
-from identify.rigid_body.regressor import Array
+import numpy as np
+from jaxtyping import Bool, Float
+
 from identify.signals.filters import apply, kaiser, kaiser_shape
 from identify.signals.resample import uniform_spline
 from identify.signals.run import Run, RunError
@@ -29,28 +27,29 @@ DEGREE = 5
 """Degree of the interpolating spline."""
 
 
-class InBand(Pytree):
+@dataclass(frozen=True, eq=False)
+class InBand:
     """Decimated signals of a run, component first."""
 
-    t: Float[Array, " n"]
+    t: Float[np.ndarray, " n"]
     """Instants of the load cell's rows from the first node on [s]."""
-    force: Float[Array, "3 n"]
+    force: Float[np.ndarray, "3 n"]
     """Force on the body at Q [N]."""
-    moment: Float[Array, "3 n"]
+    moment: Float[np.ndarray, "3 n"]
     """Moment on the body about Q [N·m]."""
-    used: Float[Array, " n"]
-    """1 where a row counts, 0 where it must not be used."""
-    motion: Float[Array, "degree cells channels"]
+    used: Bool[np.ndarray, " n"]
+    """Mask of the rows that count."""
+    motion: Float[np.ndarray, "degree cells channels"]
     """Quintic spline of the angular velocity [rad/s] and, where there is one, the specific force [m/s²]."""
-    step: float = static_field()
+    step: float
     """Seconds from node to node."""
-    stride: int = static_field()
+    stride: int
     """Nodes from row to row."""
-    first: int = static_field()
+    first: int
     """The node of the first row."""
-    factor: int = static_field()
+    factor: int
     """Samples from row to row."""
-    band: float = static_field()
+    band: float
     """Highest frequency of the motion [Hz]."""
 
     @property
@@ -128,27 +127,7 @@ def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray
 
 
 def _usable(run: Run, taps: int) -> np.ndarray:
-    """1 for each filtered sample that no sample reaches which must not be used."""
+    """Mask of the filtered samples that no sample reaches which must not be used."""
     if run.missing is None:
-        return np.ones(len(run.t) - taps + 1)
-    return (np.convolve(run.missing, np.ones(taps), "valid") < 0.5).astype(float)
-
-
-def evaluate(
-    motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]
-) -> tuple[Float[jax.Array, "channels n"], Float[jax.Array, "channels n"], Float[jax.Array, "channels n"]]:
-    """Return the spline, its slope and its second derivative at some instants [s] between the nodes."""
-    cell = cell_of(motion, step, t)
-    since = (t - step * cell.astype(t.dtype))[:, None]
-    pieces = motion[:, cell]
-    value, slope, half_second = jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0]), jnp.zeros_like(pieces[0])
-    for piece in pieces:
-        half_second = half_second * since + slope
-        slope = slope * since + value
-        value = value * since + piece
-    return value.T, slope.T, 2 * half_second.T
-
-
-def cell_of(motion: Float[Array, "degree cells channels"], step: float, t: Float[Array, " n"]) -> Int[jax.Array, " n"]:
-    """Return the node at or before each instant."""
-    return jnp.clip(jnp.floor(t / step).astype(int), 0, motion.shape[1] - 1)
+        return np.ones(len(run.t) - taps + 1, bool)
+    return np.asarray(np.convolve(run.missing, np.ones(taps), "valid") < 0.5)

@@ -93,7 +93,7 @@ class Laboratory:
         omega = seen + gyro + s["omega_bias"] * rng.standard_normal(3)
         return dataclasses.replace(
             silent, force=silent.force + noise[:, :3].T, moment=silent.moment + noise[:, 3:].T,
-            motion=jnp.asarray(uniform_spline(omega, silent.step, degree=5).pieces),
+            motion=uniform_spline(omega, silent.step, degree=5).pieces,
         )  # fmt: skip
 
     @cached_property

@@ -2,96 +2,17 @@
 
 from dataclasses import replace
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from identify.exceptions import RunError
-from identify.joint.joint_model import COUNT, SLICES, Model, kinematics, residuals, unknowns
-from identify.model_check.motion_signals import ReducedRun
-from identify.model_check.predicted_wrench import PredictedWrench, zero_unknowns
 from identify.model_check.verdict_texts import WORDS
 from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.laboratory import FULL_SCALE, measure
-from tests.helpers.laboratory_runs import identified, identified_files, run_of, source
+from tests.helpers.laboratory_runs import identified, identified_files, source
 from tests.helpers.troubles import TROUBLES
 
 SHORT = {"seconds": 15.0}
-POSITION = np.array([0.02, 0.03, -0.04])
-UNKNOWNS = {
-    "inertia": np.array([0.38, 0.004, -0.006, 0.02, 0.002, 0.384]), "mass": np.array([19.7]),
-    "r_cg": np.array([0.004, -0.003, 0.053]), "cg_from_still": np.array([0.01, -0.02, 0.11]),
-    "delay": np.array([2e-3]), "rotation": np.array([3e-3, -2e-3, 5e-3]), "gyro_scale": np.array([1e-3, -2e-3, 1e-3]),
-    "gravity": np.array([0.02]), "accelerometer_bias": np.array([0.1, -0.2, 0.05]),
-    "force_offset": np.array([1.0, 2.0, 3.0]), "moment_offset": np.array([0.1, 0.2, 0.3]),
-    "force_drift": np.array([0.5, 0.0, -0.5]), "moment_drift": np.array([0.0, 0.1, 0.0]),
-    "cell_matrix": 1e-3 * np.arange(36.0),
-}  # fmt: skip
-
-
-@eqx.filter_jit
-def joint(model, x):
-    return residuals(model, x, kinematics(model, x))
-
-
-def predicted(recorded, force_from, **changed):
-    x = zero_unknowns() | UNKNOWNS | changed
-    signals = recorded.signals(np.zeros((4, 3)), x)
-    return PredictedWrench(
-        signals, x | {"up": changed.get("up", np.array([0.0, 0.0, 1.0]))}, force_from, 9.81, POSITION
-    )
-
-
-@pytest.fixture(scope="module")
-def recorded():
-    return ReducedRun(run_of(measure(0, seconds=8.0)), 3.0, reach=0.01)
-
-
-@pytest.mark.parametrize("force_from", ["still", "accelerometer"])
-def test_it_is_the_joint_model(recorded, force_from):
-    """The residuals in NumPy are those of the joint model in JAX at the same unknowns."""
-    theta = np.zeros(COUNT)
-    for name, value in UNKNOWNS.items():
-        theta[SLICES[name]] = value
-    at = predicted(recorded, force_from)
-    up = jnp.asarray(at.signals.turns[0] * 0 + np.eye(3))[2]
-    turn = np.eye(3) if force_from == "accelerometer" else _rotation(UNKNOWNS["rotation"])
-    model = Model(
-        recorded.rows, jnp.asarray(turn.T @ np.asarray(up)), jnp.asarray(9.81), jnp.asarray(POSITION), force_from
-    )
-    x = unknowns(jnp.asarray(theta))
-    expected = np.asarray(joint(model, x)).T[recorded.used]
-    difference = at.residuals - expected
-    difference -= difference.mean(axis=0)  # drifts are counted from other middles
-    assert np.abs(difference).max() < 2e-3 * np.abs(expected - expected.mean(axis=0)).max()
-
-
-def _rotation(vector):
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vector).as_matrix()
-
-
-@pytest.mark.parametrize("force_from", ["still", "accelerometer"])
-@pytest.mark.parametrize("name", [*UNKNOWNS, "start"])
-def test_derivatives_are_those_of_differences(recorded, name, force_from):
-    exact = predicted(recorded, force_from)
-    columns = exact.of(name)
-    for k in range(columns.shape[2]):
-        step = 1e-6 * np.eye(columns.shape[2])[k]
-        ends = []
-        for sign in (1, -1):
-            if name == "start":
-                changed = {"up": np.array([0.0, 0.0, 1.0]) + np.cross(sign * step, [0.0, 0.0, 1.0])}
-            else:
-                changed = {name: UNKNOWNS[name] + sign * step}
-            ends.append(predicted(recorded, force_from, **changed))
-        numeric = (ends[1].residuals - ends[0].residuals) / 2e-6  # what it adds to the prediction
-        if name not in ("force_offset", "moment_offset", "force_drift", "moment_drift", "cell_matrix"):
-            numeric = (ends[0].wrench - ends[1].wrench) / 2e-6
-        # the attitude's change is a sum over rows here, an integral there; columns are of first order in small errors
-        assert np.abs(columns[:, :, k] - numeric).max() <= 0.03 * np.abs(columns).max() + 1e-6
 
 
 @pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.study)])

@@ -261,11 +261,11 @@ def test_packages_start_without_jax():
         ("record", "jax numpy scipy serial"),
         ("schema", "jax numpy scipy msgspec"),
         ("import_", "optimistix equinox scipy.linalg scipy.special pint matplotlib"),
-        ("identify", "optimistix lineax pint matplotlib jinja2 serial uq.bodies.reference uq.bodies.export"),
-        ("centre", "optimistix lineax scipy.spatial scipy.stats scipy.signal pint matplotlib jinja2"),
-        ("montecarlo", "optimistix lineax scipy.stats pint matplotlib jinja2"),
-        ("paper", "optimistix lineax scipy.stats pint matplotlib jinja2"),
-        ("design", "optimistix lineax scipy.stats pint matplotlib jinja2"),
+        ("identify", "optimistix pint matplotlib jinja2 serial uq.bodies.reference uq.bodies.export"),
+        ("centre", "optimistix scipy.spatial scipy.stats scipy.signal pint matplotlib jinja2"),
+        ("montecarlo", "optimistix scipy.stats pint matplotlib jinja2"),
+        ("paper", "optimistix scipy.stats pint matplotlib jinja2"),
+        ("design", "optimistix scipy.stats pint matplotlib jinja2"),
     ],
 )
 def test_a_command_starts_without_what_few_of_its_calls_use(command, unused):
