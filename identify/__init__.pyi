@@ -1,4 +1,3 @@
-from .diagnostics.residual_causes import consistency as consistency
 from .estimators.gram import ordinary_least_squares as ordinary_least_squares
 from .exceptions import RunError as RunError
 from .identification import identify as identify

@@ -43,6 +43,11 @@ class PredictedWrench:
         return self.model.specific_force
 
     @property
+    def quantity(self) -> str:
+        """Words for the rows that count."""
+        return "the moment" if self.force_from == "none" else "force and moment"
+
+    @property
     def gravity(self) -> float:
         """Local gravity as it is [m/s²]."""
         return float(self.model.gravity + self.x["gravity"][0])

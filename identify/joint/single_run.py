@@ -154,7 +154,7 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
         used=rows.used,
     )  # fmt: skip
     if kind == "still" and alignment.sigma_tilt is None:
-        model = replace(model, up=_up(model, to_imu, _start_bias(model, to_imu, alignment)))
+        model = replace(model, up=start_up(model, to_imu, start_bias(model, to_imu, alignment)))
     return model, beforehand
 
 
@@ -262,13 +262,16 @@ def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
     best = search_delay(model.rows, alignment, turn)
     theta[SLICES["delay"]], theta[SLICES["inertia"]] = best.delay, best.inertia
     if model.specific_force == "still":
-        theta[SLICES["gyro_bias"]] = _start_bias(model, turn.T, alignment)
+        theta[SLICES["gyro_bias"]] = start_bias(model, turn.T, alignment)
     z, *_ = np.linalg.lstsq(beforehand.root, theta - beforehand.mean, rcond=None)
     return z
 
 
-def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
-    """The gyro's bias that turns gravity as the force turns: ``γ' + omega × γ = bias × γ``, γ = F/|F|, integrated."""
+def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
+    """Return the gyro's bias by which gravity turns as the force does.
+
+    The integral of ``γ' + omega × γ = bias × γ``, γ = F/|F|.
+    """
     rows = model.rows
     up = to_imu @ rows.force
     up = (up / np.linalg.norm(up, axis=0)).T
@@ -282,8 +285,8 @@ def _start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nd
     return np.linalg.solve(matrix.T @ matrix + ridge, matrix.T @ (up + integral).ravel())[:3]
 
 
-def _up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """Direction opposite to gravity at the first node: the mean of the force, turned back to it."""
+def start_up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """Return the direction opposite to gravity at the first node: the mean of the force, turned back to it."""
     signals = MotionSignals(model, {**unknowns(np.zeros(COUNT)), "gyro_bias": bias})
     attitude = signals.attitude_at_nodes[model.rows.at_rows]
     mean = np.einsum("nij,jn->i", attitude, to_imu @ model.rows.force)

@@ -58,7 +58,7 @@ def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[Predict
         size = _largest(np.sqrt((run.wrench**2).mean(axis=0)))
         chosen = [(i, j) for i in range(6) for j in range(6) if where(i, j)]
         columns = run.of("cell_matrix")[:, :, [6 * i + j for i, j in chosen]]
-        return columns, np.array([part * size[i] / size[j] for i, j in chosen])
+        return columns, np.array([part * size[i] / size[j] if size[j] > 0 else 0.0 for i, j in chosen])
 
     return make
 

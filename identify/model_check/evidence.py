@@ -2,7 +2,7 @@
 
 The unknowns that a run's fit holds are eliminated under their own priors, so that what a declared uncertainty explains
 is no evidence. The evidence is the logarithm of the Bayes factor of two normal distributions (Kass and Raftery,
-doi:10.1080/01621459.1995.10476572).
+doi:10.1080/01621459.1995.10476572). The chance of residuals that follow a cause by accident is Hotelling's.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ FEWEST = 4.0
 class Base:
     """The unknowns that a run's estimate has fitted, line by line."""
 
-    residuals: Float[np.ndarray, "m 6"]
-    """Residuals of m lines and 6 components, with the unknowns at their best on these lines."""
-    columns: Float[np.ndarray, "m 6 q"]
+    residuals: Float[np.ndarray, "m rows"]
+    """Residuals of m lines, of force and moment or the moment alone, with the unknowns at their best on these lines."""
+    columns: Float[np.ndarray, "m rows q"]
     """Change of the residuals by a unit of each of q unknowns."""
     precision: Float[np.ndarray, " q"]
     """Precision of each unknown's prior."""
@@ -37,6 +37,12 @@ class Base:
     def normal(self) -> Float[np.ndarray, "q q"]:
         """Matrix of the unknowns' normal equations, with their prior, (q, q)."""
         return products(self.columns, self.columns) + np.diag(self.precision)
+
+    @cached_property
+    def leverage(self) -> Float[np.ndarray, "m rows"]:
+        """Part of each residual's noise that the unknowns follow."""
+        inverse = np.linalg.inv(self.normal)
+        return np.asarray(np.einsum("map,pq,maq->ma", self.columns, inverse, self.columns, optimize=True))
 
     def beside(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what the base does not absorb of some columns, and by how much the unknowns follow each, (q, p)."""
@@ -67,7 +73,7 @@ class Evidence(NamedTuple):
     """Part of the residuals' squares that it explains."""
     shift: Float[np.ndarray, " q"]
     """Error that the cause makes in each unknown of the base."""
-    columns: Float[np.ndarray, "m 6 p"]
+    columns: Float[np.ndarray, "m rows p"]
     """Lines of the cause's signals, for coefficients in units of its typical size."""
 
     @property
@@ -76,12 +82,12 @@ class Evidence(NamedTuple):
         return np.asarray(self.cause.columns @ (self.cause.size * self.coefficients))
 
     @property
-    def explained(self) -> Float[np.ndarray, "m 6"]:
+    def explained(self) -> Float[np.ndarray, "m rows"]:
         """Lines of the cause at its coefficients."""
         return np.asarray(self.columns @ self.coefficients)
 
 
-def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> Evidence | None:
+def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m rows p"]) -> Evidence | None:
     """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
 
     Args:
@@ -93,14 +99,17 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> E
     normal = products(beside, columns)
     values, vectors = np.linalg.eigh((normal + normal.T) / 2)
     good = values > 1e-6  # a coefficient of its usual size that changes the residuals by less is not seen
-    freedom = base.residuals.size - int(good.sum())
+    basis = vectors[:, good]
+    signals = beside @ basis
+    taken = (signals**2 / values[good]).sum(axis=2)
+    free = 1 - base.leverage - taken
+    freedom = float(free.sum())
     if not good.any() or freedom < FEWEST * good.sum():
         return None
-    basis = vectors[:, good]
     along = basis.T @ products(columns, base.residuals[:, :, None])[:, 0] / values[good]
-    after = base.residuals - beside @ (basis @ along)
+    after = base.residuals - signals @ along
     # what the residuals' noise adds to a score, by its spectrum, and what the errors of the priors add
-    scores = (beside @ basis) * np.sqrt(spectrum(after) * base.residuals.size / freedom)[:, :, None]
+    scores = signals * np.sqrt(spectrum(after, free))[:, :, None]
     of_priors = basis.T @ (follows.T * base.precision) @ follows @ basis
     spread = (products(scores, scores) + of_priors) / np.outer(values[good], values[good])
     total = np.eye(len(along)) + spread
@@ -108,7 +117,9 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> E
     logarithm = 0.5 * (
         wald - float(along @ np.linalg.solve(total, along)) - np.linalg.slogdet(total)[1] + np.linalg.slogdet(spread)[1]
     )
-    chance = float(scipy.special.fdtrc(len(along), freedom, wald / len(along)))
+    weight, count = moving_average(taken, 2 * SMOOTHED + 1), len(along)
+    shown = max(float(weight.sum() ** 2 / (weight**2).sum()), count)  # residuals that the spread of the scores is from
+    chance = float(scipy.special.fdtrc(count, shown - count + 1, wald * (shown - count + 1) / (shown * count)))
     before = float((base.residuals**2).sum())
     share = (before - float((after**2).sum())) / max(before, 1e-300)
     return Evidence(
@@ -117,9 +128,15 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m 6 p"]) -> E
     )  # fmt: skip
 
 
-def spectrum(residuals: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 6"]:
-    """Return the mean squares of the lines about each, each row by itself."""
-    return moving_average(residuals**2, 2 * SMOOTHED + 1, ends="edge")
+def spectrum(residuals: Float[np.ndarray, "m rows"], free: Float[np.ndarray, "m rows"]) -> Float[np.ndarray, "m rows"]:
+    """Return the mean squares of the noise on the lines about each, each row by itself.
+
+    Args:
+        residuals: on the lines.
+        free: part of the noise that is left in each of them, as what is fitted follows the rest.
+    """
+    squares, parts = (moving_average(values, 2 * SMOOTHED + 1) for values in (residuals**2, free))
+    return np.asarray(squares / np.maximum(parts, 1e-3))
 
 
 def products(left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.diagnostics.residual_causes import ResidualCause, consistency, resonances
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
@@ -17,9 +16,11 @@ from identify.model_check.model_check import FollowedCause, followed
 from identify.model_check.resonance import ResonancePeak, resonance
 from identify.model_check.run_fit import RunFit, fit_run
 from identify.model_check.specification import difference
+from identify.model_check.spectral_lines import lines_of
 from identify.model_check.verdict_texts import sentence, signed
 from identify.model_check.weight import LEAST_WEIGHT, falls, lasting
 from identify.results.identification_result import Identification
+from identify.results.residual_cause import ResidualCause
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.rounding import significant
 from identify.signals.band_limited_run import InBand, in_band
@@ -37,6 +38,8 @@ LOOSE = 1.0
 """Standard uncertainty of a point at rest that is not declared [m]."""
 FLAT = 10
 """Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
+FORCE_ALONE = ("mass", "force_offset")
+"""Unknowns that only the force tells."""
 OF_ACCELEROMETER = frozenset({"accelerometer place", "accelerometer scale"})
 
 
@@ -95,7 +98,7 @@ def _of_run(
 ) -> tuple[list[ResidualCause], np.ndarray]:
     """Verdicts of one run, and the sum of the shifts that they stand for."""
     if not fits:
-        return _saturated(run) + _by_moment(run, result), np.zeros(6)
+        return _saturated(run), np.zeros(6)
     named: dict[str, FollowedCause] = {}
     judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
     for judgement in judgements:
@@ -104,7 +107,7 @@ def _of_run(
     if result.method != "joint":
         named = {name: cause for name, cause in named.items() if name not in OF_ACCELEROMETER}
     left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
-    verdicts, total = _saturated(run), np.zeros(6)
+    verdicts, total, quantity = _saturated(run), np.zeros(6), fits[0].prediction.quantity
     for cause in named.values():
         shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
@@ -113,10 +116,10 @@ def _of_run(
         if small and left_over < UNEXPLAINED:
             continue
         text = (
-            f"{run.name}: {sentence(cause.evidence, cause.rivals)}; it would move {COMPONENTS[worst]} by "
+            f"{run.name}: {sentence(cause.evidence, cause.rivals, quantity)}; it would move {COMPONENTS[worst]} by "
             f"{signed(GRAM_METRE * shift[worst])} g·m²"
         )
-        axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[3:]))
+        axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
         verdicts.append(
             ResidualCause(
                 cause=cause.evidence.cause.name,
@@ -134,7 +137,7 @@ def _of_run(
                 ResidualCause(cause="least squares", axis="", share=0.0, text=f"{run.name}: {apart.text}", run=run.name)
             )
             total = np.hypot(total, apart.value)
-    lines = _lines(run, result)
+    lines = [] if result.method == "joint" else lines_of(run, result)
     if left_over > UNEXPLAINED:
         verdicts.append(_unexplained(run, left_over, row))
         total = np.hypot(total, left_over * result.standard_uncertainty)
@@ -147,8 +150,8 @@ def _of_run(
 
 
 def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
-    """Return the part that no cause explains: root mean square of a row over its noise."""
-    on, quantity = f"b{row % 3 + 1}", "force" if row < 3 else "moment"
+    """Return the part that no cause explains: root mean square of a row, counted from the last, over its noise."""
+    on, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
     text = (
         f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
         "where the motion is: something that is none of the causes looked for; the interval is that much wider"
@@ -198,34 +201,20 @@ def _saturated(run: Run) -> list[ResidualCause]:
     return verdicts
 
 
-def _by_moment(run: Run, result: Identification) -> list[ResidualCause]:
-    """Return causes by the moment alone: where neither accelerometer nor a point at rest gives the force."""
-    if result.method == "joint":
-        return []
-    verdicts = consistency(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets)
-    return list(verdicts)
-
-
-def _lines(run: Run, result: Identification) -> list[ResidualCause]:
-    """A line in the residual moment."""
-    if result.method == "joint":
-        return []
-    return list(resonances(run, result.estimator, result.r_cg, result.inertia, offsets=result.offsets))
-
-
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
-    """The run at its best about a point at rest, if there is one, and with its accelerometer, if it has one."""
-    rows = None if falls(run, result, problem) else rows_in_band(run, result, problem)
+    """The run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone."""
+    rows = rows_in_band(run, result, problem)
     if rows is None:
         return []
 
     def fitted(force_from: SpecificForce, still_within: float) -> RunFit:
         return fit_run(run, rows, declared_of(run, result, problem, force_from, still_within), start_of(result))
 
-    if problem.cg_motion == "still":
+    by_moment = falls(run, result, problem)
+    if problem.cg_motion == "still" and not by_moment:
         return [fitted("still", STILL_WITHIN)]
-    if run.specific_force is None:
-        return []
+    if run.specific_force is None or by_moment:
+        return [fitted("none", 0.0)]
     read, about = fitted("accelerometer", 0.0), fitted("still", LOOSE)
     scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
     turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
@@ -236,14 +225,10 @@ def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, prob
     """The fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
     force_from = specific_force_source(problem)
     of_estimator = [fit for fit in fits if fit.prediction.force_from == force_from]
-    if of_estimator or force_from != "none" or falls(run, result, problem):
-        return of_estimator[0] if of_estimator else None
-    if not lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) or not problem.gravity > 0:
-        return None  # nothing tells the mass
-    rows = rows_in_band(run, result, problem)
-    if rows is None:
+    if not of_estimator or (force_from == "none" and falls(run, result, problem)):
         return None
-    return fit_run(run, rows, declared_of(run, result, problem, "none", 0.0), start_of(result))
+    tells_mass = lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) and problem.gravity > 0
+    return of_estimator[0] if force_from != "none" or tells_mass else None
 
 
 def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
@@ -286,7 +271,7 @@ def declared_of(
         alignment = replace(alignment, delay=0.0, sigma_delay=0.0, rotation=(0.0, 0.0, 0.0), sigma_rotation=0.0)
     else:
         errors = beside_alignment(errors)
-    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity
+    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity or 1.0
     mass_variance, cg_covariance = (problem.mass_uncertainty or 0.0) ** 2, np.diag(problem.sigma_r_cg**2)
     flat = ["inertia", "force_offset", "moment_offset"]
     if problem.centre is not None:
@@ -301,6 +286,9 @@ def declared_of(
         ("moment_offset",): PriorBlock(np.zeros(3), np.eye(3)),
         ("cg_from_still",): PriorBlock(np.zeros(3), still_within**2 * np.eye(3)),
     }
+    if force_from == "none":  # the moment about r_CG tells neither the mass nor the force's offset
+        flat = ["inertia", "moment_offset"]
+        blocks |= {(name,): PriorBlock(blocks[name,].mean, 0 * blocks[name,].covariance) for name in FORCE_ALONE}
     return Setting(
         blocks=blocks | error_blocks(errors), alignment=alignment, band=problem.band(), specific_force=force_from,
         gravity=problem.gravity, flat=tuple(flat),

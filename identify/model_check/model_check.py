@@ -43,7 +43,7 @@ class Judgement(NamedTuple):
     unexplained: float
     """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
     row: int
-    """Index of the row in which ``unexplained`` is largest: force, then moment."""
+    """Row in which ``unexplained`` is largest, counted from the last: force from −6, moment from −3."""
 
 
 def _simplest(likely: Sequence[Evidence]) -> Evidence:
@@ -79,6 +79,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         named.append(FollowedCause(best, rivals, tensor @ best.shift[: len(run.z)]))
         base = base.taking(best.columns, best.coefficients)
         open_to = [each for each in open_to if each[0].name != best.cause.name]
-    above = run.lines.above(run.prediction.residuals)
+    prediction = run.prediction
+    above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
     ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
-    return Judgement(named, float(ratio.max()), int(np.argmax(ratio)))
+    return Judgement(named, float(ratio.max()), int(np.argmax(ratio)) - len(ratio))

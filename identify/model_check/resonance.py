@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.diagnostics.residual_causes import ResidualCause
+from identify.results.residual_cause import ResidualCause
 from identify.rounding import significant
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run

@@ -17,6 +17,7 @@ from identify.joint.predicted_wrench import Columns, PredictedWrench
 from identify.joint.priors import Prior
 from identify.joint.single_run import Setting, gyro_noise, prepared
 from identify.model_check.evidence import products
+from identify.model_check.force_of_motion import with_force_of_motion
 from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
 
@@ -86,6 +87,8 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
     """
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), position, setting)
+    if setting.specific_force == "none":
+        model = with_force_of_motion(model, prior, setting.alignment)
     model = model.with_fast_transform()
     theta = prior.mean.copy()
     for name, value in start.items():

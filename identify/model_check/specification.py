@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from identify.model_check.evidence import products, spectrum
+from identify.model_check.evidence import Base, products, spectrum
 from identify.model_check.run_fit import RunFit
 from identify.model_check.verdict_texts import signed
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -55,17 +55,19 @@ def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> Difference:
         standard_uncertainty: of the estimate that is judged, (6,) [kg·m²].
     """
     at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
+    about_cg = np.eye(3)
+    if at.force_from != "none":
+        about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, about_cg])  # M - r × F of a wrench
     moved = np.zeros((*at.regressor.shape[:1], 6, 6))
     moved[:, 3:] = at.regressor - at.regressor.mean(axis=0)
     rows = back @ fit.transformed(moved)
-    about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, np.eye(3)])  # M - r × F of a wrench
     inverse = np.linalg.inv(products(rows, rows))
-    gain = np.einsum("mkp,ki->mip", rows[:, 3:], about_cg @ back) @ inverse
+    gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
     value = np.einsum("miq,mi->q", gain, fit.residuals)
-    noise = gain * np.sqrt(spectrum(fit.residuals))[:, :, None]
+    base = Base(fit.residuals, fit.columns, fit.prior.counted)
+    noise = gain * np.sqrt(spectrum(fit.residuals, 1 - base.leverage))[:, :, None]
     along = products(fit.columns, gain)
-    normal = products(fit.columns, fit.columns) + np.diag(fit.prior.counted)
-    covariance = products(noise, noise) - along.T @ np.linalg.solve(normal, along)
+    covariance = products(noise, noise) - along.T @ np.linalg.solve(base.normal, along)
     values, vectors = np.linalg.eigh(covariance)
     no_news = np.diag((SMALL * standard_uncertainty) ** 2)
     return Difference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + no_news)

@@ -9,6 +9,9 @@ from jaxtyping import Float
 from identify.model_check.evidence import Evidence
 from identify.rounding import significant, with_uncertainty
 
+ROUNDING = 1e-9
+"""Uncertainty over the largest of a cause's coefficients below which a coefficient is left at zero."""
+
 
 class Words(NamedTuple):
     """Texts of a cause: size and cure."""
@@ -25,7 +28,8 @@ def signed(value: float) -> str:
 
 def _figures(scale: float, unit: str) -> Callable[[np.ndarray, np.ndarray], str]:
     def write(values: np.ndarray, spread: np.ndarray) -> str:
-        pairs = zip(scale * values, abs(scale) * spread, strict=True)
+        seen = spread > ROUNDING * spread.max()  # the others change nothing of what is compared
+        pairs = zip(scale * values[seen], abs(scale) * spread[seen], strict=True)
         numbers = ", ".join(with_uncertainty(value, u) for value, u in pairs)
         return f"{numbers} {unit}" if len(values) == 1 else f"({numbers}) {unit}"
 
@@ -57,8 +61,9 @@ def _flexible(values: np.ndarray, spread: np.ndarray) -> str:
 
 
 def _cable(values: np.ndarray, spread: np.ndarray) -> str:
-    force, moment = float(np.abs(values[:9]).max()), float(np.abs(values[9:]).max())
-    return f"as if a cable pulled with up to {significant(force, 2)} N/rad and {significant(moment, 2)} N·m/rad (cable)"
+    parts = ((values[:-9], "N/rad"), (values[-9:], "N·m/rad"))  # of a free body there is no force to compare
+    sizes = [f"{significant(float(np.abs(part).max()), 2)} {unit}" for part, unit in parts if part.size]
+    return f"as if a cable pulled with up to {' and '.join(sizes)} (cable)"
 
 
 def _filter(values: np.ndarray, spread: np.ndarray) -> str:
@@ -134,10 +139,17 @@ WORDS: Mapping[str, Words] = {
 """Texts of each cause, by the cause's name."""
 
 
-def sentence(judged: Evidence, rivals: tuple[str, ...]) -> str:
-    """Return what the residuals follow, and the cure."""
+def sentence(judged: Evidence, rivals: tuple[str, ...], quantity: str) -> str:
+    """Return what the residuals follow, and the cure.
+
+    Args:
+        judged: the cause with its evidence.
+        rivals: causes that are about as probable.
+        quantity: words for what was measured: force and moment, or the moment alone.
+    """
     words = WORDS[judged.cause.name]
     size = judged.cause.size
     spread = size * np.sqrt(np.maximum(np.diag(judged.covariance), 0.0))
     also = f"; as probable: {', '.join(rivals)}" if rivals else ""
-    return f"force and moment look {words.phrase(size * judged.coefficients, spread)}{also}; {words.cure}"
+    verb = "looks" if quantity == "the moment" else "look"
+    return f"{quantity} {verb} {words.phrase(size * judged.coefficients, spread)}{also}; {words.cure}"

@@ -9,7 +9,6 @@ import numpy as np
 
 from identify.choices import OffsetChoice
 from identify.diagnostics.held_out_result import HeldOut, validation_drawings
-from identify.diagnostics.residual_causes import ResidualCause
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
 from identify.reporting import Drawing, Result, Section
@@ -17,6 +16,7 @@ from identify.results import identification_figures, mass_and_centre
 from identify.results.alignment import Aligned, alignment_notes
 from identify.results.contributions import NotIncluded, contributions
 from identify.results.discordance import Discordance
+from identify.results.residual_cause import ResidualCause
 from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE

@@ -6,6 +6,7 @@ gyro's mean at rest and the first direction is the level's.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -41,6 +42,17 @@ def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Segment]) -> Float[np.nda
         )
     still = np.concatenate([run.omega[(run.t - run.t[0] >= s.start) & (run.t - run.t[0] <= s.stop)] for s in rests])
     return _turned(run, still.mean(axis=0)) @ UP
+
+
+def upward_by_force(run: Run, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
+    """Return the upward direction in B from gyro and force together: the load cell as an accelerometer.
+
+    The force's own noise is that of the residuals, which would seem to follow it; the gyro's integral is free of it.
+    Zeros where there is no force.
+    """
+    if not np.abs(run.force).max() > 0:
+        return np.zeros_like(run.force)
+    return upward(replace(run, specific_force=run.force, imu_position=np.asarray(r_cg, float)), r_cg, ())
 
 
 def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.residual_causes import ResidualCause
 from identify.estimators.offsets import rest_of
 from identify.estimators.regressor_rows import check_rate
 from identify.exceptions import explains_names
@@ -18,6 +17,7 @@ from identify.methods.base import estimator_of
 from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import checked
 from identify.results.identification_result import Identification
+from identify.results.residual_cause import ResidualCause
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still

@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.residuals import upward_by_force
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
 from identify.estimators.regressor_rows import unbroken, usable_rows
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, library_of
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
+from identify.signals.gravity_direction import upward_by_force
 from identify.signals.resample import uniform_spline
 from identify.signals.residual_spectrum import Lines
 from identify.signals.run import Run, RunError

@@ -1,14 +1,28 @@
 """A line in a spectrum (a resonance, mains hum, an imbalance), against coloured noise by its surroundings."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimators.regressor_rows import rows_of
+from identify.results.identification_result import Identification
+from identify.results.residual_cause import ResidualCause
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
+from identify.rounding import significant
+from identify.signals.run import Run
+
 CHANCE = 1e-5
 """Chance of a false line in pure noise, over all frequencies and axes."""
 AROUND = 40
 """The level is a median over the spectrum's length divided by this."""
+LEAST = 1e-3
+"""Smallest part of the residuals' variance that is reported."""
+OVER_BAND = 1.5
+"""Part of the motion's band above which a line is sought: below, a cause that follows the motion looks the same."""
+SHORTEST = 32
+"""Samples below which nothing is judged."""
 
 
 class SpectralLine(NamedTuple):
@@ -21,6 +35,29 @@ class SpectralLine(NamedTuple):
     """Root mean square of the line, in the signal's unit."""
     share: float
     """Part of the signal's variance, all axes together."""
+
+
+def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
+    """Return the line in a run's residual moment above the motion's band, if there is one.
+
+    Args:
+        run: the run.
+        result: of an estimator by rows of Omega_R, whose low-pass is left out here.
+    """
+    phi, force, moment = rows_of(run, replace(result.estimator, lowpass=None))[:3]
+    if phi.shape[1] < SHORTEST:
+        return []
+    fitted = np.tensordot(phi.T, OMEGA_R_OF_FEATURES, axes=1) @ result.inertia
+    residuals = moment.T - np.cross(result.r_cg, force.T) - fitted
+    resonance = line(residuals, run.rate, above=OVER_BAND * run.band)
+    if resonance is None or resonance.share < LEAST:
+        return []
+    axis = f"b{resonance.axis + 1}"
+    text = (
+        f"{run.name}: a line at {significant(resonance.frequency)} Hz in the residual moment about {axis} (resonance); "
+        f"{significant(resonance.rms, 2)} N·m rms"
+    )
+    return [ResidualCause(cause="resonance", axis=axis, share=resonance.share, text=text, run=run.name)]
 
 
 def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:

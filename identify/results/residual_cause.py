@@ -1,0 +1,19 @@
+"""A contradiction between a run and what is declared of it, as results list it."""
+
+from typing import NamedTuple
+
+
+class ResidualCause(NamedTuple):
+    """A cause that a run's residuals follow."""
+
+    cause: str
+    """Name of the likely cause: one of :data:`identify.model_check.causes.MAKERS`, resonance, saturation, least squares
+    or unexplained; repeatability where the scatter of several runs contradicts their residuals."""
+    axis: str
+    """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
+    share: float
+    """Part of the residuals' variance that it explains; of repeatability the scatter over the predicted one."""
+    text: str
+    """One line that says so."""
+    run: str = ""
+    """Name of the run."""
