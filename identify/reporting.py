@@ -1,11 +1,14 @@
-"""Tables and figures of every result, for terminal, notebook, JSON, DataFrame and report.
+"""Numbers, tables and figures of every result, for terminal, notebook, JSON, DataFrame and report.
 
-A result is a dataclass that inherits :class:`Result` and says its ``tables()``; it may say its ``drawings()``, its
-``records()`` (the bare numbers) and what its ``section()`` of a report holds beside them.
+A result is a dataclass that inherits :class:`Result`. It holds data and gives its bare numbers by ``records()``; a view
+(:mod:`identify.views`) shows it as tables, texts and figures. Where no view is registered, as in a program that imports
+:mod:`identify` alone, the table is that of the bare numbers. A method of the result's own goes before its view's.
 """
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
 from html import escape
@@ -16,8 +19,8 @@ from urllib.parse import quote
 import numpy as np
 
 from identify.exceptions import UnknownNameError
-from identify.figure_style import drawn_in
 from identify.text_tables import Table, one_line
+from identify.views import part_of_view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +30,24 @@ if TYPE_CHECKING:
 
 VERSION = 1
 """Version of result files (uq/schemas/result.json), raised when a key leaves or changes its meaning."""
+PLACE: ContextVar[Any] = ContextVar("place", default=None)
+"""The figure, or part of one, that is filled instead of a new figure; None: a new one is made."""
+
+
+@contextmanager
+def drawn_in(place: "Axes | SubFigure | Figure") -> Iterator[Any]:
+    """Let what is drawn meanwhile fill a figure, a part of one, or the place of an empty axes, which is removed."""
+    if not hasattr(place, "subplots"):  # an axes, recognised without importing matplotlib
+        spec, parent = place.get_subplotspec(), place.figure
+        if spec is None:
+            raise ValueError("Argument `ax` must be an axes of a grid, as plt.subplots makes them, but stands freely.")
+        place.remove()
+        place = parent.add_subfigure(spec)
+    before = PLACE.set(place)
+    try:
+        yield place
+    finally:
+        PLACE.reset(before)
 
 
 @dataclass(frozen=True)
@@ -96,7 +117,7 @@ class Section:
     assumptions: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     front: Any = None
-    """Particulars that make it a certificate (:class:`uq.report.certificate_front.Front`); None: another report."""
+    """Particulars that make it a certificate (``uq.report.certificate``); None: another report."""
     adjustable: Sequence[Mapping[str, Any]] = ()
     """Numbers of tables whose figures a reader can change (:func:`uq.propagation.adjustable_law.adjustable`)."""
     verdict: str = ""
@@ -106,26 +127,30 @@ class Section:
 
 
 class Shown:
-    """Base of objects that show themselves as tables, in a terminal and in a notebook."""
+    """Base of objects that show themselves as tables, in a terminal and in a notebook, through their type's view."""
 
     hidden: ClassVar[frozenset[str]] = frozenset({"by_trajectory", "checked", "hidden", "notes", "overview", "title"})
     """Names that tab completion leaves out: what tables and reports are made of."""
 
+    def _shown(self, part: str, default: Callable[[Any], Any]) -> Any:
+        """A part of the view; ``default`` where the view lacks it, or where there is none."""
+        return (part_of_view(type(self), part) or default)(self)
+
     def title(self) -> str:
         """Return the line above the tables in a terminal or notebook; empty for none."""
-        return ""
+        return self._shown("title", lambda _: "")
 
     def tables(self) -> list[Table]:
         """Return the tables that answer what was asked."""
-        raise NotImplementedError
+        return self._shown("tables", bare_tables)
 
     def overview(self) -> list[Table]:
         """Return the tables that a terminal or notebook shows."""
-        return self.tables()
+        return self._shown("overview", lambda _: self.tables())
 
     def notes(self) -> list[str]:
         """Return the lines below these tables."""
-        return [f"attention: {text}" for text in getattr(self, "warnings", ())]
+        return self._shown("notes", lambda _: [f"attention: {text}" for text in getattr(self, "warnings", ())])
 
     def __repr__(self) -> str:
         tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
@@ -146,7 +171,7 @@ class Shown:
 
 
 class Result(Shown):
-    """The views that all results share; a result says ``tables()`` and overrides what it has more to say of."""
+    """Base of all results: a result gives its bare numbers by ``records()``, or its ``tables()``."""
 
     hidden = Shown.hidden | {
         *("computed", "details", "drawings", "file_name", "files", "form", "kind", "name", "rows", "section")
@@ -164,7 +189,7 @@ class Result(Shown):
 
     def drawings(self) -> list[Drawing]:
         """Return the figures, not yet drawn, with their captions."""
-        return []
+        return self._shown("drawings", lambda _: [])
 
     def figures(self) -> Figures:
         """Return the figures by name, each a matplotlib ``Figure`` that is drawn when it is asked for."""
@@ -176,12 +201,7 @@ class Result(Shown):
 
     def section(self) -> Section:
         """Return its part of a report."""
-        findings, provenance = getattr(self, "warnings", ()), getattr(self, "provenance", {})
-        title = self.title() or type(self).__name__
-        return Section(
-            title=title, computed=(), findings=findings, tables=self.tables(), drawings=self.drawings(),
-            provenance=provenance,
-        )  # fmt: skip
+        return self._shown("section", section_of)
 
     def records(self) -> list[dict[str, Any]]:
         """Return the bare numbers, one record a row: texts that name the row first, then its figures."""
@@ -208,6 +228,28 @@ class Result(Shown):
         if len(index) == len(first):  # texts alone: only the first names the row
             index = index[:1]
         return DataFrame.from_records(records, index=index or None)
+
+
+def bare_tables(result: Any) -> list[Table]:
+    """Return the bare numbers of a result, in the units of its ``records()``, as a table."""
+    records = result.records()
+    return [Table("", list(records[0]), [list(map(_bare, record.values())) for record in records])]
+
+
+def _bare(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def section_of(result: Result, **parts: Any) -> Section:
+    """Return a result's part of a report: these parts, else its own title, warnings, tables, drawings."""
+    defaults: dict[str, Callable[[], Any]] = {
+        "title": lambda: result.title() or type(result).__name__,
+        "findings": lambda: getattr(result, "warnings", ()),
+        "tables": result.tables,
+        "drawings": result.drawings,
+        "provenance": lambda: getattr(result, "provenance", {}),
+    }
+    return Section(**{name: default() for name, default in defaults.items() if name not in parts}, **parts)
 
 
 def stem(*names: str) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from uq.barreto2016 import PRINTED, PRINTED_EFFECTS, PRINTED_SHARES, TRAJECTORIES, paper
+from uq.report.tables.paper import effects, table2
 
 ROWS = ("3σ moments", "% of nominal", "3σ products")
 
@@ -46,7 +47,7 @@ def test_mean_errors_of_the_central_difference_and_of_the_smoother(brief):
 
 
 def test_the_rows_stand_beside_the_sources(brief):
-    table = brief.comparison_table("central")
+    table = table2(brief, "central")
     head, rows = table.head, table.rows
     assert head == ["central", "T1", "source", "T2", "source", "T3", "source", "T4", "source"]
     assert [row[0] for row in rows] == list(PRINTED)
@@ -57,11 +58,11 @@ def test_the_rows_stand_beside_the_sources(brief):
 
 def test_no_table_is_the_sources_that_it_does_not_have(brief):
     """The source has no smoothed estimator; the IMU's share, five times smaller with one, is explained there."""
-    assert "of the source" in brief.comparison_table("central").caption
-    for table in (brief.comparison_table("smoothed"), brief.effect_table("smoothed")):
+    assert "of the source" in table2(brief, "central").caption
+    for table in (table2(brief, "smoothed"), effects(brief, "smoothed")):
         assert "of the source" not in table.caption
         assert "no such estimator" in table.note
-    assert "IMU" in brief.effect_table("smoothed").note
+    assert "IMU" in effects(brief, "smoothed").note
     assert "fitted, not predicted" in " ".join(brief.section().assumptions)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import jax
 from PIL import Image
 
-from identify.figure_style import COLUMN
 from uq import Experiment, budget, identify_files, montecarlo, paper, simulate
+from uq.report.figures.style import COLUMN
 
 DOCS = Path(__file__).parents[1]
 

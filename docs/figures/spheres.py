@@ -5,7 +5,7 @@ from pathlib import Path
 import jax
 
 from uq import Experiment
-from uq.barreto2016_figures import rates, spheres
+from uq.report.figures.paper import rates, spheres
 
 
 def draw():

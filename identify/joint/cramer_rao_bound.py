@@ -18,12 +18,10 @@ from identify.joint.joint_model import SIZES, SLICES, SpecificForce
 from identify.joint.priors import STATIC, Prior, PriorBlock
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS, Body
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
 from identify.rigid_body.regressor import cross_matrix
-from identify.rounding import significant
 from identify.signals.band_limited_run import in_band
 from identify.signals.run import Run
-from identify.text_tables import Table
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,15 +56,6 @@ class Bound(Result):
             "standard_uncertainty": {name: self.standard_uncertainty(name).tolist() for name in self.free},
             "prior_share": {name: share.tolist() for name, share in self.prior_share.items()},
         }
-
-    def title(self) -> str:
-        """Return the heading: which unknowns are free."""
-        return f"Hybrid Cramér–Rao bound; free: {', '.join(self.free)}"
-
-    def tables(self) -> list[Table]:
-        """Return three standard uncertainties of the tensor in g·m²."""
-        three = 3 * GRAM_METRE * self.standard_uncertainty("inertia")
-        return [Table("", ["g·m²", *COMPONENTS], [["3σ at least", *map(significant, three)]])]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the least standard uncertainty of each component [kg·m²]."""

@@ -84,7 +84,7 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
     worst = int(np.argmax(np.abs(other) / np.maximum(half_width, 1e-300)))
     if abs(other[worst]) <= half_width[worst]:
         return []
-    angles = _listed(np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty))
+    angles = listed(np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty))
     by = significant(GRAM_METRE * other[worst], 2, signed=True)
     return [
         f"IMU and load cell are turned against each other by ({angles})°: taken as the IMU's; were it the load cell's, "
@@ -93,18 +93,8 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
     ]
 
 
-def alignment_notes(delay: Aligned | None, rotation: Aligned | None) -> list[str]:
-    """Return a line for each that was estimated."""
-    notes = []
-    if delay is not None and delay.estimated:
-        notes.append(f"delay of the IMU: {_listed(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms")
-    if rotation is not None and rotation.estimated:
-        angles, errors = np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty)
-        notes.append(f"rotation vector of the IMU against the body frame: ({_listed(angles, errors)})°")
-    return notes
-
-
-def _listed(values: np.ndarray, errors: np.ndarray) -> str:
+def listed(values: np.ndarray, errors: np.ndarray) -> str:
+    """Return figures with their standard uncertainties, in the same unit, as text."""
     return ", ".join(map(with_uncertainty, values, errors))
 
 

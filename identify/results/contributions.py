@@ -9,8 +9,6 @@ from jaxtyping import Float
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
-from identify.rounding import decimals, fixed
-from identify.text_tables import Table
 
 RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
 ESTIMATE = "estimate"
@@ -54,8 +52,6 @@ QUANTITIES = (
     *((name, "g·m²", GRAM_METRE) for name in COMPONENTS),
 )
 """The ten parameters as they are said: name, unit, that unit's number in one of SI."""
-PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
-"""Parts of an interval's half-width above which an effect is compared with it, and the words for it."""
 LARGEST_SHARE = 1 / 3
 """Undeclared errors over u above which nothing passes: a third makes u 5 % larger, which two digits hardly show."""
 
@@ -102,13 +98,6 @@ class NotIncluded:
         worst = int(np.argmax(ratio))
         return float(ratio[worst]), worst
 
-    def beside(self, u: Float[np.ndarray, "10"]) -> str:
-        """Return in words what they would add together, where that is most beside u; ``u`` as for :meth:`share`."""
-        _, worst = self.share(u)
-        name, unit, factor = QUANTITIES[worst]
-        added, own = (_two_digits(factor * value) for value in (self.together[worst], u[worst]))
-        return f"{added} {unit} in {name} beside u = {own}"
-
     def to_dict(self) -> list[dict[str, Any]]:
         """Return the content of result.json, in SI."""
         return [
@@ -122,47 +111,3 @@ class NotIncluded:
             }
             for effect in self.effects
         ]
-
-    def table(self) -> Table:
-        """Return what each would add, in g·m², g and mm."""
-        estimated = any(effect.parameters[:4].any() for effect in self.effects)
-        shown = slice(0 if estimated else 4, 10)
-        unit = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])
-        rows = []
-        for effect in self.effects:
-            figures = (unit * effect.parameters)[shown]
-            rows.append([effect.text, effect.figure, *(_two_digits(x, effect.signed) for x in figures)])
-        head = ["", "typical", *(MASS_AND_CENTRE if estimated else ()), *COMPONENTS]
-        units = "g·m²; mass in g, centre of gravity in mm" if estimated else "g·m²"
-        return Table(f"Not included in these intervals: what each would add, {units}", head, rows, NOTE)
-
-    def line(self, interval95: Float[np.ndarray, "6 2"], centre: Float[np.ndarray, "4"] | None = None) -> str:
-        """Return the largest, over half the interval of its quantity, in words.
-
-        Args:
-            interval95: of the components [kg·m²].
-            centre: half the intervals of mass [kg] and r_CG [m], where the estimate finds them; None: it does not.
-        """
-        half = np.concatenate([np.zeros(4) if centre is None else centre, np.ptp(interval95, axis=1) / 2])
-        added = np.abs([effect.parameters for effect in self.effects])
-        ratio = np.nan_to_num(np.where(half > 0, added, 0.0) / np.maximum(half, 1e-300), posinf=0.0)
-        row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
-        effect, (name, unit, factor) = self.effects[row], QUANTITIES[at]
-        than = next((words for part, words in PARTS if ratio[row, at] > part), None)
-        beside = "" if than is None else f", {than} {_two_digits(factor * half[at])} {unit}"
-        return (
-            f"not included: {effect.text}, at a typical {effect.figure}, which would add "
-            f"{_two_digits(factor * added[row, at])} {unit} to {name}{beside}; see the certificate"
-        )
-
-
-def _two_digits(value: float, signed: bool = False) -> str:
-    sign = "+" if signed and value > 0 else ""
-    return "0" if value == 0 else sign + fixed(value, max(min(decimals(abs(value)), 6), 0))
-
-
-MASS_AND_CENTRE = ("mass", "r1", "r2", "r3")
-NOTE = (
-    "Neither declared as a source nor estimated. Standard uncertainties at the typical figure, to first order; with a "
-    "sign: a bias. The figures are those of [not_included]. With a fixture: of all that stood on the load cell."
-)

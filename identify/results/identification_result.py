@@ -1,4 +1,4 @@
-"""The result of identification: the tensor with its uncertainty, as text, tables and result.json."""
+"""The result of identification: the tensor with its uncertainty, and the content of result.json."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,24 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.held_out_result import HeldOut, validation_drawings
+from identify.diagnostics.held_out_result import HeldOut
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
-from identify.reporting import Drawing, Result, Section
-from identify.results import identification_figures, mass_and_centre
-from identify.results.alignment import Aligned, alignment_notes
+from identify.reporting import Result
+from identify.results import mass_and_centre
+from identify.results.alignment import Aligned
 from identify.results.contributions import NotIncluded, contributions
 from identify.results.discordance import Discordance
 from identify.results.residual_cause import ResidualCause
-from identify.results.run_estimate import RunEstimate, offset_notes, offsets_content
+from identify.results.run_estimate import RunEstimate, offsets_content
 from identify.rigid_body.fixture import Tare
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
-from identify.rounding import beside_uncertainty, common, decimals, exact, fixed
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.text_tables import Table, sentence
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,14 +120,14 @@ class Identification(Result):
         return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
 
     @property
-    def _measured(self) -> InertialParameters:
+    def measured(self) -> InertialParameters:
         """Parameters of all that stood on the load cell: with the fixture, where one was taken off."""
         return self.parameters if self.tare is None else self.tare.whole
 
     @property
     def taken_off(self) -> np.ndarray:
         """Measured tensor less the identified one: the part of the fixture in each run's own tensor [kg·m²]."""
-        return self._measured.inertia - self.inertia
+        return self.measured.inertia - self.inertia
 
     @property
     def standard_uncertainty(self) -> np.ndarray:
@@ -175,7 +173,7 @@ class Identification(Result):
             "offsets": {
                 "method": self.offsets,
                 "about": "CG",
-                **offsets_content(self.runs, self._measured.standard_uncertainty[1:4], self._measured.r_cg),
+                **offsets_content(self.runs, self.measured.standard_uncertainty[1:4], self.measured.r_cg),
             },
             "runs": [
                 {
@@ -208,99 +206,11 @@ class Identification(Result):
         }
         return {key: finite(value) for key, value in content.items()}
 
-    def tables(self) -> list[Table]:
-        """Return the components in g·m², mass and centre of gravity, each run's estimate, and what is not included."""
-        validation = [] if self.validation is None else self.validation.tables()
-        return [*self.overview(), self.run_table(), *self.not_included_tables(), *validation]
-
-    def overview(self) -> list[Table]:
-        """Return the components in g·m², and mass and centre of gravity."""
-        head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
-        columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, self.interval95, strict=True)
-        rows = []
-        for name, value, bias, uncertainty, (low, high) in columns:
-            u = uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value)
-            places = decimals(GRAM_METRE * u)
-            shown = beside_uncertainty(GRAM_METRE * value, GRAM_METRE * uncertainty, GRAM_METRE * u)
-            figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty, low, high)]
-            rows.append([name, shown, *figures[:2], f"{figures[2]} … {figures[3]}"])
-        centre = mass_and_centre.table(self.parameters, self.centre_factor, self.centre_from)
-        return [Table("", head, rows), centre]
-
-    def title(self) -> str:
-        """Return quantity, runs and estimator in one line."""
-        runs = f"{len(self.runs)} run{'s' if len(self.runs) > 1 else ''}"
-        return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{self.estimator.name}'"
-
-    def notes(self) -> list[str]:
-        """Return what was used, offsets, warnings and assumptions, a line each."""
-        used = [run.used for run in self.runs if run.used]
-        warnings = [f"warning: {text}" for text in self.warnings]
-        axes = principal_axes(self.inertia, self.covariance).note
-        bodies = None if self.admissible is None else self.admissible.note
-        return [
-            *used,
-            *alignment_notes(self.delay, self.rotation),
-            *([] if self.tare is None else [self.tare.without(self.parameters)]),
-            *offset_notes(self.runs, self._measured.standard_uncertainty[1:4]),
-            *warnings,
-            *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
-            *(
-                [self.not_included.line(self.interval95, self._centre_half)]
-                if self.not_included and self.not_included.effects
-                else []
-            ),
-            *([f"held out: {self.validation.text}"] if self.validation and self.validation.explained else []),
-            *([] if axes is None else [f"principal axes: {axes}"]),
-            *(f"assumed: {text}" for text in self.assumptions),
-        ]
-
-    @property
-    def _centre_half(self) -> np.ndarray | None:
-        """Half the intervals of mass [kg] and r_CG [m] that the runs tell."""
-        if self.centre_from != mass_and_centre.ESTIMATED:
-            return None
-        return np.nan_to_num((self.coverage_factors * self.parameters.standard_uncertainty)[:4])
-
-    def not_included_tables(self) -> list[Table]:
-        """Return what the intervals do not hold, where that is known."""
-        return [self.not_included.table()] if self.not_included and self.not_included.effects else []
-
-    def run_table(self) -> Table:
-        """Return each run's own estimate, samples, rate, residuals."""
-        head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
-        rows = []
-        rates = exact(run.rate for run in self.runs)
-        residuals = common(float(np.sqrt(np.mean(run.residual**2))) for run in self.runs)
-        for run, rate, residual in zip(self.runs, rates, residuals, strict=True):
-            pairs = zip(run.inertia - self.taken_off, run.standard_uncertainty, strict=True)
-            values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * u)) if run.alone else "–" for x, u in pairs]
-            rows.append([run.file, f"{run.samples}", rate, residual, *values])
-        return Table("Runs, components in g·m²", head, rows, RUN_NOTE)
-
     def records(self) -> list[dict[str, Any]]:
         """Return value, bias, standard uncertainty and interval of each component [kg·m²]."""
         columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, *self.interval95.T, strict=True)
         names = ("component", "value", "bias", "standard_uncertainty", "low95", "high95")
         return [dict(zip(names, row, strict=True)) for row in columns]
-
-    def drawings(self) -> list[Drawing]:
-        """Return budget, residuals, coverage of the sphere, runs, and the parts of them that counted."""
-        return [
-            *identification_figures.budget_drawings(self.contributions, self.standard_uncertainty),
-            *identification_figures.residual_drawings(self.runs),
-            *identification_figures.coverage_drawings(self.runs, self.covariance),
-            *identification_figures.run_drawings(self.runs, self.inertia, self.interval95, self.taken_off),
-            *validation_drawings(self.validation),
-        ]
-
-    def section(self) -> Section:
-        """Return its part of a report; :class:`uq.identification.certificate.Certificate` makes it a certificate."""
-        assumptions = list(map(sentence, self.assumptions))
-        return Section(
-            title=self.title(), computed=(), findings=self.warnings, tables=self.tables(), drawings=self.drawings(),
-            details=(), assumptions=assumptions, provenance=self.provenance,
-        )  # fmt: skip
 
 
 def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
@@ -309,6 +219,3 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
         return {"value": np.eye(3).tolist(), "estimated": False}
     matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
     return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}
-
-
-RUN_NOTE = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."

@@ -6,8 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rounding import beside_uncertainty, decimals, exact, fixed
-from identify.text_tables import Table
 
 NAMES = ("mass, kg", *(f"centre of gravity from Q, b{axis}, mm" for axis in (1, 2, 3)))
 UNITS = (1.0, 1e3, 1e3, 1e3)
@@ -56,21 +54,3 @@ def content(ten: InertialParameters, factor: np.ndarray | float, source: str) ->
             "from": source,
         },
     }
-
-
-def table(ten: InertialParameters, factor: np.ndarray | float, source: str) -> Table:
-    """Return value, standard uncertainty and interval of mass and centre of gravity; – for what is not known."""
-    rows = []
-    for name, unit, value, u, (low, high) in zip(
-        NAMES, UNITS, ten.values, ten.standard_uncertainty, interval95(ten, factor), strict=False
-    ):
-        if not np.isfinite(value):
-            rows.append([name, "–", "–", "–"])
-        elif not u > 0:
-            rows.append([name, *exact([unit * value]), "–", "–"])
-        else:
-            places = decimals(unit * u)
-            low, high = (fixed(unit * x, places) for x in (low, high))
-            shown = beside_uncertainty(unit * value, unit * u)
-            rows.append([name, shown, fixed(unit * u, places), f"{low} … {high}"])
-    return Table(f"Mass and centre of gravity: {source}", ["", "value", "standard uncertainty", "95 % interval"], rows)

@@ -9,10 +9,6 @@ import numpy as np
 from identify.estimators.offsets import Offsets, force_offset, uncertainty
 from identify.estimators.residual_trace import Trace
 from identify.estimators.run_information import Information
-from identify.rounding import common, with_uncertainty
-
-MOST_NOTES = 3
-"""Most runs whose offsets are listed in the notes; result.json holds all."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,15 +54,6 @@ class RunEstimate:
     def __repr__(self) -> str:
         return f"RunEstimate({self.file!r}: {self.samples:,} samples, {self.rate:.6g} Hz)"
 
-    @property
-    def used(self) -> str | None:
-        """Text on the parts that were used and left out; None: all of the run was used."""
-        segments = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in self.segments)
-        out = ", ".join(f"{count:,} samples {reason}" for reason, count in self.left_out.items() if count)
-        how = ", found where it moves" if self.detected else ""
-        words = [f"used from {segments}{how}"] * bool(segments) + [f"left out: {out}"] * bool(out)
-        return f"{self.file}: {'; '.join(words)}" if words else None
-
 
 def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None) -> RunEstimate:
     """Return a run's own estimate; ``mass`` [kg], where stated, determines the force's offset."""
@@ -99,15 +86,3 @@ def offsets_content(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray, r_cg: n
         "force": [listed(run.force_offset) for run in runs],
         "moment_about_q": [listed(at_q(run)) for run in runs],
     }
-
-
-def offset_notes(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> list[str]:
-    """Return a line for each run, of a few, with its offsets."""
-    return [_note(run, run.offsets, sigma_r_cg) for run in runs if run.offsets is not None and len(runs) <= MOST_NOTES]
-
-
-def _note(run: RunEstimate, offsets: Offsets, sigma_r_cg: np.ndarray) -> str:
-    pairs = zip(offsets.moment, uncertainty(offsets, sigma_r_cg), strict=True)
-    moment = ", ".join(with_uncertainty(value, sigma) for value, sigma in pairs)
-    force = "" if run.force_offset is None else f", force ({', '.join(common(run.force_offset))}) N"
-    return f"{run.file}: offsets removed: moment about the CG ({moment}) N·m{force}"

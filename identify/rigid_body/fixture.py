@@ -19,7 +19,6 @@ from identify.exceptions import RunError
 from identify.rigid_body.inertia import parallel_axis
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import propagated
-from identify.rounding import with_uncertainty
 
 
 @dataclass(frozen=True)
@@ -34,14 +33,6 @@ class Tare:
     """Name and SHA-256 of the fixture's runs; none: it was stated."""
     provenance: Mapping[str, Any] | None = None
     """Provenance of the result that identified the fixture; None: the fixture was stated."""
-
-    def without(self, body: InertialParameters) -> str:
-        """Return mass and centre of gravity of the body that is left, in words."""
-        u = body.standard_uncertainty
-        r = ", ".join(with_uncertainty(1e3 * x, 1e3 * s) for x, s in zip(body.r_cg, u[1:4], strict=True))
-        mass = with_uncertainty(body.mass, float(u[0]))
-        fixture = with_uncertainty(self.fixture.mass, float(self.fixture.standard_uncertainty[0]))
-        return f"without the fixture of {fixture} kg: mass {mass} kg, centre of gravity ({r}) mm"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it."""

@@ -16,8 +16,6 @@ from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.principal_axes import Principal, principal_axes, propagated
 from identify.rigid_body.rotation import exponential
-from identify.rounding import with_uncertainty
-from identify.text_tables import Table
 
 PARAMETERS = ("mass", "cg_x", "cg_y", "cg_z", *COMPONENTS)
 """The order of the covariance: kg, m, kg·m²."""
@@ -81,12 +79,10 @@ class InertialParameters(Shown):
         """Standard uncertainty of the ten parameters."""
         return np.sqrt(np.diag(self.covariance))
 
-    def tables(self) -> list[Table]:
-        """Return mass in kg, centre of gravity in mm and tensor in g·m², with their standard uncertainties."""
-        names = ["mass, kg", *(f"CG {k}, mm" for k in (1, 2, 3)), *(f"{name}, g·m²" for name in COMPONENTS)]
-        shown = np.array([1.0, *[1e3] * 9])
-        pairs = zip(shown * self.values, shown * self.standard_uncertainty, strict=True)
-        return [Table("", names, [[with_uncertainty(*pair) for pair in pairs]])]
+    def records(self) -> list[dict[str, Any]]:
+        """Return value and standard uncertainty of the ten parameters, in SI."""
+        rows = zip(PARAMETERS, self.values, self.standard_uncertainty, strict=True)
+        return [dict(zip(("parameter", "value", "standard_uncertainty"), row, strict=True)) for row in rows]
 
     @property
     def tensor(self) -> Tensor:

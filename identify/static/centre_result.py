@@ -1,17 +1,15 @@
 """Mass, centre of gravity and offsets from static poses: the result, and how it is read back."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import scipy
 
 from identify.exceptions import RunError
-from identify.reporting import VERSION, Drawing, Result, Section
-from identify.rounding import fixed, rounded, significant, with_uncertainty
+from identify.reporting import VERSION, Result
 from identify.static.gain_check import GainCheck
-from identify.text_tables import Table, sentence
 
 PARAMETERS = (
     "mass", "cg_x", "cg_y", "cg_z",
@@ -166,106 +164,11 @@ class Centre(Result):
             raise RunError(f"{name} has other parameters or units than those of a centre: run `inertia centre` again")
         return _read(cls, _Content(content, name))
 
-    def tables(self) -> list[Table]:
-        """Return centre of gravity and offsets: x, y, z with standard uncertainties, and the expanded ones of 95 %."""
-        u, expanded = self.standard_uncertainty, self.coverage_factor * self.standard_uncertainty
-        rows = [
-            ["centre of gravity, mm", *_cells(1e3 * self.r_cg, 1e3 * u[1:4])],
-            ["· 95 %", *_expanded(1e3 * expanded[1:4])],
-            ["force offset, N", *_cells(self.force_offset, u[4:7])],
-            ["· 95 %", *_expanded(expanded[4:7])],
-            ["moment offset, N·m", *_cells(self.moment_offset, u[7:])],
-            ["· 95 %", *_expanded(expanded[7:])],
-        ]
-        if self.zero is not None:
-            rows += [
-                ["zero of the cell, N", *(fixed(value, 3) for value in self.zero[:3])],
-                ["zero of the cell, N·m", *(fixed(value, 4) for value in self.zero[3:])],
-            ]
-        return [Table("Centre of gravity and offsets", ["", "x", "y", "z"], rows)]
-
-    def overview(self) -> list[Table]:
-        """Return the same, below the title."""
-        return [replace(table, caption="") for table in self.tables()]
-
-    def _correlations(self) -> Table:
-        """The ten parameters' standard uncertainties, in SI, and their correlations."""
-        u = self.standard_uncertainty
-        correlation = self.covariance / np.maximum(np.outer(u, u), 1e-300)
-        rows = [
-            [f"{name}, {unit}", significant(sigma, 2), *(fixed(x, 2) for x in row)]
-            for name, unit, sigma, row in zip(PARAMETERS, UNITS, u, correlation, strict=True)
-        ]
-        head = ["", "u", *map(str, range(1, 11))]
-        return Table("Standard uncertainties in SI, and correlations", head, rows)
-
-    def title(self) -> str:
-        """Return mass, poses and residuals in one line."""
-        force, moment = self.residual
-        u = float(self.standard_uncertainty[0])
-        mass = with_uncertainty(self.mass, u)
-        low, high = self.interval95[0]
-        return (
-            f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}) from {self.poses} poses; "
-            f"residuals {significant(force)} N and {significant(moment)} N·m (rms)"
-        )
-
-    def notes(self) -> list[str]:
-        """Return warnings and assumptions, a line each."""
-        return [
-            *self.findings(),
-            *(f"warning: {text}" for text in self.warnings),
-            *(f"assumed: {text}" for text in self.assumptions),
-        ]
-
-    def findings(self) -> list[str]:
-        """Return how well the poses determine the centre, and the check against a scale."""
-        axes, along = self.directions
-        worst = ", ".join(fixed(x, 2) for x in axes[2])
-        best, most = (significant(1e3 * along[k], 2) for k in (0, 2))
-        tilt = "" if self.largest_tilt is None else f"tilted by up to {np.degrees(self.largest_tilt):.3g}°: "
-        along_axes = f"known worst along ({worst}), to {most} mm, and best to {best} mm"
-        finding = f"{tilt}the centre of gravity is {along_axes}"
-        return [finding, *([] if self.gain is None else [self.gain.verdict])]
-
     def records(self) -> list[dict[str, Any]]:
         """Return value, standard uncertainty and interval of each of the ten parameters, in SI."""
         columns = zip(PARAMETERS, UNITS, self.values, self.standard_uncertainty, *self.interval95.T, strict=True)
         names = ("parameter", "unit", "value", "standard_uncertainty", "low95", "high95")
         return [dict(zip(names, row, strict=True)) for row in columns]
-
-    def drawings(self) -> list[Drawing]:
-        """Return the figure of the residuals."""
-
-        def draw():
-            from identify.static.pose_figures import pose_residuals
-
-            return pose_residuals(self.residuals)
-
-        return [Drawing("residuals", "What each pose leaves unexplained.", draw)]
-
-    def section(self) -> Section:
-        """Return its part of a report."""
-        return Section(
-            title="Mass and centre of gravity of a body",
-            computed=[f"From static poses, by least squares: {self.title()}; local gravity {self.gravity:.6g} m/s². "
-             "Force, moment and centre of gravity are in the body frame, about Q; ± is a standard uncertainty.",
-             *map(sentence, self.findings())],
-            findings=self.warnings,
-            tables=self.tables(),
-            drawings=self.drawings(),
-            details=[self._correlations()],
-            assumptions=list(map(sentence, self.assumptions)),
-            provenance=self.provenance,
-        )  # fmt: skip
-
-
-def _cells(values: np.ndarray, errors: np.ndarray) -> list[str]:
-    return [with_uncertainty(value, error) for value, error in zip(values, errors, strict=True)]
-
-
-def _expanded(values: np.ndarray) -> list[str]:
-    return [f"± {significant(value, 2)}" for value in values]
 
 
 class _Content:

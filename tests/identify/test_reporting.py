@@ -16,9 +16,11 @@ import identify
 import uq
 from identify.reporting import Drawing, Figures, Result, plain, stem
 from identify.text_tables import Table
+from identify.views import part_of_view
 from tests.helpers.pose_lab import series
 from tests.helpers.small_campaign import campaign
 from uq.propagation.law_of_propagation import propagate
+from uq.report.views import VIEWS
 from uq.sources.distributions import Normal
 
 
@@ -141,10 +143,46 @@ def test_no_result_shows_itself_in_a_way_of_its_own():
         assert dataclasses.is_dataclass(kind)
         assert kind.__repr__ is Result.__repr__, kind
         assert kind._repr_html_ is Result._repr_html_, kind
-        assert kind.tables is not Result.tables, kind
+        assert kind.tables is not Result.tables or part_of_view(kind, "tables") is not None, kind
         assert "Example: ``" in (kind.__doc__ or ""), kind
-        # figures of a frame are numbers: only the table of exported files has none
-        assert kind.records is not Result.records or kind.__name__ == "Exported", kind
+        assert kind.records is not Result.records, kind
+
+
+def test_every_registered_view_is_of_a_type_that_there_is():
+    for name in VIEWS:
+        kind = pkgutil.resolve_name(name)
+        assert kind.__module__ == name.rpartition(".")[0]
+        assert part_of_view(kind, "tables") is not None, name
+
+
+def test_a_subclass_has_the_view_of_its_base_unless_it_has_methods_of_its_own(weighed):
+    class Heavier(type(campaign())):
+        def notes(self):
+            return ["heavier"]
+
+    result = campaign()
+    heavier = Heavier(**{f.name: getattr(result, f.name) for f in dataclasses.fields(result)})
+    assert heavier.title() == result.title()
+    assert heavier.notes() == ["heavier"]
+    assert part_of_view(Weighed, "tables") is None
+
+
+IDENTIFY_ALONE = """
+import importlib, pkgutil, sys, identify
+for module in pkgutil.walk_packages(identify.__path__, "identify."):
+    importlib.import_module(module.name)
+import numpy as np
+print(identify.InertialParameters(2.0, np.zeros(3), np.arange(6.0), np.eye(10)))
+print(*{"matplotlib", "uq"} & set(sys.modules))
+"""
+
+
+def test_identify_alone_prints_bare_numbers_and_imports_no_matplotlib():
+    ran = subprocess.run([sys.executable, "-c", IDENTIFY_ALONE], check=True, capture_output=True, text=True)
+    head, _, mass, *_, last = ran.stdout.split("\n")[:-1]
+    assert head.split() == ["parameter", "value", "standard_uncertainty"]
+    assert mass.split() == ["mass", "2", "1"]
+    assert last == ""
 
 
 def test_no_matplotlib_and_no_pandas_until_a_figure_or_frame_is_asked_for():

@@ -4,8 +4,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.figure_style import PAGE, PALETTE, STYLE, label
 from uq.arm.arm_design import ArmDesign
+from uq.report.figures.style import PAGE, PALETTE, STYLE, label
 
 SHOWN = 12.0
 """Seconds from the start that are drawn."""

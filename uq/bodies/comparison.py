@@ -1,25 +1,18 @@
 """An identified tensor beside an expected one: deviation, E_n, chi-squared, and conventions that would explain it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from identify.reporting import Result, Section
+from identify.reporting import Result
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import PARAMETERS, Tensor, by_component
-from identify.rounding import exact, fixed, rounded, significant, with_uncertainty
-from identify.text_tables import Table
 from uq.bodies.normalised_error import USUAL, joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import Suspicion, suspicions
 from uq.bodies.reference import Reference
-
-MOST = 6
-"""Uncertain quantities of a reference that its table lists; result.json holds all."""
-LEAST_CHANCE = 0.0001
-"""Least probability that is printed as a figure."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,73 +81,17 @@ class Comparison(Result):
         """
         return {
             name: float((value - expected) / np.hypot(self.factor[k] * u, USUAL * u_expected))
-            for k, name, value, u, expected, u_expected in self._beside()
+            for k, name, value, u, expected, u_expected in self.known_to_both()
             if u > 0
         }
 
-    def _beside(self) -> Iterator[tuple[int, str, float, float, float, float]]:
-        """Index and name of mass and coordinates that both sides know; value and standard uncertainty of both."""
+    def known_to_both(self) -> Iterator[tuple[int, str, float, float, float, float]]:
+        """Yield index and name of mass and coordinates that both sides know; value and standard uncertainty of both."""
         ten = self.reference.parameters
         centre = [None] * 3 if self.centre is None else list(zip(*self.centre, strict=True))
         for k, (name, pair) in enumerate(zip(PARAMETERS[:4], [self.mass, *centre], strict=True)):
             if pair is not None and np.isfinite(ten.values[k]):
                 yield k, name, *pair, float(ten.values[k]), float(ten.standard_uncertainty[k])
-
-    def _declared_otherwise(self) -> list[str]:
-        """Return the quantities that the experiment declares as exact with other values than the reference's."""
-        lines = []
-        for k, name, value, u, expected, u_expected in self._beside():
-            unit, scale = ("kg", 1.0) if k == 0 else ("mm", 1e3)
-            if u == 0 and abs(value - expected) > USUAL * u_expected:
-                said = f"{exact([scale * value])[0]} {unit}, declared without an uncertainty"
-                theirs = with_uncertainty(scale * expected, scale * u_expected)
-                lines.append(f"{name} is {said} (no E_n); {self.reference.name} has {theirs} {unit}")
-        return lines
-
-    def findings(self) -> list[str]:
-        """Return what a reader must not miss."""
-        explanations = [
-            f"the deviation from {self.reference.name} vanishes if {suspicion.text}" for suspicion in self.suspicions
-        ]
-        beyond = [name for name, e in zip(COMPONENTS, self.normalised_error, strict=True) if abs(e) > 1]
-        beyond += [name for name, e in self.other_errors.items() if abs(e) > 1]
-        disagree = f"{', '.join(beyond)} differ{'s' * (len(beyond) == 1)} from {self.reference.name} beyond the "
-        return [
-            *self.reference.warnings,
-            *([f"{disagree}expanded uncertainties (|E_n| > 1)"] if beyond else []),
-            *self._declared_otherwise(),
-            *explanations,
-        ]
-
-    def title(self) -> str:
-        """Return what the table is of."""
-        return f"Expected: {self.reference.name} ({self.reference.kind})"
-
-    def tables(self) -> list[Table]:
-        """Return the comparison, in g·m²."""
-        head = [
-            "g·m²", "expected", "U (k = 2)", "mean of runs", "standard deviation", "measured", "U", "deviation",
-            "relative %", "E_n",
-        ]  # fmt: skip
-        columns = (
-            self.expected.inertia, 2 * self.expected.standard_uncertainty, self.mean, self.standard_deviation,
-            self.measured.inertia, self.factor[4:] * self.measured.standard_uncertainty, self.deviation,
-        )  # fmt: skip
-        rows = []
-        for k, name in enumerate(COMPONENTS):
-            value, half, mean, spread, measured, wide, deviation = (GRAM_METRE * float(column[k]) for column in columns)
-            both = float(np.hypot(half, wide)) / USUAL
-            figures = [
-                rounded(value, half), rounded(half, half), rounded(mean, spread), rounded(spread, spread),
-                rounded(measured, wide), rounded(wide, wide), rounded(deviation, both),
-            ]  # fmt: skip
-            relative, error = fixed(100 * self.relative_error[k], 2), fixed(self.normalised_error[k], 2)
-            rows.append([name, *figures, relative, error])
-        return [Table(f"Expected: {self.reference.name}, g·m²", head, rows, f"{self.summary()}.")]
-
-    def overview(self) -> list[Table]:
-        """Return the same, below the title."""
-        return [replace(table, caption="") for table in self.tables()]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the figures of each component [kg·m²]."""
@@ -171,42 +108,6 @@ class Comparison(Result):
             "deviation": self.deviation, "relative_error": self.relative_error,
             "normalised_error": self.normalised_error,
         }  # fmt: skip
-
-    def notes(self) -> list[str]:
-        """Return the joint verdict and the findings, a line each."""
-        return [self.summary(), *(f"warning: {text}" for text in self.findings())]
-
-    def contribution_tables(self) -> list[Table]:
-        """Return what makes the expected moments uncertain, largest first, in g·m²; none where nothing does."""
-        variances = self.reference.contributions
-        largest = sorted(variances, key=lambda name: -float(variances[name][4:].sum()))[:MOST]
-        u = {name: GRAM_METRE * np.sqrt(np.maximum(variances[name][4:], 0.0)) for name in largest}
-        rows = [[name, *(significant(x, 2) for x in values)] for name, values in u.items()]
-        title = "What makes the expected tensor uncertain: standard uncertainty, g·m²"
-        return [Table(title, ["quantity", *COMPONENTS], rows)] if variances else []
-
-    def section(self) -> Section:
-        """Return its part of a report."""
-        reference = self.reference
-        return Section(
-            "Expected values",
-            [f"Beside what is expected of {reference.name}, from its {reference.kind}. {EXPECTED}"],
-            self.findings(),
-            self.tables(),
-            details=self.contribution_tables(),
-            assumptions=["The errors of the result and of the expected value are independent."],
-            provenance={**self.provenance, "expected": {"file": reference.file, "sha256": reference.sha256}},
-        )
-
-    def summary(self) -> str:
-        """Return the joint verdict in one line."""
-        statistic, freedom, probability = self.joint
-        others = "".join(f"; E_n of {name} {fixed(e, 2)}" for name, e in self.other_errors.items())
-        if not freedom:
-            return f"no uncertainty on either side: no E_n{others}"
-        chance = significant(probability, 2) if probability >= LEAST_CHANCE else f"below {LEAST_CHANCE}"
-        together = f"chi-squared {significant(statistic)}, {freedom} degrees of freedom, P {chance}"
-        return f"all components together: {together}{others}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says, in kg·m²; what does not exist is null."""
@@ -255,10 +156,3 @@ def compare(result: Identification, reference: Reference) -> Comparison:
 
 def _nulled(values: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if np.isfinite(value) else None for name, value in values.items()}
-
-
-EXPECTED = (
-    "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
-    "over the root of the sum of squares of both expanded uncertainties (k = 2; of the result half its interval of "
-    "95 %, where that is wider): satisfactory up to 1 (ISO 13528)."
-)

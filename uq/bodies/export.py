@@ -1,7 +1,7 @@
 """Inertial parameters as files for simulators, ROS and robot controllers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +9,9 @@ import numpy as np
 
 from identify.estimators.admissible_tensor import distance_from_bodies
 from identify.exceptions import RunError
-from identify.reporting import Result, Section, plain
+from identify.reporting import Result, plain
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.rounding import common, significant
-from identify.text_tables import Table
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
 from uq.bodies.exported_body import ExportedBody, principal_axes
 
@@ -50,22 +49,9 @@ class Exported(Result):
 
         place(self.files(), Path(folder))
 
-    def tables(self) -> list[Table]:
-        """Return the files by format."""
-        rows = [[name, of.file, of.description] for name, of in self.formats.items()]
-        return [Table("Exported files", ["format", "file", "what"], rows)]
-
-    def overview(self) -> list[Table]:
-        """Return the same without a caption."""
-        return [replace(table, caption="") for table in self.tables()]
-
-    def notes(self) -> list[str]:
-        """Return the warnings, a line each."""
-        return [f"warning: {text}" for text in self.warnings]
-
-    def section(self) -> Section:
-        """Return its part of a report."""
-        return Section("Exported files", (), self.warnings, details=self.tables(), provenance=self.provenance)
+    def records(self) -> list[dict[str, Any]]:
+        """Return format, file and description of each."""
+        return [{"format": name, "file": form.file, "what": form.description} for name, form in self.formats.items()]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: the files by format."""

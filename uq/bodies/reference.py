@@ -20,7 +20,6 @@ from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.rotation import exponential
 from identify.rounding import common, significant
-from identify.text_tables import Table
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.bodies.drawing import (
     ORIGIN,
@@ -70,14 +69,6 @@ class Reference(Shown):
     sha256: str | None = None
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """Content of the reference's file."""
-
-    def title(self) -> str:
-        """Return its name and kind."""
-        return f"{self.name} ({self.kind})"
-
-    def tables(self) -> list[Table]:
-        """Return its parameters with their standard uncertainties."""
-        return self.parameters.tables()
 
 
 def load_reference(path: str | Path) -> Reference:

@@ -9,13 +9,12 @@ import numpy as np
 from identify.exceptions import UnknownNameError
 from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import finest, significant, with_uncertainty
-from identify.text_tables import Table
+from identify.rounding import significant
 from uq.gram_sums.cases import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
 
-__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error", "verdict_on_mean_errors"]
+__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,19 +54,6 @@ class Statistics(Shown):
             of_sigma = np.where(variance > 0, np.sqrt(of_variance) / (2 * np.sqrt(variance)), 0.0)
         return cls(mean, np.sqrt(variance / n), 3 * np.sqrt(variance), 3 * of_sigma)
 
-    def rows(self, beside: "Statistics | None" = None) -> list[list[str]]:
-        """Return mean error and 3σ with standard errors, in g·m², to the decimals that matter beside other figures."""
-        places = finest(GRAM_METRE * (beside or self).mean_error_standard_error)
-        rows = []
-        for said, name in (("mean error", "mean_error"), ("3σ", "three_sigma")):
-            figures, errors = (GRAM_METRE * getattr(self, of) for of in (name, f"{name}_standard_error"))
-            rows.append([said, *(with_uncertainty(*each, places) for each in zip(figures, errors, strict=True))])
-        return rows
-
-    def tables(self) -> list[Table]:
-        """Return mean error and 3σ of each component with standard errors, in g·m²."""
-        return [Table("", ["g·m²", *COMPONENTS], self.rows())]
-
     def to_dict(self) -> dict[str, dict[str, float | None]]:
         """Return the four figures by component, in g·m²; a figure that does not exist is None."""
         return {
@@ -96,14 +82,15 @@ class OfCase(Protocol):
         """Mean of estimate minus truth of the six components [kg·m²]."""
 
     @property
+    def mean_error_standard_error(self) -> np.ndarray:
+        """Standard error of the mean errors [kg·m²]; NaN where they are exact."""
+
+    @property
     def three_sigma(self) -> np.ndarray:
         """Three standard deviations of the six components [kg·m²]."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures by component, in g·m²."""
-
-    def rows(self, beside: Any = None) -> list[list[str]]:
-        """Return mean error and 3σ of each component, in g·m², to the decimals that matter beside other figures."""
 
 
 CaseFigures = TypeVar("CaseFigures", bound=OfCase)
@@ -155,15 +142,6 @@ class Breakdown(Result, Generic[CaseFigures]):
         with np.errstate(invalid="ignore", divide="ignore"):
             return float(np.mean(alone.three_sigma / self.total.three_sigma))
 
-    def tables(self) -> list[Table]:
-        """Return mean error and 3σ of each group and source alone, and its share of the total's 3σ."""
-        rows = []
-        for name, figures in self.cases.items():
-            share = 100 * self.share(name)
-            first, second, *_ = figures.rows(self.total)
-            rows += [[name, *first, ""], ["", *second, f"{share:.0f}" if np.isfinite(share) else "–"]]
-        return [Table("", ["alone", "g·m²", *COMPONENTS, "share %"], rows)]
-
     def records(self) -> list[dict[str, Any]]:
         """Return the figures of each case and component, in g·m²."""
         return [
@@ -210,17 +188,3 @@ def large_mean_error(where: str, total: OfCase) -> list[str]:
         for k in np.flatnonzero(ratio > 1)
     ]
     return [f"{where}: the mean error exceeds 3σ: {', '.join(excess)}."] if excess else []
-
-
-def verdict_on_mean_errors(totals: Mapping[tuple[str, str], OfCase]) -> str:
-    """Return with which estimators, on which trajectories, a mean error exceeds its 3σ."""
-    named: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
-    for (trajectory, estimator), total in totals.items():
-        named[bool(large_mean_error("", total))].setdefault(estimator, []).append(trajectory)
-    beyond, within = (
-        "; ".join(f"{estimator} ({', '.join(trajectories)})" for estimator, trajectories in named[which].items())
-        for which in (True, False)
-    )
-    if not beyond:
-        return "No mean error exceeds its 3σ."
-    return f"Biased: {beyond}." + (f" Unbiased within 3σ: {within}." if within else "")

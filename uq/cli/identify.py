@@ -7,11 +7,11 @@ from identify.reporting import Result
 from uq.bodies import export_formats
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
-from uq.identification.certificate import Certificate
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import check_tare, tare_files
 from uq.recorded.mounting import names
 from uq.recorded.time_window import windows_of_options
+from uq.report.certificate.certificate import Certificate
 from uq.terminal.common import ERRORS, add_window_options, finish, output_folder, start_jax
 
 __all__ = ["ERRORS", "configure", "run"]

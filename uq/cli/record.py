@@ -154,8 +154,8 @@ def _beside(
 def _identified(path: Path, experiment: str, say: Callable[[str], None]) -> bool:
     """Print what ``inertia identify`` says of the file; whether it could."""
     from uq.experiment.experiment import Experiment
-    from uq.identification.certificate import Certificate
     from uq.identification.identify_files import identify_files
+    from uq.report.certificate.certificate import Certificate
     from uq.terminal.common import ERRORS as NOT_IDENTIFIED
     from uq.terminal.common import finish, start_jax
 

@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from identify.reporting import Result
 from identify.rounding import significant
-from identify.text_tables import Table
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 
 Kind = Literal["symmetric", "shortest"]
@@ -210,23 +209,6 @@ class Verdict(Result):
         """Return a sentence for each output: that the law holds, or which end fails and why."""
         columns = [np.ravel(x) for x in (self.d_low, self.d_high, self.tolerance, self.resolution)]
         return [_reason(*map(float, row)) for row in zip(*columns, strict=True)]
-
-    def rows(self, names: tuple[str, ...] | None = None) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of a table, one output a row."""
-        size = self.d_low.size
-        names = names or tuple(f"y{k + 1}" if size > 1 else "y" for k in range(size))
-        figures = [np.abs(np.ravel(x)) for x in (self.d_low, self.d_high, self.tolerance)]
-        rows = [
-            [name, *map(significant, row), "yes" if held else "no", why]
-            for name, row, held, why in zip(
-                names, np.stack(figures, axis=1), np.ravel(self.holds), self.reasons(), strict=True
-            )
-        ]
-        return ["output", "d_low", "d_high", "δ", "holds", "why"], rows
-
-    def tables(self) -> list[Table]:
-        """Return differences, tolerance and verdict, a row an output."""
-        return [Table("", *self.rows())]
 
     def records(self) -> list[dict[str, Any]]:
         """Return differences, tolerance and whether the law holds, in the outputs' unit."""

@@ -15,9 +15,10 @@ from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
 from uq.excitation.platform_scene import FRAMES, Scene, scene
 from uq.experiment.experiment import Experiment
-from uq.planning.duration_figure import duration_drawing
 from uq.planning.required_duration import Duration
-from uq.propagation.law_result import LawStatistics, drawn
+from uq.propagation.law_result import LawStatistics
+from uq.report.drawing import drawing
+from uq.report.tables.planning import duration_drawing
 
 SHOWN = 10.0
 """Length of the motion that figures show, from its middle [s]."""
@@ -46,6 +47,7 @@ def design_drawings(
     omega, alpha = np.asarray(motion.twist.omega), np.asarray(motion.twist.alpha)
     visited = [f"{100 * measured_directions.visited(path):.0f} %" for path in (omega, alpha)]
     view = _scene(design.experiment, motion)
+    totals = {name: law.total for name, law in laws.items()}
 
     def platform():
         from uq.excitation.platform_figures import still
@@ -68,27 +70,17 @@ def design_drawings(
 
         return design_figures.legs(t, used, design.limits)
 
-    def coverage():
-        from identify.results import sphere_figures
-
-        return sphere_figures.coverage(omega, alpha, laws[NAME].total.covariance)
-
     def budgets():
         from uq.excitation import design_figures
 
         return design_figures.budgets(laws, bound)
 
-    def components():
-        from uq.campaign.campaign_figures import contributions
-
-        return contributions({name: drawn(law).total for name, law in laws.items()})
-
     return [
         Drawing("platform", f"{view.seconds:g} s of the motion, as fast and as large; {VIEW}", platform, animated),
         Drawing("motion", f"{t[-1] - t[0]:.0f} s from the middle.", motions),
         Drawing("legs", LEGS, legs),
-        Drawing("coverage", COVERAGE.format(*visited), coverage),
-        Drawing("components", COMPONENTS_OF, components),
+        drawing("coverage", COVERAGE.format(*visited), "sphere.coverage", omega, alpha, laws[NAME].total.covariance),
+        drawing("components", COMPONENTS_OF, "campaign.contributions", totals),
         Drawing("budgets", BUDGETS, budgets),
         duration_drawing(durations),
     ]

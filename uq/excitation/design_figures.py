@@ -7,12 +7,12 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import FigureBase
 
-from identify.figure_style import AXIS_COLOURS, MOST, PAGE, PALETTE, STYLE, columns, display_name, label, new_figure
 from identify.motion.leg_limits import Effort, Limits
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.campaign.statistics import Breakdown
 from uq.planning.required_duration import average
 from uq.propagation.law_result import LawStatistics
+from uq.report.figures.style import AXIS_COLOURS, MOST, PAGE, PALETTE, STYLE, columns, display_name, label, new_figure
 
 LEG_COLOURS = PALETTE[:4] + PALETTE[4:6]
 

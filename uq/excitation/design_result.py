@@ -14,10 +14,11 @@ from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.excitation.design import Design
 from uq.excitation.designed_experiment import NAME
 from uq.experiment.experiment_tables import left_out_note
-from uq.planning.required_duration import Duration, average, duration_table
+from uq.planning.required_duration import Duration, average
 from uq.planning.sensor_worth import SensorWorth
 from uq.propagation.law_result import LawStatistics
 from uq.report.input_tables import source_tables
+from uq.report.tables.planning import duration_table
 
 GOALS = ("moments", "products")
 RULES = 0.5

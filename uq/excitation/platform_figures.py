@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import FigureBase
 
-from identify.figure_style import COLUMN, PALETTE, STYLE, new_figure
 from uq.excitation.platform_scene import Scene
+from uq.report.figures.style import COLUMN, PALETTE, STYLE, new_figure
 
 SIZE = 460
 """Width and height of the drawing [px]."""

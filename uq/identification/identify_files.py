@@ -38,9 +38,8 @@ from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
 from uq.recorded.mounting import check_count, labelled
 from uq.recorded.time_window import TimeWindow, cut
-from uq.report.assumptions import is_declared
 from uq.sources.constant_errors import declared_sigma
-from uq.sources.source import KINDS
+from uq.sources.source import KINDS, is_declared
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"

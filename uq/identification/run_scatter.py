@@ -13,9 +13,8 @@ from identify.reporting import Result
 from identify.results.discordance import Discordance, PoolEstimate, discordant_runs
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rounding import fixed, significant
+from identify.rounding import significant
 from identify.signals.run import Run
-from identify.text_tables import Table
 
 LEAST_RATIO_OF_FREEDOM = 10.0
 """Ratio of a prediction's degrees of freedom to those of the scatter from which on the prediction is used."""
@@ -74,17 +73,6 @@ class ScatterVerdict(Result):
         ]
         return f"{', '.join(components)} scatter{'s' if len(components) == 1 else ''}"
 
-    def tables(self) -> list[Table]:
-        """Return scatter, prediction and verdict of each component."""
-        head = ["", "standard deviation", "predicted", "ratio", "probability", "verdict"]
-        words = {-1: "less", 0: "as predicted", 1: "more"}
-        chances = (fixed(chance, 4) for chance in self.probability)
-        columns = zip(self.names, self.measured, self.predicted, self.ratio, chances, self.sign, strict=True)
-        rows = [
-            [name, *map(significant, figures), chance, words[int(sign)]] for name, *figures, chance, sign in columns
-        ]
-        return [Table("", head, rows)]
-
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it."""
         return {
@@ -102,10 +90,6 @@ class ScatterVerdict(Result):
         keys = ("measured", "predicted", "ratio", "probability")
         rows = zip(self.names, *(getattr(self, key) for key in keys), strict=True)
         return [dict(zip(("component", *keys), row, strict=True)) for row in rows]
-
-    def notes(self) -> list[str]:
-        """Return the verdict."""
-        return [self.text]
 
 
 def pooled_scatter_verdict(pooling: Pooling) -> ScatterVerdict | None:

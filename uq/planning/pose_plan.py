@@ -1,7 +1,7 @@
 """Static poses for a platform, designed for mass and centre of gravity: a list that ``inertia centre`` reads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -14,14 +14,12 @@ from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
 from identify.motion.stewart_platform import Pose, StewartPlatform, Twist
-from identify.reporting import Result, Section
+from identify.reporting import Result
 from identify.rigid_body.rotation import exponential
-from identify.rounding import fixed, significant
 from identify.static.centre import predicted_covariance
 from identify.static.centre_result import PARAMETERS, UNITS
 from identify.static.pose_design import best_poses, log_determinant
 from identify.static.pose_fit import Attitudes
-from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
 from uq.planning.motion_export import leg_lengths
@@ -77,6 +75,11 @@ class PosePlan(Result):
         return np.arccos(np.clip(self.rotation[:, 2, 2], -1, 1))
 
     @property
+    def angles(self) -> Float[np.ndarray, "n 3"]:
+        """Roll, pitch and yaw of each pose [rad]."""
+        return scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1]
+
+    @property
     def standard_uncertainty(self) -> Float[np.ndarray, "10"]:
         """Predicted, of the ten parameters."""
         return np.sqrt(np.diag(self.covariance))
@@ -88,41 +91,13 @@ class PosePlan(Result):
 
     def csv(self) -> str:
         """Return the list: pose, legs, gravity in B; force and moment stand empty until they are measured."""
-        angles = scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1]
-        rows = np.hstack([self.position, angles, self.length, -self.rotation[:, 2]])
+        rows = np.hstack([self.position, self.angles, self.length, -self.rotation[:, 2]])
         lines = [f"{k},{','.join(f'{x + 0.0:.9f}' for x in row)}{',' * 6}" for k, row in enumerate(rows, start=1)]
         return "\n".join([",".join(COLUMNS), *lines, ""])
 
     def files(self) -> dict[str, bytes]:
         """Return the list of poses."""
         return {f"{self.name}.csv": self.csv().encode()}
-
-    def pose_table(self) -> Table:
-        """Return where to go, and the legs' lengths."""
-        angles = np.degrees(scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1])
-        rows = [
-            [f"{k}", *(fixed(1e3 * x, 2) for x in p), *(fixed(a, 3) for a in turn), *(fixed(1e3 * x, 2) for x in legs)]
-            for k, (p, turn, legs) in enumerate(zip(self.position, angles, self.length, strict=True), start=1)
-        ]
-        legs = [f"leg {k}, mm" for k in range(1, 7)]
-        head = ["pose", "x, mm", "y, mm", "z, mm", "roll, °", "pitch, °", "yaw, °", *legs]
-        return Table(f"Static poses to run, {self.hold:g} s each", head, rows)
-
-    def tables(self) -> list[Table]:
-        """Return predicted standard uncertainties beside those of the naive poses."""
-        rows = []
-        for name, unit, designed, other in zip(
-            PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty, strict=True
-        ):
-            scale, shown = {"m": (1e3, "mm"), "kg": (1e3, "g")}.get(unit, (1.0, unit))
-            pair = [significant(scale * designed), significant(scale * other)]
-            rows.append([name, shown, *pair, fixed(100 * (designed / other - 1), 1)])
-        title = "Static poses for mass and centre of gravity: what they promise"
-        return [Table(title, ["", "u in", "designed", "naive", "change, %"], rows, POSE_NOTE)]
-
-    def overview(self) -> list[Table]:
-        """Return the poses, then what they promise."""
-        return [replace(table, caption="") for table in (self.pose_table(), *self.tables())]
 
     def repeats(self) -> list[list[int]]:
         """Return the numbers of poses that are the same, from 1 on, a list for each pose that comes more than once."""
@@ -131,30 +106,11 @@ class PosePlan(Result):
             same.setdefault(np.round(pose, 9).tobytes(), []).append(number)
         return [numbers for numbers in same.values() if len(numbers) > 1]
 
-    def notes(self) -> list[str]:
-        """Return which poses are the same, and why."""
-        if not (repeats := self.repeats()):
-            return []
-        sets = "; ".join(f"{', '.join(map(str, numbers[:-1]))} and {numbers[-1]}" for numbers in repeats)
-        return [f"note: poses {sets} are the same: {REPEATED}"]
-
     def records(self) -> list[dict[str, Any]]:
         """Return predicted standard uncertainties of the ten parameters, in SI, designed and naive."""
         columns = (PARAMETERS, UNITS, self.standard_uncertainty, self.naive_standard_uncertainty)
         names = ("parameter", "unit", "designed", "naive")
         return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-
-    def section(self) -> Section:
-        """Return its part of a report."""
-        averaged = "Force and moment of a static pose are averaged; its noise is white and its constant offsets are"
-        return Section(
-            "Static poses",
-            findings=[text.removeprefix("note: ") for text in self.notes()],
-            tables=self.tables(),
-            details=[self.pose_table()],
-            assumptions=[f"{averaged} estimated."],
-            provenance=self.provenance,
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says, SI."""
@@ -292,12 +248,3 @@ def _worst(experiment: Experiment, limits: Limits) -> str:
     home = jax.tree.map(lambda array: array[None], experiment.platform.home_pose)
     asked = _at_rest(experiment, home)
     return str(peaks(asked, limits, jnp.zeros(1))[0])
-
-
-REPEATED = (
-    "few directions determine mass and centre best, and repeating them does more than others would. Go to each anew."
-)
-POSE_NOTE = (
-    "naive: as many poses level and along ±x, ±y. The list, poses.csv, is read by inertia centre once the mean force "
-    "and moment of each pose are filled in."
-)

@@ -7,7 +7,7 @@ checked, and mended, by the law at the answer itself.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,8 +19,7 @@ from identify.motion.multisine import Multisine
 from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
-from identify.rounding import exact, significant
-from identify.text_tables import Table
+from identify.rounding import significant
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.propagation.experiment_law import law
@@ -104,52 +103,9 @@ class Duration(Result):
             "checked": self.checked,
         }  # fmt: skip
 
-    def title(self) -> str:
-        """Return what the target takes, in a sentence."""
-        wanted = f"average 3σ of {_as_asked(self.target)} g·m² ({self.goal})"
-        now = f"{significant(GRAM_METRE * self.now, 4)} g·m² at {self.current_duration:g} s"
-        if self.seconds is not None:
-            how = "" if self.checked else "; extrapolated, too long to be checked"
-            return f"{wanted}: measure for {significant(self.seconds, 4)} s (now {now}{how})"
-        return (
-            f"{wanted}: no duration reaches it, {significant(GRAM_METRE * self.reached, 4)} g·m² is the least; "
-            f"{_words(self.forbids)} forbids it, which time does not average (now {now})"
-        )
-
-    def tables(self) -> list[Table]:
-        """Return the target, the average 3σ as it is, and the duration."""
-        return [duration_table([self])]
-
-    def overview(self) -> list[Table]:
-        """Return nothing: the title says all."""
-        return []
-
     def records(self) -> list[dict[str, Any]]:
         """Return its content, kg·m² and s."""
         return [self.to_dict()]
-
-
-def _as_asked(target: float) -> str:
-    """A target in g·m²."""
-    return exact([GRAM_METRE * target])[0]
-
-
-def _words(name: str | None) -> str:
-    return (name or "").replace("_", " ")
-
-
-def duration_table(durations: Sequence[Duration]) -> Table:
-    """Return what each of several targets takes."""
-    rows = []
-    for duration in durations:
-        wanted = [duration.goal, _as_asked(duration.target), significant(GRAM_METRE * duration.now, 3)]
-        if duration.seconds is None:
-            least = f"{_words(duration.forbids)} leaves {significant(GRAM_METRE * duration.reached, 3)} g·m²"
-            rows.append([*wanted, "–", f"out of reach: {least}"])
-        else:
-            rows.append([*wanted, significant(duration.seconds, 4), "" if duration.checked else "extrapolated"])
-    head = ["average 3σ of", "target, g·m²", "now, g·m²", "duration, s", "why"]
-    return Table("How long must I measure?", head, rows, DURATION_NOTE)
 
 
 @explains_names
@@ -306,9 +262,3 @@ def _floor(growth: Growth, goal: str, spec: TrajectorySpec) -> tuple[float, str]
     k = int(np.argmin(widths))
     shares = (variances[k] / variances[k].sum(axis=0))[:, list(GOALS[goal])].mean(axis=1)
     return float(widths[k]), growth.names[int(np.argmax(shares))]
-
-
-DURATION_NOTE = (
-    "Noise is averaged over time; what is drawn once, such as the centre of gravity's error, is not. Ramps and motion "
-    "stay as they are; each duration is checked by the law at that duration."
-)

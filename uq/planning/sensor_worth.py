@@ -14,8 +14,7 @@ from jaxtyping import Float
 from identify.exceptions import explains_names
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed, significant
-from identify.text_tables import Table
+from identify.rounding import significant
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.cases import cases_of
 from uq.planning.required_duration import average
@@ -55,39 +54,10 @@ class SensorWorth(Result):
         """The source whose halving lowers the sum of all six 3σ most."""
         return self.sources[int(np.argmin(self.halved.sum(axis=1)))]
 
-    def rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows, most worth first: average 3σ with half the sigma, its change, derivatives."""
-        head = ["sigma halved", "moments, g·m²", "change, %", "products, g·m²", "change, %", *COMPONENTS]
-        now = {goal: average((self.three_sigma / 3) ** 2, goal) for goal in ("moments", "products")}
-        rows = [["none", significant(GRAM_METRE * now["moments"]), "", significant(GRAM_METRE * now["products"]), "",
-                 *("" for _ in COMPONENTS)]]  # fmt: skip
-        for k in np.argsort(self.halved.sum(axis=1)):
-            cells = [self.sources[k].replace("_", " ")]
-            for goal in ("moments", "products"):
-                then = average((self.halved[k] / 3) ** 2, goal)
-                cells += [significant(GRAM_METRE * then), signed_tenth(100 * (then / now[goal] - 1))]
-            rows.append([*cells, *(fixed(value, 3) for value in self.derivative[k])])
-        return head, rows
-
     def changes(self) -> Float[np.ndarray, "sources 2"]:
         """Return what halving each source's sigma changes the average 3σ of moments and of products by, in parts."""
         now, halved = ([average((w / 3) ** 2, goal) for goal in BOTH] for w in (self.three_sigma, self.halved))
         return np.stack(halved, axis=1) / np.array(now) - 1
-
-    def overview(self) -> list[Table]:
-        """Return averages alone; sources that change neither by 0.05 % share a row."""
-        head, (none, *rows) = self.rows()
-        order = np.argsort(self.halved.sum(axis=1))
-        small = [abs(self.changes()[k]).max() < NEGLIGIBLE for k in order]
-        shown = [row[:5] for row, no in zip(rows, small, strict=True) if not no]
-        others = [[f"{sum(small)} others", "", "0.0", "", "0.0"]] if sum(small) > 1 else []
-        if sum(small) == 1:
-            shown = [row[:5] for row in rows]
-        return [Table("", head[:5], [none[:5], *shown, *others])]
-
-    def notes(self) -> list[str]:
-        """Return the remarks, a line each."""
-        return [f"note: {text}" for text in self.remarks]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: 3σ in g·m², by source and component."""
@@ -100,10 +70,6 @@ class SensorWorth(Result):
                 for name, d, h in zip(self.sources, self.derivative, self.halved, strict=True)
             },
         }  # fmt: skip
-
-    def tables(self) -> list[Table]:
-        """Return what halving each source's sigma does, most worth first."""
-        return [Table("", *self.rows())]
 
     def records(self) -> list[dict[str, Any]]:
         """Return derivative and 3σ with half the sigma, in g·m², by source and component."""
@@ -173,8 +139,3 @@ def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: s
 
 def _with(sources: Sequence[Source], which: int, factor: float) -> tuple[Source, ...]:
     return tuple(s.error_kind.resized(s, factor) if k == which else s for k, s in enumerate(sources))
-
-
-def signed_tenth(value: float) -> str:
-    """Return a change with its sign, to a tenth; what rounds to zero has a plus."""
-    return f"{round(value, 1) + 0.0:+.1f}".replace("-", "−")

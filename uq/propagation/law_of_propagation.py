@@ -17,8 +17,6 @@ from jaxtyping import Array, Float
 from identify.compiled_program import CompiledProgram
 from identify.floating_point import check_precision
 from identify.reporting import Result
-from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant
-from identify.text_tables import Table
 from uq.coverage.expanded_uncertainty import welch_satterthwaite
 
 
@@ -73,23 +71,13 @@ class LinearLaw(Result):
         half = k * self.standard_uncertainty
         return np.asarray(self.value - half), np.asarray(self.value + half)
 
-    def tables(self) -> list[Table]:
-        """Return estimate, standard uncertainty, interval and each input's contribution, a row a component."""
-        columns, power = self._columns(), common_power(self.standard_uncertainty.ravel())
-        rows = []
-        for value, u, low, high, freedom, *parts in zip(*columns.values(), strict=True):
-            value, u, low, high, *parts = (x / 10.0**power for x in (value, u, low, high, *parts))
-            ends = (rounded(low, u), rounded(high, u))
-            row = [beside_uncertainty(value, u), rounded(u, u), *ends, significant(freedom)]
-            rows.append([*row, *(rounded(x, u) for x in parts)])
-        return [Table(in_power(power), list(columns), rows)]
-
     def records(self) -> list[dict[str, Any]]:
         """Return the same as numbers, in the measurand's unit."""
-        columns = self._columns()
+        columns = self.columns()
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
-    def _columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return estimate, standard uncertainty, interval and contributions by their heads in a table."""
         low, high = self.coverage_interval()
         columns = {"estimate": self.value, "u": self.standard_uncertainty, "95 % from": low, "to": high,
                    "degrees of freedom": self.degrees_of_freedom}  # fmt: skip

@@ -1,18 +1,16 @@
 """Does the law hold here? The clause 8 verdict on the law and on the textbook's, source by source, and why."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from identify.reporting import Result, Section
+from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import significant
-from identify.text_tables import Table
 from uq.campaign.campaign import GRAM_METRE, MonteCarloResult
 from uq.coverage.coverage_intervals import Verdict, numerical_tolerance, symmetric_interval, validate
-from uq.propagation.law_result import LawResult, LawStatistics, beside
+from uq.propagation.law_result import LawResult, LawStatistics
 
 WRONG_FACTOR = 2.0
 """Ratio of two standard deviations from which their difference is named as the reason."""
@@ -104,21 +102,6 @@ def words_of(verdict: Verdict) -> list[str]:
     ]
 
 
-def verdict_rows(listed: Sequence[LawVerdict]) -> tuple[list[str], list[list[str]]]:
-    """Return head and rows: the six components' verdicts on each law, and why the textbook's is rejected."""
-    rows = [
-        [v.trajectory, v.estimator, v.case.replace("_", " "), _counts([v.law]), _counts([v.textbook]), v.why]
-        for v in listed
-    ]
-    return ["trajectory", "estimator", "alone", "law", "textbook's", "why rejected"], rows
-
-
-def _counts(of_verdicts: Sequence[Verdict]) -> str:
-    words = [word for verdict in of_verdicts for word in words_of(verdict)]
-    counts = {word: words.count(said) for said, word in (("holds", "hold"), ("rejected", "rejected"), ("open", "open"))}
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-
-
 @dataclass(frozen=True, repr=False)
 class LawValidation(Result):
     """The law beside a Monte Carlo of the same experiment, and the verdict of JCGM 101, clause 8, on both laws.
@@ -126,25 +109,12 @@ class LawValidation(Result):
     Example: ``validate_law(law(experiment), montecarlo(experiment, trials=2000)).to_frame()``.
     """
 
-    comparison: tuple[Table, ...]
-    """Law and Monte Carlo, all sources together, a table for each trajectory and estimator."""
+    law: LawResult
+    monte_carlo: MonteCarloResult
     verdicts: tuple[LawVerdict, ...]
     probability: float
     digits: int
     name: str = "law_validation"
-
-    def title(self) -> str:
-        """Return what is compared."""
-        return "Law of propagation beside the Monte Carlo, all sources together"
-
-    def tables(self) -> list[Table]:
-        """Return the comparison, then how many of the laws' intervals hold: of all cases and components."""
-        rows = []
-        for pair in dict.fromkeys((v.trajectory, v.estimator) for v in self.verdicts):
-            of_pair = [v for v in self.verdicts if (v.trajectory, v.estimator) == pair]
-            rows.append([*pair, _counts([v.law for v in of_pair]), _counts([v.textbook for v in of_pair])])
-        question = f"Do the laws' {100 * self.probability:g} % intervals hold? (JCGM 101, clause 8)"
-        return [*self.comparison, Table(question, ["trajectory", "estimator", "law", "textbook's law"], rows, NOTE)]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the verdict on each law's interval by case and component."""
@@ -154,29 +124,6 @@ class LawValidation(Result):
             for v in self.verdicts
             for component, of_law, of_textbook in zip(COMPONENTS, words_of(v.law), words_of(v.textbook), strict=True)
         ]
-
-    def findings(self) -> list[str]:
-        """Return in which cases the law itself is rejected."""
-        return [
-            f"{v.trajectory}, {v.estimator}: the law's interval is rejected for {v.case.replace('_', ' ')} "
-            f"({', '.join(c for c, word in zip(COMPONENTS, words_of(v.law), strict=True) if word == 'rejected')})"
-            for v in self.verdicts
-            if rejected(v.law).any()
-        ]
-
-    def notes(self) -> list[str]:
-        """Return the findings, and why the textbook's law is rejected for all sources together, a line each."""
-        why = [
-            f"{v.trajectory}, {v.estimator}: the textbook's law is rejected, since {v.why}"
-            for v in self.verdicts
-            if v.case == "total" and v.why
-        ]
-        return [f"attention: {text}" for text in self.findings()] + why
-
-    def section(self) -> Section:
-        """Return its part of a report: every case among the details."""
-        each = Table("The laws' intervals, case by case", *verdict_rows(self.verdicts), wrap=True)
-        return Section(self.title(), findings=self.findings(), tables=self.tables(), details=[each])
 
     def to_dict(self) -> dict[str, Any]:
         """Return its part of result.json: the verdict on each law by case and component."""
@@ -199,10 +146,4 @@ def validate_law(
 ) -> LawValidation:
     """Return the law beside a Monte Carlo, and whether its intervals hold; see :func:`verdicts`."""
     judged = verdicts(law, result, probability=probability, digits=digits)
-    return LawValidation(tuple(beside(law, result)), tuple(judged), probability, digits)
-
-
-NOTE = (
-    "Counted over all sources together, each group and each source alone, and six components; to one digit of the "
-    "standard uncertainty. open: too few trials to say."
-)
+    return LawValidation(law, result, tuple(judged), probability, digits)

@@ -12,8 +12,6 @@ from jaxtyping import Array, Float
 from identify.floating_point import check_precision
 from identify.pytree import Pytree, static_field
 from identify.reporting import Result
-from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant
-from identify.text_tables import Table
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.coverage.coverage_intervals import CoverageInterval, Value, shortest_interval, symmetric_interval
 from uq.coverage.coverage_regions import covariance_of
@@ -51,21 +49,6 @@ class Propagation(Result):
         """Standard deviation of the trials, of the measurand's shape."""
         return np.asarray(np.sqrt(np.diag(self.covariance)).reshape(self.estimate.shape))
 
-    def title(self) -> str:
-        """Return what the table is of."""
-        return f"Monte Carlo, {self.trials:,} trials in {self.stability.blocks} blocks, seed {self.seed}"
-
-    def tables(self) -> list[Table]:
-        """Return estimate, standard uncertainty, both intervals and tolerance, a row a component."""
-        percent = f"{100 * self.symmetric.probability:g} %"
-        head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
-        power, rows = common_power(self.standard_uncertainty.ravel()), []
-        for record in self.records():
-            value, u, *ends, tolerance = (x / 10.0**power for x in record.values())
-            figures = [beside_uncertainty(value, u), rounded(u, u), *(rounded(end, u) for end in ends)]
-            rows.append([*figures, significant(tolerance, 2)])
-        return [Table(in_power(power), head, rows)]
-
     def records(self) -> list[dict[str, Any]]:
         """Return the same as numbers, in the measurand's unit."""
         columns = {
@@ -76,10 +59,6 @@ class Propagation(Result):
         }  # fmt: skip
         rows = zip(*map(np.ravel, columns.values()), strict=True)
         return [dict(zip(columns, row, strict=True)) for row in rows]
-
-    def notes(self) -> list[str]:
-        """Return the warnings, a line each."""
-        return list(self.warnings)
 
 
 def propagate_distributions(

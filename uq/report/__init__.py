@@ -1,1 +1,1 @@
-"""One HTML page that stands alone, certificates, a result's files."""
+"""Tables, figures and texts of every result, certificates, one HTML page that stands alone, a result's files."""

@@ -1,12 +1,12 @@
 """Assumptions of a result about errors, from the declared sources and from the kinds that none of them is of."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from identify.figure_style import display_name
-from uq.sources.source import KINDS, ErrorKind
+from uq.report.figures.style import display_name
+from uq.sources.source import KINDS, is_declared
 
 NOUNS = {"F": "force", "M": "moment", "omega": "gyro", "wrench": "load cell"}
 """Words for the targets of kinds that act on several."""
@@ -47,11 +47,6 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
         if kind.absence and not is_declared(target, kind, declared):
             targets.setdefault(kind.absence, []).append(NOUNS.get(target, target))
     return [absence.format(_listed(names)) for absence, names in targets.items()]
-
-
-def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
-    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
-    return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)
 
 
 def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, Any]]) -> list[str]:

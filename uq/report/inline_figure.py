@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from markupsafe import Markup
 from PIL import Image
 
-from identify.figure_style import DARK
+from uq.report.figures.style import DARK
 
 ROUNDED = ("d", "x", "y", "width", "height", "points", "transform")
 """Attributes whose figures need two decimals of a point at most, from ten on a single one: a fifteenth of a pixel."""

@@ -14,11 +14,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.text import Text
 
-from identify.figure_style import COLUMN
 from identify.reporting import Drawing, Section
 from identify.text_tables import Table
 from rig.exceptions import on_its_lines
-from uq.report.certificate_front import number_of
+from uq.report.certificate.front import number_of
+from uq.report.figures.style import COLUMN
 from uq.report.inline_figure import colours, inline, styled
 from uq.report.input_tables import input_table
 

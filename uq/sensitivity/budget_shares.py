@@ -8,8 +8,6 @@ import numpy as np
 
 from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import finest, with_uncertainty
-from identify.text_tables import Table
 from uq.campaign.statistics import Statistics
 from uq.sensitivity.variance_shares import Indices
 
@@ -53,6 +51,17 @@ class MeanSquare(NamedTuple):
     """Square of the mean error over the mean squared error, for the whole tensor."""
     tensor_bias_share_standard_error: float
 
+    @property
+    def three_sigma(self) -> np.ndarray:
+        """Three standard deviations by component [kg·m²]."""
+        return 3 * np.sqrt(self.variance)
+
+    @property
+    def three_sigma_standard_error(self) -> np.ndarray:
+        """Standard error of ``three_sigma`` [kg·m²]."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self.variance > 0, 1.5 * self.variance_standard_error / np.sqrt(self.variance), 0.0)
+
 
 @dataclass(frozen=True, repr=False)
 class SourceBudget(Shown):
@@ -76,87 +85,9 @@ class SourceBudget(Shown):
         return self.sources.players[int(np.nanargmax(np.nan_to_num(self.sources.shapley.generalised, nan=-1)))]
 
     @property
-    def verdict(self) -> str:
-        """The culprit, and how much of the error is bias, in a sentence."""
-        shapley, p = self.sources.shapley, self.sources.players.index(self.culprit)
-        share = _percent(shapley.generalised[p], shapley.generalised_standard_error[p])
-        m = self.mean_square
-        bias = _percent(m.tensor_bias_share, m.tensor_bias_share_standard_error)
-        alone = {name: float(np.nansum(s.mean_error**2)) for name, s in self.sources.alone.items()}
-        worst = max(alone, key=lambda name: alone[name])
-        return (
-            f"{_name(self.culprit)} causes {share} % of the tensor's variance; {bias} % of its mean squared error is "
-            f"bias{f', most of it from {_name(worst)}' if m.tensor_bias_share > 0.05 else ''}."
-        )
-
-    @property
     def closes(self) -> bool:
         """Whether the closure is one within :data:`CLOSURE_LIMIT` standard errors on every component."""
         return not bool((np.abs(self.closure - 1) > CLOSURE_LIMIT * self.closure_standard_error).any())
-
-    def tables(self) -> list[Table]:
-        """Return the shares of the whole tensor's variance."""
-        return [Table("", *self.tensor_rows())]
-
-    def notes(self) -> list[str]:
-        """Return the verdict."""
-        return [self.verdict]
-
-    def tensor_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the shares of the whole tensor's variance, in per cent, the largest first."""
-        rows = []
-        for label, effects in self._kinds():
-            kinds = (effects.first, effects.total, effects.shapley)
-            small = 0
-            for p in _by_size(effects):
-                if not label and max(abs(i.generalised[p]) for i in kinds) < SMALL:
-                    small += 1
-                    continue
-                cells = [_percent(i.generalised[p], i.generalised_standard_error[p]) for i in kinds]
-                rows.append([f"{label}{_name(effects.players[p])}", *cells])
-            if small:
-                rows.append([f"{small} more, below {100 * SMALL:g} each", "", "", ""])
-            if not label:
-                rows.append(["sum of sources", *(_percent(i.sum[1], np.nan) for i in kinds)])
-        return ["% of the tensor's variance", "first order", "total", "Shapley"], rows
-
-    def component_rows(self, quantity: str = "shapley") -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the shares of each component's variance: ``first``, ``total`` or ``shapley``."""
-        rows = []
-        for label, effects in self._kinds():
-            indices = getattr(effects, quantity)
-            for p in _by_size(effects):
-                cells = map(_percent, indices.value[p], indices.standard_error[p])
-                rows.append([f"{label}{_name(effects.players[p])}", *cells])
-            if not label:
-                rows.append(["sum of sources", *(_percent(value, np.nan) for value in indices.sum[0])])
-        rows.append(["closure", *map(_percent, self.closure, self.closure_standard_error)])
-        title = {"first": "first order", "total": "total", "shapley": "Shapley"}[quantity]
-        return [f"{title}, % of the variance", *COMPONENTS], rows
-
-    def mean_rows(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of the mean errors, g·m²: each source and group alone, and all together."""
-        m = self.mean_square
-        places = finest(GRAM_METRE * m.mean_error_standard_error)
-        rows = [
-            [f"{label}{_name(name)}", *_grams(s.mean_error, s.mean_error_standard_error, places), ""]
-            for label, effects in self._kinds()
-            for name, s in effects.alone.items()
-        ]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            spread = np.where(m.variance > 0, 1.5 * m.variance_standard_error / np.sqrt(m.variance), 0.0)
-        shares = [*m.bias_share, m.tensor_bias_share]
-        errors = [*m.bias_share_standard_error, m.tensor_bias_share_standard_error]
-        return ["mean error alone, g·m²", *COLUMNS], [
-            ["no source: the estimator", *_grams(self.without, np.zeros(len(COMPONENTS)), places), ""],
-            *rows,
-            ["all sources", *_grams(m.mean_error, m.mean_error_standard_error, places), ""],
-            ["3σ of all sources", *_grams(3 * np.sqrt(m.variance), spread, places), ""],
-            ["bias, % of the mean square", *map(_percent, shares, errors)],
-        ]
-
-    def _kinds(self) -> tuple[tuple[str, Effects], tuple[str, Effects]]:
-        return ("", self.sources), ("group ", self.groups)
 
     def values(self) -> Iterator[tuple[str, str, str, str, float, float, str]]:
         """Yield kind of player, player, component, quantity, value, standard error and unit of every figure."""
@@ -185,25 +116,3 @@ class SourceBudget(Shown):
             yield "all", "all", column, "bias_share", m.bias_share[k], m.bias_share_standard_error[k], "1"
             yield "all", "all", column, "closure", self.closure[k], self.closure_standard_error[k], "1"
         yield "all", "all", TENSOR, "bias_share", m.tensor_bias_share, m.tensor_bias_share_standard_error, "1"
-
-
-def _by_size(effects: Effects) -> list[int]:
-    """Numbers of the players, the one with the largest share of the tensor's variance first."""
-    return sorted(range(len(effects.players)), key=lambda p: -effects.shapley.generalised[p])
-
-
-def _name(name: str) -> str:
-    return name.replace("_", " ").replace("omega", "ω").replace("r cg", "r CG")
-
-
-SMALL = 5e-4
-"""Share of the tensor's variance below which sources are counted together; budget.csv holds all."""
-
-
-def _percent(value: float, standard_error: float) -> str:
-    """A share in per cent, to a thousandth at most."""
-    return with_uncertainty(100 * value, 100 * standard_error, places=3)
-
-
-def _grams(values: np.ndarray, errors: np.ndarray, places: int) -> list[str]:
-    return list(map(with_uncertainty, GRAM_METRE * values, GRAM_METRE * errors, [places] * len(values)))

@@ -14,8 +14,6 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.reporting import Result
-from identify.rounding import with_uncertainty
-from identify.text_tables import Table
 from uq.sensitivity.effects import (
     PairEffects,
     of_all_subsets,
@@ -68,21 +66,6 @@ class Sensitivity(Result):
         kinds = {"first order": self.first, "total": self.total, "Shapley": self.shapley}
         return {name: indices for name, indices in kinds.items() if indices is not None}
 
-    def rows(self, output: int | None = None) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of a table: indices with standard errors of one output, or of all together (None)."""
-        cells = [[*map(with_uncertainty, *_column(i, output))] for i in self.indices.values()]
-        sums = [with_uncertainty(float(_column(i, output)[0].sum()), np.nan) for i in self.indices.values()]
-        return ["input", *self.indices], [*map(list, zip(self.players, *cells, strict=True)), ["sum", *sums]]
-
-    def title(self) -> str:
-        """Return what the table is of."""
-        failed = f"; {self.failed} failed and are left out" if self.failed else ""
-        return f"Shares of the variance, {self.trials:,} {self.points} trials, {self.evaluations:,} evaluations{failed}"
-
-    def tables(self) -> list[Table]:
-        """Return the indices of all outputs together."""
-        return [Table("", *self.rows())]
-
     def records(self) -> list[dict[str, Any]]:
         """Return every index with its standard error, by input and output."""
         return [
@@ -92,24 +75,6 @@ class Sensitivity(Result):
             for name, indices in self.indices.items()
             for output in range(indices.value.shape[1])
         ]
-
-    def notes(self) -> list[str]:
-        """Return what the effects add up to."""
-        closure = ", ".join(map(with_uncertainty, self.closure, self.closure_standard_error))
-        notes = [f"closure (sum of the effects over the sample variance, by output): {closure}"]
-        return [*notes, SPREAD] if self.points == "quasi-random" else notes
-
-
-SPREAD = (
-    f"standard errors: from the spread of {REPLICATES} replicates, times √({REPLICATES - 1}/{REPLICATES - 3}), the "
-    f"standard deviation of Student's t; within two of them in 95 of 100 cases."
-)
-
-
-def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarray]:
-    if output is None:
-        return indices.generalised, indices.generalised_standard_error
-    return indices.value[:, output], indices.standard_error[:, output]
 
 
 @explains_names

@@ -7,7 +7,7 @@ scale factor, a delay …), *noise* (fresh at each sample), or nothing of it is 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
@@ -336,3 +336,8 @@ def kind_of(target: str, name: str) -> ErrorKind:
     if kind := KINDS.get((target, name)):
         return kind
     raise ValueError(f"Argument `kind` must be a kind of error on {target}, but is {name!r}.")
+
+
+def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
+    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
+    return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)

@@ -9,29 +9,22 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.exceptions import explains_names
-from identify.reporting import Drawing, Result, Section
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import common, fixed, significant, with_uncertainty
+from identify.reporting import Result
+from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.run import Run
-from identify.text_tables import Table, one_line
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
-from uq.planning.required_duration import average
 from uq.propagation.experiment_law import law
 from uq.recorded.load_run import load
-from uq.report.input_tables import source_tables
-from uq.tracking.centre_stillness import SLOWEST, Stillness, stillness_of
+from uq.tracking.centre_stillness import Stillness, stillness_of
 from uq.tracking.followed import Followed, follow, plan_at, verdicts
 from uq.tracking.measured_trajectory import measured_trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import FigureBase
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,77 +52,10 @@ class Achieved(Result):
     provenance: Mapping[str, Any] = field(default_factory=dict)
     file_name: str = "achieved.json"
 
-    def tables(self) -> list[Table]:
-        """Return how each axis followed, predicted 3σ, and how still the centre of gravity was."""
-        return [self.axis_table(), self.width_table(), *self.stillness_tables()]
-
-    def overview(self) -> list[Table]:
-        """Return the same without captions."""
-        return [dataclasses.replace(table, caption="") for table in self.tables()]
-
-    def axis_table(self) -> Table:
-        """Return how each axis followed."""
-        f = self.followed
-        gains = map(with_uncertainty, f.gain, f.gain_standard_error)
-        lags = map(with_uncertainty, 1e3 * f.lag, 1e3 * f.lag_standard_error)
-        others = [*zip(common(1e3 * f.offset), common(1e3 * f.residual), strict=True)]
-        rows = [[f"ω{k + 1}", gain, lag, *others[k]] for k, (gain, lag) in enumerate(zip(gains, lags, strict=True))]
-        head = ["axis", "amplitude / planned", "lag, ms", "offset, mrad/s", "residual rms, mrad/s"]
-        return Table("How each axis followed", head, rows, LAG)
-
-    def width_table(self) -> Table:
-        """Return predicted 3σ of the plan and of what was run, by component."""
-        change = 100 * (self.three_sigma / self.planned_three_sigma - 1)
-        rows = [
-            ["planned", *(significant(GRAM_METRE * x, 4) for x in self.planned_three_sigma)],
-            ["what was run", *(significant(GRAM_METRE * x, 4) for x in self.three_sigma)],
-            ["change, %", *(fixed(x, 1) for x in change)],
-        ]
-        return Table("Predicted 3σ, g·m²", ["3σ, g·m²", *COMPONENTS], rows, PREDICTED)
-
-    def stillness_tables(self) -> list[Table]:
-        """Return how the centre of gravity moved, where mass and centre of gravity are stated."""
-        still = self.stillness
-        if still is None:
-            return []
-        rows = [
-            ["acceleration, mm/s²", significant(1e3 * still.acceleration)],
-            ["planned, mm/s²", significant(1e3 * still.planned)],
-            ["measured less planned, mm/s²", significant(1e3 * still.apart)],
-            [f"displacement at {SLOWEST:g} Hz and above, mm", significant(1e3 * still.displacement)],
-        ]
-        note = f"By the {still.by}, from {SLOWEST:g} Hz to the motion's band."
-        return [Table("How still the centre of gravity was", ["centre of gravity, rms", "value"], rows, note)]
-
     def records(self) -> list[dict[str, Any]]:
         """Return predicted 3σ of the plan and of what was run, by component [kg·m²]."""
         rows = zip(COMPONENTS, self.planned_three_sigma, self.three_sigma, strict=True)
         return [dict(zip(("component", "planned", "achieved"), row, strict=True)) for row in rows]
-
-    def drawings(self) -> list[Drawing]:
-        """Return planned and measured angular velocity over some seconds."""
-
-        def draw() -> "FigureBase":
-            from uq.tracking.followed_figure import followed
-
-            return followed(*self.trace)
-
-        return [Drawing("followed", "Some seconds from the middle of the motion.", draw)]
-
-    def section(self) -> Section:
-        """Return its part of a report."""
-        return Section(
-            title=f"What was run: {self.run} beside {self.trajectory}",
-            computed=[f"{self.summary()[0].upper()}{self.summary()[1:]}.", FOLLOWED],
-            findings=self.warnings,
-            tables=self.tables(),
-            drawings=self.drawings(),
-            details=source_tables(self.provenance),
-            assumptions=[
-                "The displacement of the platform's centre was that of the plan; the attitude follows the gyro."
-            ],
-            provenance=self.provenance,
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of achieved.json: SI, 3σ in kg·m²."""
@@ -146,24 +72,6 @@ class Achieved(Result):
                             "sources": {name: by(values) for name, values in self.sources.items()}},
             "warnings": list(self.warnings), "provenance": dict(self.provenance),
         }  # fmt: skip
-
-    def summary(self) -> str:
-        """Return the averages in one line."""
-        ours, theirs = ([average((s / 3) ** 2, goal) for goal in ("moments", "products")]
-                        for s in (self.three_sigma, self.planned_three_sigma))  # fmt: skip
-        pairs = zip(("moments", "products"), ours, theirs, strict=True)
-        averages = [
-            f"{name} {significant(GRAM_METRE * a)} g·m² (planned {significant(GRAM_METRE * b)})" for name, a, b in pairs
-        ]
-        return f"average 3σ of what was run: {', '.join(averages)}"
-
-    def title(self) -> str:
-        """Return which run stands beside which plan."""
-        return one_line(f"{self.run} beside {self.trajectory}")
-
-    def notes(self) -> list[str]:
-        """Return the averages and the warnings, a line each."""
-        return [self.summary(), *(f"attention: {text}" for text in self.warnings)]
 
 
 @explains_names
@@ -218,8 +126,3 @@ def _trace(run: Run, spec: TrajectorySpec, lag: float) -> tuple[np.ndarray, np.n
     middle = lag + spec.duration / 2
     inside = np.abs(t - middle) <= min(3.0, spec.duration / 2)
     return t[inside] - lag, plan_at(spec, t[inside] - lag)[0], np.asarray(run.omega)[inside]
-
-
-FOLLOWED = "The run's angular velocity is fitted by the planned one: amplitude, lag, and offset of each axis."
-LAG = "lag: counted from the run's first sample; ± is a standard error, from the residuals."
-PREDICTED = "By the law of propagation, the measured angular velocity in place of the planned one."

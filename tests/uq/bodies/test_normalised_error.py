@@ -19,6 +19,7 @@ from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import suspicions
 from uq.bodies.reference import reference
 from uq.identification.tare import tared
+from uq.report.tables.comparison import findings
 
 PACKED = np.triu_indices(3)
 
@@ -258,7 +259,7 @@ def test_figures_that_are_no_bodys_as_they_are_read_are_a_finding(generator):
         wrong = cad(written("CG", "tensor"), about, products, frame=False)
         assert "is no body" in wrong.warnings[0]
         found = compare(identified(measured(generator, axes=np.eye(3))), wrong)
-        assert "is no body" in found.findings()[0]
+        assert "is no body" in findings(found)[0]
         assert [one.cause for one in found.suspicions] == [cause]
 
 
@@ -299,7 +300,7 @@ def test_the_sources_table_3_as_a_laboratory_compares_it(generator):
     u = np.hypot(1e-3, spread[0] / np.sqrt(5))
     assert found.normalised_error[0] == pytest.approx(4.35e-3 / (2 * u))
     assert found.suspicions == ()
-    assert "I11, I13, I22, I23 differ from the source's cylinder beyond" in found.findings()[0]
+    assert "I11, I13, I22, I23 differ from the source's cylinder beyond" in findings(found)[0]
     text = repr(found)
     assert "387.2" in text
     assert "1.14" in text
@@ -349,10 +350,10 @@ def test_a_mass_that_is_declared_as_exact_has_no_normalised_error():
     result = dataclasses.replace(identified(Tensor(TENSOR, 1e-6 * np.eye(6)), mass=MASS + 0.4), mass_uncertainty=None)
     found = compare(result, dataclasses.replace(cad(written("CG", "tensor"), frame=False)))
     assert set(found.other_errors) == {"cg_x", "cg_y", "cg_z"}
-    (line,) = [text for text in found.findings() if text.startswith("mass")]
+    (line,) = [text for text in findings(found) if text.startswith("mass")]
     assert line.startswith(f"mass is {MASS + 0.4:g} kg, declared without an uncertainty (no E_n); ")
     same = dataclasses.replace(result, mass=MASS)
-    assert not any(text.startswith("mass") for text in compare(same, found.reference).findings())
+    assert not any(text.startswith("mass") for text in findings(compare(same, found.reference)))
 
 
 def test_repeats_are_without_the_fixture(generator):

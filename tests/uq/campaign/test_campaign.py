@@ -19,6 +19,7 @@ from uq.campaign.campaign import SamplingPlan, Statistics, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_engine, true_motion, true_motions
 from uq.experiment.experiment import ExperimentError
+from uq.report.tables.campaign import shares as share_table
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
 from uq.trials.engine import run_trials
@@ -363,7 +364,7 @@ def test_the_result_is_the_contract(brief):
     assert content["provenance"]["engine"] == "sums"
     assert "T2" in repr(result)
     assert "<table>" in result._repr_html_()
-    table = result.share_table()
+    table = share_table(result)
     assert table.head == ["3σ alone, % of total", "T2, smoothed"]
     shares = [float(row[1] or 0) for row in table.rows]
     assert [row[0] for row in table.rows[:1]] == ["group load cell"]

@@ -10,15 +10,15 @@ from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
-from identify.figure_style import display_name
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests.helpers.small_campaign import campaign
-from uq import barreto2016_figures as plots
 from uq.barreto2016 import PRINTED
 from uq.campaign.averages import average
 from uq.campaign.campaign import Breakdown, MonteCarloResult, Statistics
-from uq.campaign.campaign_figures import BESIDE, LINES, contributions
 from uq.experiment.experiment import Experiment
+from uq.report.figures import paper as plots
+from uq.report.figures.campaign import BESIDE, LINES, contributions
+from uq.report.figures.style import display_name
 
 
 def heights(axes):

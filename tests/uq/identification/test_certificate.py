@@ -26,15 +26,16 @@ from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal, of_t
 from uq.experiment.conformity import Conformity, decide
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import Report
-from uq.identification import acceptance_checks as checks
-from uq.identification.certificate import Certificate
-from uq.identification.certificate_tables import alignment, bodies, budget, mass_and_centre
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import tared
-from uq.report.certificate_front import number_of
+from uq.report.certificate import checks
+from uq.report.certificate.certificate import Certificate
+from uq.report.certificate.front import number_of
+from uq.report.certificate.tables import alignment, bodies, budget, mass_and_centre
 from uq.report.input_tables import input_table
 from uq.report.report_files import files
 from uq.report.report_files import report as page
+from uq.report.tables.identification import run_table
 
 
 def report(result):
@@ -231,7 +232,7 @@ def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
     assert "fixture taken off" in text
     squares = sum(np.square(part) for part in body.contributions.values())
     np.testing.assert_allclose(squares, np.diag(body.covariance), rtol=0.02)
-    shown = np.array([float(cell.replace("−", "-")) for cell in body.run_table().rows[0][4:]])
+    shown = np.array([float(cell.replace("−", "-")) for cell in run_table(body).rows[0][4:]])
     off = 1e3 * (plain.inertia - body.inertia)
     assert off[0] > 5
     np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth

@@ -13,8 +13,8 @@ from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import document, identified_files, write
 from uq.cli.main import main
 from uq.files.toml_text import toml_text
-from uq.identification.certificate import Certificate
-from uq.identification.certificate_tables import discordance
+from uq.report.certificate.certificate import Certificate
+from uq.report.certificate.tables import discordance
 
 pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
 

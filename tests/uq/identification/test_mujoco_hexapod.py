@@ -16,9 +16,9 @@ from tests.helpers.mujoco_rig import GRAVITY, Load, Rig
 from uq.cli import identify as command
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.identification.certificate import Certificate
 from uq.identification.static_centre import centre_file
 from uq.identification.tare import tare_files
+from uq.report.certificate.certificate import Certificate
 
 BODY = Load(4.2, (0.012, -0.008, 0.053), (0.0412, 0.0035, -0.0021, 0.0283, 0.0016, 0.0367))
 FIXTURE = Load(1.3, (0.001, 0.002, 0.018), (0.0061, 0.0, 0.0003, 0.0052, 0.0, 0.0083))

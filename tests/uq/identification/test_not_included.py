@@ -15,8 +15,9 @@ from tests.helpers.laboratory import Setup, cell_reading, measure
 from tests.helpers.laboratory_runs import document, identified, identified_files, run_of, source
 from tests.helpers.troubles import least_squares
 from uq.experiment.experiment import Experiment
-from uq.identification.certificate import Certificate
 from uq.identification.not_included import with_not_included
+from uq.report.certificate.certificate import Certificate, largest_beside
+from uq.report.tables.identification import not_included_tables
 
 SHORT = {"seconds": 15.0}
 UNIT = np.eye(6)
@@ -186,7 +187,7 @@ def test_where_all_is_declared_nothing_is_left_out(by_source, measured):
     content = document(measured, sources=declared) | {"not_included": {"mounting_frequency": False}}
     result = with_not_included(by_source, [run_of(measured)], Experiment.from_dict(content))
     assert result.not_included.effects == ()
-    assert result.not_included_tables() == []
+    assert not_included_tables(result) == []
     assert not any(note.startswith("not included") for note in result.notes())
 
 
@@ -196,7 +197,7 @@ def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
     both, u = NotIncluded((one, other)), 1e-3 * np.array([1.0, 1, 1, 1, 50, 1, 1, 1, 1, 1])
     np.testing.assert_allclose(both.together, 1e-3 * np.array([5.0, 0, 0, 0, 5, 0, 0, 0, 0, 0]))
     assert both.share(u) == (pytest.approx(5.0), 0)
-    assert both.beside(u) == "5.0 g in the mass beside u = 1.0"
+    assert largest_beside(both, u) == "5.0 g in the mass beside u = 1.0"
     u[0] = np.nan
     assert both.share(u) == (pytest.approx(0.1), 4)
     assert NotIncluded(()).share(u)[0] == 0

@@ -12,8 +12,8 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
 from uq.campaign.simulation import simulate
 from uq.identification import tare
-from uq.identification.certificate import Certificate
 from uq.identification.tare import tared
+from uq.report.certificate.certificate import Certificate
 from uq.report.input_tables import input_table
 
 

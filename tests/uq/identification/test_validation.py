@@ -8,8 +8,8 @@ from tests.helpers.result_schema import contradictions
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.toml_text import toml_text
-from uq.identification.certificate import Certificate
 from uq.identification.identify_files import identify_files
+from uq.report.certificate.certificate import Certificate
 from uq.report.report_files import json_text
 
 pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")

@@ -11,7 +11,7 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import average, lasting
-from uq.planning.sensor_worth import signed_tenth
+from uq.report.tables.planning import signed_tenth
 from uq.sources.distributions import Normal
 
 FILE = "docs/experiments/t1-10s.toml"

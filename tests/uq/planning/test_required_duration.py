@@ -8,9 +8,9 @@ import pytest
 from uq import law, montecarlo
 from uq.campaign.averages import average as of_trials
 from uq.experiment.experiment import ExperimentError
-from uq.planning.duration_figure import duration_figure
 from uq.planning.required_duration import GOALS, Growth, average, growth_of, lasting, required_duration
 from uq.planning.sensor_worth import sensor_worth
+from uq.report.figures.duration import duration_figure
 from uq.sources.source import Source
 
 NAMES = ("noise", "cg", "drift")
@@ -165,7 +165,8 @@ def test_a_halved_sigma_does_what_the_monte_carlo_says(longer, worth):
 
 
 def test_the_table_is_led_by_the_best(worth):
-    head, rows = worth.rows()
+    (table,) = worth.tables()
+    head, rows = table.head, table.rows
     assert rows[0][0] == "none"
     assert rows[1][0] == worth.best.replace("_", " ")
     assert len(rows) == 1 + len(worth.sources)

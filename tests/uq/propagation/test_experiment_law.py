@@ -11,7 +11,6 @@ import pytest
 from matplotlib.collections import PathCollection
 
 from identify.floating_point import MESSAGE, PrecisionWarning
-from identify.text_tables import text_table
 from tests.helpers.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -20,8 +19,8 @@ from uq.propagation import prepared_run as kept
 from uq.propagation.beyond_the_law import BeyondLawError, Peaks
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
-from uq.propagation.law_result import beside
-from uq.propagation.law_validation import rejected, validate_law, verdict_rows, verdicts
+from uq.propagation.law_validation import rejected, validate_law, verdicts
+from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT
 
 ROUNDING = 1e-12
@@ -100,7 +99,7 @@ def test_law_and_monte_carlo_agree(brief, prepared):
     of_frame = {tuple(row.values())[:4]: row["textbook"] for row in validation.records()}
     assert of_frame["T1", "central", "omega_precision", "I33"] == "rejected"
     assert len(of_frame) == 2 * 2 * 11 * 6
-    assert validation.findings() == []
+    assert findings(validation) == []
     assert any(text.startswith("T1, central: the textbook's law is rejected, since") for text in validation.notes())
     whole = validation.tables()[-1].rows
     assert sum(int(word) for row in whole for word in re.findall(r"\d+", row[2])) == 2 * 2 * 11 * 6
@@ -308,7 +307,7 @@ def test_the_result_reads_well(prepared):
     assert s["three_sigma"]["I33"] == pytest.approx(
         1e3 * predicted["T1", "central"].sources["omega_bias"].three_sigma[5]
     )
-    assert len(predicted.source_rows()[1]) == 2 * 2 * 11 * 2
+    assert len(predicted.tables()[1].rows) == 2 * 2 * 11 * 2
 
 
 def test_a_kind_that_was_not_prepared_is_refused(prepared):
@@ -352,9 +351,9 @@ def test_the_verdict_on_the_textbooks_law():
     """Clause 8 rejects it for the gyro's noise everywhere, for its bias on T3 and T4, and says why."""
     preset = Experiment.load("barreto2016")
     result = montecarlo(preset, trials=2000, estimators="central")
-    judged = verdicts(law(preset, estimators="central"), result)
-    print(text_table(*verdict_rows(judged)))
-    for verdict in judged:
+    validation = validate_law(law(preset, estimators="central"), result)
+    print(*validation.section().details)
+    for verdict in validation.verdicts:
         if verdict.case == "omega_precision" or (verdict.case == "omega_bias" and verdict.trajectory in ("T3", "T4")):
             assert rejected(verdict.textbook).any()
             assert "quadratic" in verdict.why or "do not average out" in verdict.why

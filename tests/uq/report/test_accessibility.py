@@ -13,9 +13,9 @@ from tests.helpers.small_campaign import campaign, paper_result
 from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.identification.certificate import Certificate
 from uq.identification.identify_files import identify_files
 from uq.propagation.experiment_law import law
+from uq.report.certificate.certificate import Certificate
 from uq.report.report_files import report
 
 

@@ -10,7 +10,6 @@ import matplotlib.image
 import pytest
 
 import uq.report.report_files
-from identify.figure_style import DARK
 from identify.reporting import Drawing, Section
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import finest, with_uncertainty
@@ -18,6 +17,7 @@ from tests.helpers.browser import Reader, drawn
 from tests.helpers.small_campaign import campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
+from uq.report.figures.style import DARK
 from uq.report.inline_figure import inline
 from uq.report.input_tables import inferred
 from uq.report.page import joined
@@ -124,7 +124,7 @@ def test_json_warns_of_the_same_pairs(html):
     assert {text.partition(":")[0] for text in content["warnings"]} == beyond
     assert paper_result().to_dict()["warnings"] == content["warnings"]
     said = "Biased: central (T1, T2, T3, T4). Unbiased within 3σ: smoothed (T1, T2, T3, T4)."
-    assert campaign().verdict() == said
+    assert campaign().section().verdict == said
     assert said in html
 
 

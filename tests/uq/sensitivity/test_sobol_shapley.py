@@ -11,6 +11,7 @@ from SALib.analyze import sobol as salib_sobol
 from SALib.sample import sobol as salib_sample
 
 import uq.sensitivity.sobol_shapley
+from uq.report.tables.measurands import sensitivity_tables
 from uq.sensitivity.sobol_shapley import shapley, sobol
 from uq.sensitivity.subsets import effects_of_costs, effects_of_swaps, walsh
 from uq.sources.distributions import MultivariateNormal, Normal, Rectangular, UShaped
@@ -281,7 +282,8 @@ def test_neither_order_nor_an_idle_input_nor_the_mean_changes_an_index():
 
 def test_a_table_shows_every_input_with_its_standard_error():
     result = shapley(ishigami, ISHIGAMI, trials=100)
-    head, rows = result.rows(0)
+    (table,) = sensitivity_tables(result, 0)
+    head, rows = table.head, table.rows
     assert head == ["input", "first order", "total", "Shapley"]
     assert [row[0] for row in rows] == ["a", "b", "c", "sum"]
     assert all("±" in cell for row in rows[:3] for cell in row[1:])

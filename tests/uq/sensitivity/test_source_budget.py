@@ -21,7 +21,8 @@ from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.files.toml_text import toml_text
 from uq.report.report_files import files, report
-from uq.sensitivity.budget_shares import COLUMNS, _name
+from uq.report.tables.budget import _name, by_component, findings, of_tensor
+from uq.sensitivity.budget_shares import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
@@ -334,15 +335,15 @@ def test_the_largest_share_comes_first_and_small_ones_share_a_row(result):
     """Of the tensor; by component all sources stay, in the same order."""
     b = result["T1", "central"]
     shares = dict(zip(b.sources.players, b.sources.shapley.generalised, strict=True))
-    first, *_, rest, total = (row[0] for row in b.tensor_rows()[1][:-3])
+    first, *_, rest, total = (row[0] for row in of_tensor(b).rows[:-3])
     small = [
         name
         for name, p in zip(b.sources.players, range(7), strict=True)
         if max(abs(i.generalised[p]) for i in (b.sources.first, b.sources.total, b.sources.shapley)) < 5e-4
     ]
     assert (first, rest, total) == ("M precision", f"{len(small)} more, below 0.05 each", "sum of sources")
-    assert len(b.tensor_rows()[1]) == 7 - len(small) + 1 + 1 + 3
-    order = [row[0] for row in b.component_rows()[1][:7]]
+    assert len(of_tensor(b).rows) == 7 - len(small) + 1 + 1 + 3
+    order = [row[0] for row in by_component(b).rows[:7]]
     assert order == [_name(name) for name in sorted(shares, key=shares.get, reverse=True)]
 
 
@@ -358,8 +359,8 @@ def test_the_report_and_files_of_a_budget(result):
 def test_a_finding_when_the_shares_do_not_add_up(result):
     b = dataclasses.replace(result["T1", "central"], closure=np.full(6, 1.5), closure_standard_error=np.full(6, 0.1))
     changed = dataclasses.replace(result, budgets={"T1": {"central": b}})
-    assert "do not add up" in changed.findings()[0]
-    assert result.findings() == []
+    assert "do not add up" in findings(changed)[0]
+    assert findings(result) == []
 
 
 def test_figures_show_every_source(result):

@@ -13,7 +13,10 @@ from matplotlib.figure import FigureBase
 from matplotlib.markers import TICKDOWN
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from identify.figure_style import (
+from identify.rigid_body.inertia import COMPONENTS
+from identify.rounding import significant
+from uq.campaign.statistics import GRAM_METRE, OfCase
+from uq.report.figures.style import (
     COLUMN,
     GRID,
     LINES,
@@ -27,9 +30,6 @@ from identify.figure_style import (
     new_figure,
     width_of,
 )
-from identify.rigid_body.inertia import COMPONENTS
-from identify.rounding import significant
-from uq.campaign.statistics import GRAM_METRE, Statistics
 
 BESIDE = 5
 """Cases whose bars stand side by side; more have a line each."""
@@ -42,7 +42,7 @@ LABELS = 8
 """Most characters of a column's labels; of more, only nought and the outermost are written."""
 
 
-def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
+def contributions(cases: Mapping[str, OfCase]) -> FigureBase:
     """Draw what each case does to each component: the source's figure 3, with the mean error in a second panel.
 
     Error bars are standard errors. A mean error that exceeds its own 3σ is written beside its marker when it belongs
@@ -77,7 +77,7 @@ def contributions(cases: Mapping[str, Statistics]) -> FigureBase:
     return figure
 
 
-def _line_by_line(cases: Mapping[str, Statistics]) -> FigureBase:
+def _line_by_line(cases: Mapping[str, OfCase]) -> FigureBase:
     """A column for each component, 3σ above and mean error below; a line for each case, the largest first."""
     first, *others = cases
     size = {
@@ -162,7 +162,7 @@ def _columns(
     return place
 
 
-def _in_gram_metre(cases: Iterable[Statistics]) -> np.ndarray:
+def _in_gram_metre(cases: Iterable[OfCase]) -> np.ndarray:
     """3σ, its standard error, mean error and its standard error of all components, (4, cases, 6) [g·m²]."""
     names = "three_sigma", "three_sigma_standard_error", "mean_error", "mean_error_standard_error"
     return GRAM_METRE * np.stack([[getattr(s, name) for name in names] for s in cases], axis=1)
@@ -176,7 +176,7 @@ def finish_dispersion(axes: Axes) -> None:
     axes.grid(axis="y", color=GRID, linewidth=0.5)
 
 
-def _finish_mean_error(axes: Axes, cases: Mapping[str, Statistics]) -> None:
+def _finish_mean_error(axes: Axes, cases: Mapping[str, OfCase]) -> None:
     axes.axhline(0, color=RULE, linewidth=0.6, zorder=1)
     axes.set_ylabel("mean error [g·m²]")
     axes.tick_params(axis="x", length=0)
@@ -190,7 +190,7 @@ def _finish_mean_error(axes: Axes, cases: Mapping[str, Statistics]) -> None:
     _name_excess(axes, cases)
 
 
-def _name_excess(axes: Axes, cases: Mapping[str, Statistics]) -> None:
+def _name_excess(axes: Axes, cases: Mapping[str, OfCase]) -> None:
     """Write the mean errors of the first case that exceed their 3σ."""
     for s in list(cases.values())[:1]:
         for k in np.flatnonzero(np.abs(s.mean_error) > s.three_sigma):

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
-from identify.figure_style import (
+from uq.report.figures.style import (
     FILL,
     GRID,
     OTHERS,

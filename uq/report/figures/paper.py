@@ -12,12 +12,13 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
 from identify.compiled_program import CompiledProgram
-from identify.figure_style import COLUMN, GRID, PALETTE, RULE, STYLE, label, new_figure
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
+from uq.barreto2016 import PaperResult
 from uq.campaign.averages import average
 from uq.campaign.campaign import MonteCarloResult
-from uq.campaign.campaign_figures import ERROR_BAR, finish_dispersion
-from uq.experiment.experiment import TrajectorySpec, samples
+from uq.experiment.experiment import Experiment, TrajectorySpec, samples
+from uq.report.figures.campaign import ERROR_BAR, finish_dispersion
+from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, STYLE, label, new_figure
 
 AXES = ("b1", "b2", "b3")
 POINTS = 8000
@@ -83,6 +84,22 @@ def angular_velocity(t: np.ndarray, omega: np.ndarray) -> FigureBase:
         panels[-1].set_xlim(t[0], t[-1])
         figure.align_ylabels(panels)
     return figure
+
+
+def figure2(result: PaperResult) -> FigureBase:
+    """Draw angular velocity and acceleration of T1."""
+    _, omega, alpha = rates(_trajectory(result, "T1"))
+    return spheres(omega, alpha)
+
+
+def figure4(result: PaperResult) -> FigureBase:
+    """Draw the angular velocity of T3."""
+    t, omega, _ = rates(_trajectory(result, "T3"))
+    return angular_velocity(t, omega)
+
+
+def _trajectory(result: PaperResult, name: str) -> TrajectorySpec:
+    return Experiment.from_dict(result.campaign.provenance["experiment"]).trajectories[name]
 
 
 def rates(spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -3,14 +3,13 @@
 In Okabe and Ito's colours, which colour-blind readers tell apart. Matplotlib is imported when a figure is drawn.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from identify.reporting import PLACE
+
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, FigureBase, SubFigure
+    from matplotlib.figure import FigureBase
 
 COLUMN, PAGE = 3.5, 7.2
 """Width of a column and of a page [in]."""
@@ -80,38 +79,17 @@ def on(colour: str) -> str:
     return "white" if colour in DARK_COLOURS else "#1a1a1a"
 
 
-_PLACE: ContextVar[Any] = ContextVar("place", default=None)
-
-
 def new_figure(width: float, height: float, **options: Any) -> "FigureBase":
-    """Return an empty figure of this size [in], or what :func:`drawn_in` names in its place."""
+    """Return an empty figure of this size [in], or what :func:`identify.reporting.drawn_in` names in its place."""
     from matplotlib.figure import Figure
 
-    place = _PLACE.get()
+    place = PLACE.get()
     return Figure(figsize=(width, height), **options) if place is None else place
 
 
 def width_of(figure: Any) -> float:
     """Return the width of a figure, or of a part of one [in]."""
     return float(figure.bbox.width / figure.dpi)
-
-
-@contextmanager
-def drawn_in(place: "Axes | SubFigure | Figure") -> Iterator[Any]:
-    """Let what is drawn meanwhile fill a figure, a part of one, or the place of an empty axes, which is removed."""
-    from matplotlib.axes import Axes
-
-    if isinstance(place, Axes):
-        spec, whole = place.get_subplotspec(), place.figure
-        if spec is None:
-            raise ValueError("Argument `ax` must be an axes of a grid, as plt.subplots makes them, but stands freely.")
-        place.remove()
-        place = whole.add_subfigure(spec)
-    before = _PLACE.set(place)
-    try:
-        yield place
-    finally:
-        _PLACE.reset(before)
 
 
 def display_name(name: str) -> str:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from identify.diagnostics.held_out_run import FORCE, HeldOutRun
-from identify.figure_style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, STYLE, new_figure
+from uq.report.figures.style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, STYLE, new_figure
 
 
 def prediction(run: HeldOutRun, ratios: Sequence[float]) -> FigureBase:

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from matplotlib.tri import Triangulation
 
-from identify.figure_style import PAGE, PALETTE, RULE, STYLE, new_figure
 from identify.results.measured_directions import AxisValues, rms_about, uncertainty_about
 from identify.rigid_body.inertia import GRAM_METRE
+from uq.report.figures.style import PAGE, PALETTE, RULE, STYLE, new_figure
 
 RIM = np.sqrt(2)
 """Radius of a half sphere's disc, in Lambert's azimuthal equal-area projection of the unit sphere."""

@@ -5,7 +5,7 @@ import numpy as np
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator
 
-from identify.figure_style import COLUMN, PALETTE, STYLE, new_figure
+from uq.report.figures.style import COLUMN, PALETTE, STYLE, new_figure
 
 
 def pose_residuals(residuals: np.ndarray) -> FigureBase:

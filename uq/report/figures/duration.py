@@ -7,22 +7,9 @@ import numpy as np
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import ScalarFormatter, StrMethodFormatter
 
-from identify.figure_style import PAGE, PALETTE, RULE, STYLE, display_name, label, new_figure
-from identify.reporting import Drawing
 from identify.rigid_body.inertia import GRAM_METRE
-from uq.planning.required_duration import Duration, Growth, average
-
-
-def duration_drawing(durations: Sequence[Duration]) -> Drawing:
-    """Return the figure of durations that targets take, all of one growth."""
-
-    def draw() -> FigureBase:
-        asked: dict[str, list[float]] = {}
-        for duration in durations:
-            asked.setdefault(duration.goal, []).append(duration.target)
-        return duration_figure(durations[0].growth, asked)
-
-    return Drawing("durations", CAPTION, draw)
+from uq.planning.required_duration import Growth, average
+from uq.report.figures.style import PAGE, PALETTE, RULE, STYLE, display_name, label, new_figure
 
 
 def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> FigureBase:
@@ -63,4 +50,3 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
 
 
 GOALS_OF_ALL = ("moments", "products")
-CAPTION = "Average 3σ over the duration; grey: the duration as it is; dotted: the targets."

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from identify.figure_style import display_name
 from identify.results.alignment import Aligned
 from identify.results.contributions import evaluation_type
 from identify.results.identification_result import Identification
@@ -16,8 +15,9 @@ from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
 from uq.experiment.conformity import Decision
 from uq.experiment.report_table import Report
-from uq.identification import acceptance_checks
-from uq.report.certificate_front import MISSING
+from uq.report.certificate import checks
+from uq.report.certificate.front import MISSING
+from uq.report.figures.style import display_name
 
 DEGREE = float(np.degrees(1.0))
 AXES = ("b1", "b2", "b3")
@@ -217,7 +217,7 @@ def elsewhere(result: Identification) -> Iterator[Table]:
 
 def checked(rows: Sequence[Sequence[str]]) -> Table:
     """Return the checks: figure, limit, verdict."""
-    return Table("Checks", list(acceptance_checks.HEAD), [list(row) for row in rows], wrap=True)
+    return Table("Checks", list(checks.HEAD), [list(row) for row in rows], wrap=True)
 
 
 def _two_digits(values: np.ndarray) -> list[str]:

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import FigureBase
 
-from identify.figure_style import AXIS_COLOURS, PAGE, PALETTE, STYLE, new_figure
+from uq.report.figures.style import AXIS_COLOURS, PAGE, PALETTE, STYLE, new_figure
 
 
 def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray) -> FigureBase:

@@ -8,14 +8,16 @@ import numpy as np
 
 from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section
+from identify.results.contributions import QUANTITIES, NotIncluded
 from identify.results.identification_result import Identification
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.experiment.conformity import RULES, Decision, decide
 from uq.experiment.report_table import Report, read
-from uq.identification import acceptance_checks, certificate_tables
-from uq.report.certificate_front import front
+from uq.report.certificate import checks, tables
+from uq.report.certificate.front import front
 from uq.report.input_tables import source_tables
+from uq.report.tables import identification as identification_view
 
 TITLE = "Inertia tensor of a body"
 
@@ -43,17 +45,17 @@ class Certificate(Result):
     @cached_property
     def checks(self) -> list[list[str]]:
         """The checks, a row each; the last counts the warnings."""
-        return acceptance_checks.rows(self.identification)
+        return checks.rows(self.identification)
 
     @cached_property
     def left_out(self) -> str:
         """Sentence on what U leaves out, where that is too much to pass anything; else empty."""
-        if acceptance_checks.undeclared(self.identification)[-1] == acceptance_checks.WITHIN:
+        if checks.undeclared(self.identification)[-1] == checks.WITHIN:
             return ""
         effects = self.identification.not_included
         if effects is None:
             return "What undeclared errors would add to U is not known."
-        beside = effects.beside(self.identification.parameters.standard_uncertainty)
+        beside = largest_beside(effects, self.identification.parameters.standard_uncertainty)
         return f"U leaves out undeclared errors, typically {beside}."
 
     @cached_property
@@ -76,15 +78,15 @@ class Certificate(Result):
         """Return tensor, mass and centre, principal moments, conformity."""
         result, report = self.identification, self.report
         return [
-            certificate_tables.tensor(result, self.tensor),
-            certificate_tables.mass_and_centre(result, report),
-            *certificate_tables.principal(result, report),
-            *certificate_tables.conformity(report, self.decisions),
+            tables.tensor(result, self.tensor),
+            tables.mass_and_centre(result, report),
+            *tables.principal(result, report),
+            *tables.conformity(report, self.decisions),
         ]
 
     def overview(self) -> list[Table]:
         """Return the identification's, and conformity with a specification."""
-        return [*self.identification.overview(), *certificate_tables.conformity(self.report, self.decisions)]
+        return [*self.identification.overview(), *tables.conformity(self.report, self.decisions)]
 
     def notes(self) -> list[str]:
         """Return the identification's."""
@@ -106,17 +108,17 @@ class Certificate(Result):
         """Return budget, what is not included, scatter, validation, alignment, tare, checks, runs, sources."""
         result = self.identification
         return [
-            *certificate_tables.budget(result),
-            *result.not_included_tables(),
-            *certificate_tables.scatter(result),
+            *tables.budget(result),
+            *identification_view.not_included_tables(result),
+            *tables.scatter(result),
             *([] if result.validation is None else result.validation.tables()),
-            *certificate_tables.discordance(result),
-            *certificate_tables.bodies(result),
-            *certificate_tables.alignment(result),
-            *certificate_tables.tare(result),
-            certificate_tables.checked(self.checks),
-            *certificate_tables.elsewhere(result),
-            result.run_table(),
+            *tables.discordance(result),
+            *tables.bodies(result),
+            *tables.alignment(result),
+            *tables.tare(result),
+            tables.checked(self.checks),
+            *tables.elsewhere(result),
+            identification_view.run_table(result),
             *source_tables(result.provenance),
         ]
 
@@ -146,7 +148,7 @@ class Certificate(Result):
             said.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:
             said.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
-        failed = sum(row[-1] != acceptance_checks.WITHIN for row in self.checks)
+        failed = sum(row[-1] != checks.WITHIN for row in self.checks)
         if not failed:
             said.append("Every check is passed.")
         elif failed > bool(self.left_out):
@@ -158,7 +160,7 @@ class Certificate(Result):
         failed = [
             f"{row[0]}: {row[1]}, limit {row[2]}."
             for row in self.checks[:-1]
-            if row[-1] != acceptance_checks.WITHIN and row[0] != acceptance_checks.UNDECLARED
+            if row[-1] != checks.WITHIN and row[0] != checks.UNDECLARED
         ]
         why = {"undecided": UNDECIDED} if self.left_out else {}
         others = [
@@ -168,6 +170,14 @@ class Certificate(Result):
         ]
         left_out = [f"{self.left_out} {CURE}"] if self.left_out else []
         return [*left_out, *others, *self.identification.warnings, *([] if self.identification.warnings else failed)]
+
+
+def largest_beside(effects: NotIncluded, u: np.ndarray) -> str:
+    """Return in words what undeclared errors would add together, where that is most beside u of the ten, in SI."""
+    _, worst = effects.share(u)
+    name, unit, factor = QUANTITIES[worst]
+    added, own = (identification_view.two_digits(factor * value[worst]) for value in (effects.together, u))
+    return f"{added} {unit} in {name} beside u = {own}"
 
 
 def _decision_rule(report: Report) -> list[str]:

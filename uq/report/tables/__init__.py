@@ -1,0 +1,1 @@
+"""Tables and texts of results, a view a type: see :mod:`uq.report.views`."""

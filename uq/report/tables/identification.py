@@ -1,0 +1,254 @@
+"""The view of an identification: tensor, mass and centre of gravity, runs, what is not included, and its figures."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from identify.estimators import offsets
+from identify.reporting import Drawing, Section, section_of
+from identify.results import mass_and_centre, measured_directions
+from identify.results.alignment import listed
+from identify.results.contributions import QUANTITIES
+from identify.results.identification_result import Identification
+from identify.results.run_estimate import RunEstimate
+from identify.rigid_body.fixture import Tare
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.rigid_body.principal_axes import principal_axes
+from identify.rounding import beside_uncertainty, common, decimals, exact, fixed, significant, with_uncertainty
+from identify.text_tables import Table, sentence
+from uq.report.drawing import drawing
+
+MOST_DRAWN = 4
+"""Runs whose residuals are drawn."""
+MOST_NOTES = 3
+"""Most runs whose offsets are listed in the notes; result.json holds all."""
+PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
+"""Parts of an interval's half-width above which an effect is compared with it, and the words for it."""
+
+
+def title(result: Identification) -> str:
+    """Return quantity, runs and estimator in one line."""
+    runs = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
+    return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{result.estimator.name}'"
+
+
+def tables(result: Identification) -> list[Table]:
+    """Return the components in g·m², mass and centre of gravity, each run's estimate, and what is not included."""
+    validation = [] if result.validation is None else result.validation.tables()
+    return [*overview(result), run_table(result), *not_included_tables(result), *validation]
+
+
+def overview(result: Identification) -> list[Table]:
+    """Return the components in g·m², and mass and centre of gravity."""
+    head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
+    columns = zip(COMPONENTS, result.inertia, result.bias, result.standard_uncertainty, result.interval95, strict=True)
+    rows = []
+    for name, value, bias, uncertainty, (low, high) in columns:
+        u = uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value)
+        places = decimals(GRAM_METRE * u)
+        shown = beside_uncertainty(GRAM_METRE * value, GRAM_METRE * uncertainty, GRAM_METRE * u)
+        figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty, low, high)]
+        rows.append([name, shown, *figures[:2], f"{figures[2]} … {figures[3]}"])
+    return [Table("", head, rows), _mass_and_centre(result)]
+
+
+def _mass_and_centre(result: Identification) -> Table:
+    """Value, standard uncertainty and interval of mass and centre of gravity; – for what is not known."""
+    ten, rows = result.parameters, []
+    for name, unit, value, u, (low, high) in zip(
+        mass_and_centre.NAMES, mass_and_centre.UNITS, ten.values, ten.standard_uncertainty,
+        mass_and_centre.interval95(ten, result.centre_factor), strict=False,
+    ):  # fmt: skip
+        if not np.isfinite(value):
+            rows.append([name, "–", "–", "–"])
+        elif not u > 0:
+            rows.append([name, *exact([unit * value]), "–", "–"])
+        else:
+            places = decimals(unit * u)
+            low, high = (fixed(unit * x, places) for x in (low, high))
+            shown = beside_uncertainty(unit * value, unit * u)
+            rows.append([name, shown, fixed(unit * u, places), f"{low} … {high}"])
+    head = ["", "value", "standard uncertainty", "95 % interval"]
+    return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
+
+
+def run_table(result: Identification) -> Table:
+    """Return each run's own estimate, samples, rate, residuals."""
+    head = ["run", "samples", "rate, Hz", "residual, N·m", *COMPONENTS]
+    rows = []
+    rates = exact(run.rate for run in result.runs)
+    residuals = common(float(np.sqrt(np.mean(run.residual**2))) for run in result.runs)
+    for run, rate, residual in zip(result.runs, rates, residuals, strict=True):
+        pairs = zip(run.inertia - result.taken_off, run.standard_uncertainty, strict=True)
+        values = [fixed(GRAM_METRE * x, decimals(GRAM_METRE * u)) if run.alone else "–" for x, u in pairs]
+        rows.append([run.file, f"{run.samples}", rate, residual, *values])
+    return Table("Runs, components in g·m²", head, rows, RUN_NOTE)
+
+
+def not_included_tables(result: Identification) -> list[Table]:
+    """Return what each error that the intervals do not hold would add, in g·m², g and mm, where that is known."""
+    if not (result.not_included and result.not_included.effects):
+        return []
+    effects = result.not_included.effects
+    estimated = any(effect.parameters[:4].any() for effect in effects)
+    shown = slice(0 if estimated else 4, 10)
+    unit = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])
+    rows = []
+    for effect in effects:
+        figures = (unit * effect.parameters)[shown]
+        rows.append([effect.text, effect.figure, *(two_digits(x, effect.signed) for x in figures)])
+    head = ["", "typical", *(("mass", "r1", "r2", "r3") if estimated else ()), *COMPONENTS]
+    units = "g·m²; mass in g, centre of gravity in mm" if estimated else "g·m²"
+    return [Table(f"Not included in these intervals: what each would add, {units}", head, rows, NOT_INCLUDED_NOTE)]
+
+
+def notes(result: Identification) -> list[str]:
+    """Return what was used, offsets, warnings and assumptions, a line each."""
+    axes = principal_axes(result.inertia, result.covariance).note
+    bodies = None if result.admissible is None else result.admissible.note
+    return [
+        *_used(result.runs),
+        *_alignment(result),
+        *([] if result.tare is None else [_without(result.tare, result.parameters)]),
+        *_offsets(result.runs, result.measured.standard_uncertainty[1:4]),
+        *(f"warning: {text}" for text in result.warnings),
+        *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
+        *([_largest_not_included(result)] if result.not_included and result.not_included.effects else []),
+        *([f"held out: {result.validation.text}"] if result.validation and result.validation.explained else []),
+        *([] if axes is None else [f"principal axes: {axes}"]),
+        *(f"assumed: {text}" for text in result.assumptions),
+    ]
+
+
+def _used(runs: Sequence[RunEstimate]) -> Iterator[str]:
+    """Parts that were used and samples that were left out, a text for each run of which not all was used."""
+    for run in runs:
+        segments = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in run.segments)
+        out = ", ".join(f"{count:,} samples {reason}" for reason, count in run.left_out.items() if count)
+        how = ", found where it moves" if run.detected else ""
+        words = [f"used from {segments}{how}"] * bool(segments) + [f"left out: {out}"] * bool(out)
+        if words:
+            yield f"{run.file}: {'; '.join(words)}"
+
+
+def _alignment(result: Identification) -> Iterator[str]:
+    """A line each for delay and rotation that were estimated."""
+    delay, rotation = result.delay, result.rotation
+    if delay is not None and delay.estimated:
+        yield f"delay of the IMU: {listed(1e3 * delay.value, 1e3 * delay.standard_uncertainty)} ms"
+    if rotation is not None and rotation.estimated:
+        angles, errors = np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty)
+        yield f"rotation vector of the IMU against the body frame: ({listed(angles, errors)})°"
+
+
+def _without(tare: Tare, body: InertialParameters) -> str:
+    """Mass and centre of gravity of the body that is left without its fixture, in words."""
+    u = body.standard_uncertainty
+    mass = with_uncertainty(body.mass, float(u[0]))
+    fixture = with_uncertainty(tare.fixture.mass, float(tare.fixture.standard_uncertainty[0]))
+    centre = listed(1e3 * body.r_cg, 1e3 * u[1:4])
+    return f"without the fixture of {fixture} kg: mass {mass} kg, centre of gravity ({centre}) mm"
+
+
+def _offsets(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> Iterator[str]:
+    """A line for each run, of a few, with its offsets."""
+    for run in runs if len(runs) <= MOST_NOTES else ():
+        if run.offsets is not None:
+            moment = listed(run.offsets.moment, offsets.uncertainty(run.offsets, sigma_r_cg))
+            force = "" if run.force_offset is None else f", force ({', '.join(common(run.force_offset))}) N"
+            yield f"{run.file}: offsets removed: moment about the CG ({moment}) N·m{force}"
+
+
+def _largest_not_included(result: Identification) -> str:
+    """The largest effect that is not included, over half the interval of its quantity, in words."""
+    assert result.not_included is not None  # noqa: S101
+    estimated = result.centre_from == mass_and_centre.ESTIMATED
+    centre = (result.coverage_factors * result.parameters.standard_uncertainty)[:4]
+    half = np.concatenate([np.nan_to_num(centre) if estimated else np.zeros(4), np.ptp(result.interval95, axis=1) / 2])
+    added = np.abs([effect.parameters for effect in result.not_included.effects])
+    ratio = np.nan_to_num(np.where(half > 0, added, 0.0) / np.maximum(half, 1e-300), posinf=0.0)
+    row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
+    effect, (name, unit, factor) = result.not_included.effects[row], QUANTITIES[at]
+    than = next((words for part, words in PARTS if ratio[row, at] > part), None)
+    beside = "" if than is None else f", {than} {two_digits(factor * half[at])} {unit}"
+    return (
+        f"not included: {effect.text}, at a typical {effect.figure}, which would add "
+        f"{two_digits(factor * added[row, at])} {unit} to {name}{beside}; see the certificate"
+    )
+
+
+def two_digits(value: float, signed: bool = False) -> str:
+    """Return a figure to two digits; ``signed``: with its sign, since it is a bias."""
+    sign = "+" if signed and value > 0 else ""
+    return "0" if value == 0 else sign + fixed(value, max(min(decimals(abs(value)), 6), 0))
+
+
+def drawings(result: Identification) -> list[Drawing]:
+    """Return budget, residuals, coverage of the sphere, runs, and the parts of them that counted."""
+    runs, parts, largest = result.runs, result.contributions, largest_residuals(result.runs)
+    paths = measured_directions.motion(runs)
+    shown = []
+    if parts:
+        shown.append(drawing("budget", BUDGET, "identification.shares", parts, result.standard_uncertainty))
+    if largest:
+        few = f" The {MOST_DRAWN} runs with the largest residuals of {len(runs)}." if len(largest) < len(runs) else ""
+        shown.append(drawing("residuals", f"{RESIDUALS}{few}", "identification.residuals", largest))
+    if paths is not None:
+        caption = _coverage_caption(*paths, result.covariance)
+        shown.append(drawing("coverage", caption, "sphere.coverage", *paths, result.covariance))
+    if sum(run.alone for run in runs) > 1:
+        estimates = (runs, result.inertia, result.interval95, result.taken_off)
+        shown.append(drawing("runs", RUNS, "identification.estimates", *estimates))
+    if any(run.overview is not None for run in runs):
+        used = " ".join(f"{text}." for text in _used(runs))
+        shown.append(drawing("parts", f"The part of each run that counts. {used}", "identification.parts", runs))
+    return [*shown, *([] if result.validation is None else result.validation.drawings())]
+
+
+def largest_residuals(runs: Sequence[RunEstimate]) -> list[RunEstimate]:
+    """Return the runs whose residuals are drawn: those with the largest, in the order given."""
+    traced = [run for run in runs if run.trace is not None]
+    largest = sorted(traced, key=lambda run: -float(np.sum(run.residual**2)))[:MOST_DRAWN]
+    return [run for run in traced if any(run is other for other in largest)]
+
+
+def _coverage_caption(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> str:
+    omega_share, alpha_share = (f"{100 * measured_directions.visited(path):.0f} %" for path in (omega, alpha))
+    rms, uncertainty = measured_directions.rms_about(alpha), measured_directions.uncertainty_about(covariance)
+    (weak, low), (strong, high) = rms.least, rms.largest
+    doubtful, u = uncertainty.largest
+    certain = (
+        f"The moment of inertia is least certain about {_axis(doubtful)}: u = {significant(GRAM_METRE * u, 2)} g·m²."
+        if np.isfinite(u)
+        else "The moment of inertia is not determined about every axis."
+    )
+    return (
+        "Excitation over the sphere of directions, in the body frame: discs of equal area about b3, the half of −b3 "
+        f"seen through from +b3. Within 15° of {omega_share} of all axes the angular velocity came with half its "
+        f"largest magnitude or more, the angular acceleration within 15° of {alpha_share}. Root mean square of the "
+        f"angular acceleration: {significant(low)} rad/s² about {_axis(weak)}, the weakest axis, {significant(high)} "
+        f"about {_axis(strong)}. {certain}"
+    )
+
+
+def _axis(direction: np.ndarray) -> str:
+    return f"({', '.join(fixed(x, 2) for x in direction)})"
+
+
+def section(result: Identification) -> Section:
+    """Return its part of a report; :class:`uq.report.certificate.certificate.Certificate` makes it a certificate."""
+    return section_of(result, assumptions=list(map(sentence, result.assumptions)))
+
+
+RUNS = "Each component: each run alone, and all together."
+BUDGET = "Who causes how much of each component's variance: what the runs show (type A) and what is declared (type B)."
+RESIDUALS = (
+    "What the fit leaves of the moment about the centre of gravity: over time, and as amplitude density beside that of "
+    "the moment itself."
+)
+RUN_NOTE = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."
+NOT_INCLUDED_NOTE = (
+    "Neither declared as a source nor estimated. Standard uncertainties at the typical figure, to first order; with a "
+    "sign: a bias. The figures are those of [not_included]. With a fixture: of all that stood on the load cell."
+)

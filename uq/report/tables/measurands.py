@@ -1,0 +1,167 @@
+"""The views of small results: bodies, a bound, a model's law, distributions and indices, tests."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.joint.cramer_rao_bound import Bound
+from identify.reporting import Section
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.rounding import beside_uncertainty, common_power, fixed, in_power, rounded, significant, with_uncertainty
+from identify.text_tables import Table
+from uq.bodies.export import Exported
+from uq.bodies.reference import Reference
+from uq.coverage.coverage_intervals import Verdict
+from uq.identification.run_scatter import ScatterVerdict
+from uq.propagation.law_of_propagation import LinearLaw
+from uq.propagation.propagation_of_distributions import Propagation
+from uq.sensitivity.sobol_shapley import Sensitivity
+from uq.sensitivity.variance_shares import Indices
+from uq.sources.quasi_random import REPLICATES
+
+
+def parameters_tables(ten: InertialParameters) -> list[Table]:
+    """Return mass in kg, centre of gravity in mm and tensor in g·m², with their standard uncertainties."""
+    names = ["mass, kg", *(f"CG {k}, mm" for k in (1, 2, 3)), *(f"{name}, g·m²" for name in COMPONENTS)]
+    shown = np.array([1.0, *[1e3] * 9])
+    return [Table("", names, [list(map(with_uncertainty, shown * ten.values, shown * ten.standard_uncertainty))])]
+
+
+def reference_title(reference: Reference) -> str:
+    """Return its name and kind."""
+    return f"{reference.name} ({reference.kind})"
+
+
+def reference_tables(reference: Reference) -> list[Table]:
+    """Return its parameters with their standard uncertainties."""
+    return parameters_tables(reference.parameters)
+
+
+def exported_tables(exported: Exported) -> list[Table]:
+    """Return the files by format."""
+    rows = [list(record.values()) for record in exported.records()]
+    return [Table("Exported files", ["format", "file", "what"], rows)]
+
+
+def exported_overview(exported: Exported) -> list[Table]:
+    """Return the same without a caption."""
+    return [replace(table, caption="") for table in exported_tables(exported)]
+
+
+def exported_notes(exported: Exported) -> list[str]:
+    """Return the warnings, a line each."""
+    return [f"warning: {text}" for text in exported.warnings]
+
+
+def exported_section(exported: Exported) -> Section:
+    """Return its part of a report."""
+    tables = exported_tables(exported)
+    return Section("Exported files", (), exported.warnings, details=tables, provenance=exported.provenance)
+
+
+def bound_title(bound: Bound) -> str:
+    """Return the heading: which unknowns are free."""
+    return f"Hybrid Cramér–Rao bound; free: {', '.join(bound.free)}"
+
+
+def bound_tables(bound: Bound) -> list[Table]:
+    """Return three standard uncertainties of the tensor in g·m²."""
+    three = 3 * GRAM_METRE * bound.standard_uncertainty("inertia")
+    return [Table("", ["g·m²", *COMPONENTS], [["3σ at least", *map(significant, three)]])]
+
+
+def linear_law_tables(law: LinearLaw) -> list[Table]:
+    """Return estimate, standard uncertainty, interval and each input's contribution, a row a component."""
+    columns, power = law.columns(), common_power(law.standard_uncertainty.ravel())
+    rows = []
+    for value, u, low, high, freedom, *parts in zip(*columns.values(), strict=True):
+        value, u, low, high, *parts = (x / 10.0**power for x in (value, u, low, high, *parts))
+        ends = (rounded(low, u), rounded(high, u))
+        row = [beside_uncertainty(value, u), rounded(u, u), *ends, significant(freedom)]
+        rows.append([*row, *(rounded(x, u) for x in parts)])
+    return [Table(in_power(power), list(columns), rows)]
+
+
+def propagation_title(result: Propagation) -> str:
+    """Return what the table is of."""
+    return f"Monte Carlo, {result.trials:,} trials in {result.stability.blocks} blocks, seed {result.seed}"
+
+
+def propagation_tables(result: Propagation) -> list[Table]:
+    """Return estimate, standard uncertainty, both intervals and tolerance, a row a component."""
+    percent = f"{100 * result.symmetric.probability:g} %"
+    head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
+    power, rows = common_power(result.standard_uncertainty.ravel()), []
+    for record in result.records():
+        value, u, *ends, tolerance = (x / 10.0**power for x in record.values())
+        figures = [beside_uncertainty(value, u), rounded(u, u), *(rounded(end, u) for end in ends)]
+        rows.append([*figures, significant(tolerance, 2)])
+    return [Table(in_power(power), head, rows)]
+
+
+def propagation_notes(result: Propagation) -> list[str]:
+    """Return the warnings, a line each."""
+    return list(result.warnings)
+
+
+def sensitivity_title(result: Sensitivity) -> str:
+    """Return what the table is of."""
+    failed = f"; {result.failed} failed and are left out" if result.failed else ""
+    how = f"{result.trials:,} {result.points} trials, {result.evaluations:,} evaluations{failed}"
+    return f"Shares of the variance, {how}"
+
+
+def sensitivity_tables(result: Sensitivity, output: int | None = None) -> list[Table]:
+    """Return indices with standard errors of one output, or of all outputs together (None)."""
+    columns = [_column(indices, output) for indices in result.indices.values()]
+    cells = [map(with_uncertainty, *column) for column in columns]
+    sums = [with_uncertainty(float(values.sum()), np.nan) for values, _ in columns]
+    rows = [*map(list, zip(result.players, *cells, strict=True)), ["sum", *sums]]
+    return [Table("", ["input", *result.indices], rows)]
+
+
+def sensitivity_notes(result: Sensitivity) -> list[str]:
+    """Return what the effects add up to."""
+    closure = ", ".join(map(with_uncertainty, result.closure, result.closure_standard_error))
+    notes = [f"closure (sum of the effects over the sample variance, by output): {closure}"]
+    return [*notes, SPREAD] if result.points == "quasi-random" else notes
+
+
+def verdict_tables(verdict: Verdict) -> list[Table]:
+    """Return differences, tolerance and verdict, a row an output."""
+    size = verdict.d_low.size
+    names = [f"y{k + 1}" if size > 1 else "y" for k in range(size)]
+    figures = [np.abs(np.ravel(x)) for x in (verdict.d_low, verdict.d_high, verdict.tolerance)]
+    columns = zip(names, zip(*figures, strict=True), np.ravel(verdict.holds), verdict.reasons(), strict=True)
+    rows = [[name, *map(significant, row), "yes" if held else "no", why] for name, row, held, why in columns]
+    return [Table("", ["output", "d_low", "d_high", "δ", "holds", "why"], rows)]
+
+
+def scatter_tables(verdict: ScatterVerdict) -> list[Table]:
+    """Return scatter, prediction and verdict of each component."""
+    head = ["", "standard deviation", "predicted", "ratio", "probability", "verdict"]
+    words = {-1: "less", 0: "as predicted", 1: "more"}
+    rows = [
+        [record.pop("component"), *map(significant, list(record.values())[:-1]), fixed(record["probability"], 4),
+         words[int(sign)]]
+        for record, sign in zip(verdict.records(), verdict.sign, strict=True)
+    ]  # fmt: skip
+    return [Table("", head, rows)]
+
+
+def scatter_notes(verdict: ScatterVerdict) -> list[str]:
+    """Return the verdict."""
+    return [verdict.text]
+
+
+def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarray]:
+    if output is None:
+        return indices.generalised, indices.generalised_standard_error
+    return indices.value[:, output], indices.standard_error[:, output]
+
+
+SPREAD = (
+    f"standard errors: from the spread of {REPLICATES} replicates, times √({REPLICATES - 1}/{REPLICATES - 3}), the "
+    f"standard deviation of Student's t; within two of them in 95 of 100 cases."
+)
