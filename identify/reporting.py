@@ -152,6 +152,11 @@ class Shown:
         """Return the lines below these tables."""
         return self._shown("notes", lambda _: [f"attention: {text}" for text in getattr(self, "warnings", ())])
 
+    def records(self) -> list[dict[str, Any]]:
+        """Return the bare numbers, one record a row: texts that name the row first, then its figures."""
+        table = self.tables()[0]
+        return [dict(zip(table.head, row, strict=True)) for row in table.rows]
+
     def __repr__(self) -> str:
         tables = "\n\n".join(repr(table) for table in self.overview() if not table.long)
         return "\n".join(text for text in (self.title(), tables, *map(one_line, self.notes())) if text)
@@ -202,11 +207,6 @@ class Result(Shown):
     def section(self) -> Section:
         """Return its part of a report."""
         return self._shown("section", section_of)
-
-    def records(self) -> list[dict[str, Any]]:
-        """Return the bare numbers, one record a row: texts that name the row first, then its figures."""
-        table = self.tables()[0]
-        return [dict(zip(table.head, row, strict=True)) for row in table.rows]
 
     def to_dict(self) -> dict[str, Any]:
         """Return its content as JSON takes it: arrays as lists, what is not finite as None."""

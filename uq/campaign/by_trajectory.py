@@ -1,11 +1,12 @@
 """A result by trajectory and estimator: ``result["T1", "central"]``."""
 
 from collections.abc import Mapping
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from identify.exceptions import UnknownNameError
+from identify.reporting import Shown
 
-Content = TypeVar("Content")
+Content = TypeVar("Content", bound=Shown)
 
 
 class ByTrajectory(Generic[Content]):
@@ -34,6 +35,14 @@ class ByTrajectory(Generic[Content]):
     def pairs(self) -> list[tuple[str, str]]:
         """Return every trajectory with every estimator."""
         return [(trajectory, estimator) for trajectory, of in self.by_trajectory.items() for estimator in of]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the records of every trajectory and estimator, in g·m², which these two name."""
+        return [
+            {"trajectory": trajectory, "estimator": estimator, **record}
+            for trajectory, estimator in self.pairs()
+            for record in self[trajectory, estimator].records()
+        ]
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         return self.pairs()

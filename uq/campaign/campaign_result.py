@@ -96,14 +96,6 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
             findings += large_mean_error(f"{trajectory}, {estimator}", breakdown.total)
         return findings
 
-    def records(self) -> list[dict[str, Any]]:
-        """Return the four statistics of each case and component, in g·m²."""
-        return [
-            {"trajectory": trajectory, "estimator": estimator, **record}
-            for trajectory, estimator in self.pairs()
-            for record in self[trajectory, estimator].records()
-        ]
-
     def to_xarray(self) -> "DataArray":
         """Return estimate minus truth of every trial [kg·m²], (trajectory, trial, estimator, case, component).
 

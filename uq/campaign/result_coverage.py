@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.rigid_body.inertia import COMPONENTS
-from uq.campaign.statistics import GRAM_METRE
+from uq.campaign.statistics import GRAM_METRE, by_component
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, shortest_interval, symmetric_interval
 from uq.coverage.coverage_regions import EllipsoidalRegion, ellipsoidal_region
@@ -50,14 +49,6 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
 def _interval(interval: CoverageInterval) -> dict[str, dict[str, float | None]]:
     names = ("low", "low_standard_error", "high", "high_standard_error")
     return {name: by_component(getattr(interval, name)) for name in names}
-
-
-def by_component(values: np.ndarray) -> dict[str, float | None]:
-    """Return figures [kg·m²] by component, in g·m²; what is not finite is None."""
-    return {
-        component: float(value) * GRAM_METRE if np.isfinite(value) else None
-        for component, value in zip(COMPONENTS, values, strict=True)
-    }
 
 
 def _ellipsoid(errors: np.ndarray) -> dict[str, Any] | None:

@@ -56,13 +56,16 @@ class Statistics(Shown):
 
     def to_dict(self) -> dict[str, dict[str, float | None]]:
         """Return the four figures by component, in g·m²; a figure that does not exist is None."""
-        return {
-            name: {
-                component: float(value) * GRAM_METRE if np.isfinite(value) else None
-                for component, value in zip(COMPONENTS, getattr(self, name), strict=True)
-            }
-            for name in ("mean_error", "mean_error_standard_error", "three_sigma", "three_sigma_standard_error")
-        }
+        names = ("mean_error", "mean_error_standard_error", "three_sigma", "three_sigma_standard_error")
+        return {name: by_component(getattr(self, name)) for name in names}
+
+
+def by_component(values: np.ndarray) -> dict[str, float | None]:
+    """Return figures [kg·m²] by component, in g·m²; what is not finite is None."""
+    return {
+        component: float(value) * GRAM_METRE if np.isfinite(value) else None
+        for component, value in zip(COMPONENTS, values, strict=True)
+    }
 
 
 def _mean_and_sigma(errors: np.ndarray) -> np.ndarray:

@@ -11,8 +11,7 @@ import scipy
 from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.campaign.by_trajectory import ByTrajectory
-from uq.campaign.result_coverage import by_component
-from uq.campaign.statistics import Breakdown
+from uq.campaign.statistics import Breakdown, by_component
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,11 +115,3 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }
-
-    def records(self) -> list[dict[str, Any]]:
-        """Return mean error and 3σ of each case and component, and the textbook's, in g·m²."""
-        return [
-            {"trajectory": trajectory, "estimator": estimator, **record}
-            for trajectory, estimator in self.pairs()
-            for record in self[trajectory, estimator].records()
-        ]

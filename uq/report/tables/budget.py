@@ -92,7 +92,7 @@ def _details(result: BudgetResult) -> list[Table]:
     shown = []
     for pair in result.pairs():
         budget, where = result[pair], ", ".join(pair)
-        shown += [by_component(budget, kind, f"{where}: shares by component") for kind in KINDS]
+        shown += [by_component(budget, kind, f"{where}: shares by component") for kind in ("shapley", "first", "total")]
         shown.append(mean_errors(budget, f"{where}: mean errors"))
     return [*shown, *source_tables(result.provenance)]
 
