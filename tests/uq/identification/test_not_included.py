@@ -17,7 +17,7 @@ from tests.helpers.troubles import least_squares
 from uq.experiment.experiment import Experiment
 from uq.identification.not_included import with_not_included
 from uq.report.certificate.certificate import Certificate, largest_beside
-from uq.report.tables.identification import not_included_tables
+from uq.report.tables.identification import largest_not_included, not_included_tables
 
 SHORT = {"seconds": 15.0}
 UNIT = np.eye(6)
@@ -223,7 +223,7 @@ def test_the_line_names_the_largest_against_its_interval(half, said):
     parameters = 1e-3 * np.array([0, 0, 0, 0, 2.0, 0, 0, 0, 0, 1.0])
     interval = 1e-3 * half * np.array([10.0, 9, 9, 9, 9, 1])[:, None] * [-1, 1]
     effects = (Effect("moment_gain", "gain of the moment", "0.5 %", parameters, False),)
-    line = NotIncluded(effects).line(interval)
+    line = largest_not_included(NotIncluded(effects), interval, np.zeros(4))
     assert line.startswith("not included: gain of the moment, at a typical 0.5 %, which would add 1.0 g·m² ")
     assert said in line
 
@@ -232,6 +232,8 @@ def test_the_line_names_a_mass_that_is_estimated():
     """Six grams are little beside the tensor's, and twelve times the half-width of the mass's own interval."""
     effects = (Effect("force_gain", "gain of the force", "0.5 %", 1e-3 * np.array([6.0] + [0] * 3 + [1.0] * 6), False),)
     interval = 1e-3 * np.full((6, 1), 0.2) * [-1, 1]
-    line = NotIncluded(effects).line(interval, np.array([0.5e-3, 1e-5, 1e-5, 1e-5]))
+    line = largest_not_included(NotIncluded(effects), interval, np.array([0.5e-3, 1e-5, 1e-5, 1e-5]))
     assert "6.0 g to the mass, more than the half-width of its interval, 0.50 g; see" in line
-    assert "to I11" in NotIncluded(effects).line(interval)  # a mass that is declared is none of the estimate's
+    assert "to I11" in largest_not_included(
+        NotIncluded(effects), interval, np.zeros(4)
+    )  # a mass that is declared is none of the estimate's

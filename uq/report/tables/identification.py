@@ -8,7 +8,7 @@ from identify.estimators import offsets
 from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
-from identify.results.contributions import QUANTITIES
+from identify.results.contributions import QUANTITIES, NotIncluded
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.fixture import Tare
@@ -114,7 +114,7 @@ def notes(result: Identification) -> list[str]:
         *_offsets(result.runs, result.measured.standard_uncertainty[1:4]),
         *(f"warning: {text}" for text in result.warnings),
         *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
-        *([_largest_not_included(result)] if result.not_included and result.not_included.effects else []),
+        *_not_included(result),
         *([f"held out: {result.validation.text}"] if result.validation and result.validation.explained else []),
         *([] if axes is None else [f"principal axes: {axes}"]),
         *(f"assumed: {text}" for text in result.assumptions),
@@ -160,16 +160,27 @@ def _offsets(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> Iterator[st
             yield f"{run.file}: offsets removed: moment about the CG ({moment}) N·m{force}"
 
 
-def _largest_not_included(result: Identification) -> str:
-    """The largest effect that is not included, over half the interval of its quantity, in words."""
-    assert result.not_included is not None  # noqa: S101
-    estimated = result.centre_from == mass_and_centre.ESTIMATED
-    centre = (result.coverage_factors * result.parameters.standard_uncertainty)[:4]
-    half = np.concatenate([np.nan_to_num(centre) if estimated else np.zeros(4), np.ptp(result.interval95, axis=1) / 2])
-    added = np.abs([effect.parameters for effect in result.not_included.effects])
+def _not_included(result: Identification) -> Iterator[str]:
+    """A line on the largest error that is not included; mass and centre count where the runs tell them."""
+    if result.not_included and result.not_included.effects:
+        half = np.nan_to_num(result.coverage_factors * result.parameters.standard_uncertainty)[:4]
+        estimated = result.centre_from == mass_and_centre.ESTIMATED
+        yield largest_not_included(result.not_included, result.interval95, half if estimated else np.zeros(4))
+
+
+def largest_not_included(errors: NotIncluded, interval95: np.ndarray, centre: np.ndarray) -> str:
+    """Return the largest effect that is not included, over half the interval of its quantity, in words.
+
+    Args:
+        errors: that are not included, one or more.
+        interval95: of the components, (6, 2) [kg·m²].
+        centre: half the intervals of mass [kg] and r_CG [m]; zero where the estimate does not find them.
+    """
+    half = np.concatenate([centre, np.ptp(interval95, axis=1) / 2])
+    added = np.abs([effect.parameters for effect in errors.effects])
     ratio = np.nan_to_num(np.where(half > 0, added, 0.0) / np.maximum(half, 1e-300), posinf=0.0)
     row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
-    effect, (name, unit, factor) = result.not_included.effects[row], QUANTITIES[at]
+    effect, (name, unit, factor) = errors.effects[row], QUANTITIES[at]
     than = next((words for part, words in PARTS if ratio[row, at] > part), None)
     beside = "" if than is None else f", {than} {two_digits(factor * half[at])} {unit}"
     return (
