@@ -240,6 +240,11 @@ def _bare(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
 
 
+def uncaptioned(result: Shown) -> list[Table]:
+    """Return a result's tables without their captions, as an overview below a title."""
+    return [dataclasses.replace(table, caption="") for table in result.tables()]
+
+
 def section_of(result: Result, **parts: Any) -> Section:
     """Return a result's part of a report: these parts, else its own title, warnings, tables, drawings."""
     defaults: dict[str, Callable[[], Any]] = {

@@ -120,14 +120,10 @@ def discordance(result: Identification) -> list[Table]:
     found = result.discordance
     if found is None:
         return []
-    rows = [
-        [
-            d.name,
-            d.component,
-            *_with_u(np.array([d.difference, d.standard_uncertainty]), np.full(2, d.standard_uncertainty), GRAM_METRE),
-        ]
-        for d in found.departures
-    ]
+    rows = []
+    for d in found.departures:
+        u = GRAM_METRE * d.standard_uncertainty
+        rows.append([d.name, d.component, rounded(GRAM_METRE * d.difference, u), rounded(u, u)])
     pools = [("with them", found.whole), *([] if found.without is None else [("without them", found.without)])]
     compared = [
         row

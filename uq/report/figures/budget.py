@@ -1,6 +1,6 @@
 """Figures of a budget: who causes how much of the variance, and how much of the mean square is bias."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import matplotlib
 import numpy as np
@@ -10,17 +10,15 @@ from matplotlib.figure import FigureBase
 from uq.report.figures.style import (
     FILL,
     GRID,
-    OTHERS,
     PAGE,
     PALETTE,
     STYLE,
+    coloured_parts,
     columns,
-    display_name,
     label,
     largest,
     new_figure,
     on,
-    others,
 )  # fmt: skip
 from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 
@@ -51,24 +49,12 @@ def shares(b: SourceBudget) -> FigureBase:
     return figure
 
 
-def _parts(names: Sequence[str], shares_of: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and shares of the largest sources, and of all others together.
-
-    Args:
-        names: of the sources.
-        shares_of: in each column, (sources, columns).
-    """
-    shown, rest = largest(names, shares_of.max(axis=1).tolist())
-    parts = [(label(display_name(names[k])), PALETTE[1 + n], shares_of[k]) for n, k in enumerate(shown)]
-    return [*parts, *([(others(rest), OTHERS, shares_of[rest].sum(axis=0))] if rest else [])]
-
-
 def _stacks(axes: Axes, b: SourceBudget) -> None:
     """Shapley shares of each component and of the tensor, stacked; the bars' places are COLUMNS'."""
     shapley = b.sources.shapley
     values = 100 * np.column_stack([shapley.value, shapley.generalised])
     x, base = np.arange(len(COLUMNS)), np.zeros(len(COLUMNS))
-    for _, colour, heights in _parts(b.sources.players, values):
+    for _, colour, heights in coloured_parts(b.sources.players, values):
         axes.bar(x, heights, 0.8, bottom=base, color=colour, edgecolor="white", linewidth=0.3)
         for place, (value, below) in enumerate(zip(heights, base, strict=True)):
             if value > 9:
@@ -96,7 +82,7 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     """The whole tensor: each source's Shapley share as a bar between its first order and its total."""
     e, of_tensor = b.sources, 100 * b.sources.shapley.generalised
     shapley = 100 * np.column_stack([e.shapley.value, e.shapley.generalised])
-    parts, (shown, _) = _parts(e.players, shapley), largest(e.players, shapley.max(axis=1).tolist())
+    parts, (shown, _) = coloured_parts(e.players, shapley), largest(e.players, shapley.max(axis=1).tolist())
     for k, (_, colour, shares_of) in enumerate(parts):
         axes.barh(k, shares_of[-1], 0.62, color=colour, edgecolor="white", linewidth=0.3)
     y = np.arange(len(shown))
@@ -129,7 +115,7 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         base = np.zeros(len(pairs))
         shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])
-        for name, colour, width in _parts(budgets[pairs[0]].sources.players, shares_of):
+        for name, colour, width in coloured_parts(budgets[pairs[0]].sources.players, shares_of):
             left.barh(
                 range(len(pairs)), width, 0.7, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name
             )

@@ -13,16 +13,13 @@ from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import decimals, fixed, significant
 from uq.report.figures.style import (
-    OTHERS,
     PAGE,
     PALETTE,
     STYLE,
+    coloured_parts,
     columns,
-    display_name,
     label,
-    largest,
     new_figure,
-    others,
 )
 
 
@@ -41,10 +38,7 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
         figure = new_figure(PAGE, 2.4, layout="constrained")
         axes = figure.subplots()
         base = np.zeros(len(COMPONENTS))
-        names, shares_of = list(parts), 100 * variances / np.maximum(total, 1e-300)
-        shown, rest = largest(names, shares_of.max(axis=1, initial=0.0).tolist())
-        stacks = [(label(display_name(names[k])), PALETTE[1 + n], shares_of[k]) for n, k in enumerate(shown)]
-        stacks += [(others(rest), OTHERS, shares_of[rest].sum(axis=0))] if rest else []
+        stacks = coloured_parts(list(parts), 100 * variances / np.maximum(total, 1e-300))
         for name, colour, width in stacks:
             axes.barh(range(6), width, 0.72, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
             base = base + width

@@ -63,9 +63,16 @@ def largest(names: Sequence[str], sizes: Sequence[float]) -> tuple[list[int], li
     return (order, []) if len(order) <= MOST + 1 else (order[:MOST], order[MOST:])
 
 
-def others(places: Sequence[int]) -> str:
-    """Return what the parts that share a colour are called."""
-    return f"{len(places)} others"
+def coloured_parts(names: Sequence[str], shares_of: Any) -> list[tuple[str, str, Any]]:
+    """Return name, colour and shares of the largest parts, and of all others together.
+
+    Args:
+        names: of the parts.
+        shares_of: array of their shares in each column, (parts, columns).
+    """
+    shown, rest = largest(names, shares_of.max(axis=1).tolist())
+    parts = [(label(display_name(names[k])), PALETTE[1 + n], shares_of[k]) for n, k in enumerate(shown)]
+    return [*parts, *([(f"{len(rest)} others", OTHERS, shares_of[rest].sum(axis=0))] if rest else [])]
 
 
 def columns(names: Sequence[str], width: float) -> int:

@@ -1,8 +1,6 @@
 """The view of an achieved motion: how each axis followed its plan, and the uncertainty of what was run."""
 
-from dataclasses import replace
-
-from identify.reporting import Drawing, Section, section_of
+from identify.reporting import Drawing, Section, section_of, uncaptioned
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import common, fixed, significant, with_uncertainty
 from identify.text_tables import Table, one_line, sentence
@@ -23,9 +21,7 @@ def tables(result: Achieved) -> list[Table]:
     return [_axes(result), _widths(result), *_stillness(result)]
 
 
-def overview(result: Achieved) -> list[Table]:
-    """Return the same without captions."""
-    return [replace(table, caption="") for table in tables(result)]
+overview = uncaptioned
 
 
 def notes(result: Achieved) -> list[str]:

@@ -1,10 +1,8 @@
 """The view of a centre from static poses: mass, centre of gravity, offsets, correlations and the poses' residuals."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from identify.reporting import Drawing, Section, section_of
+from identify.reporting import Drawing, Section, section_of, uncaptioned
 from identify.rounding import fixed, rounded, significant, with_uncertainty
 from identify.static.centre_result import PARAMETERS, UNITS, Centre
 from identify.text_tables import Table, sentence
@@ -43,9 +41,7 @@ def tables(centre: Centre) -> list[Table]:
     return [Table("Centre of gravity and offsets", ["", "x", "y", "z"], rows)]
 
 
-def overview(centre: Centre) -> list[Table]:
-    """Return the same, below the title."""
-    return [replace(table, caption="") for table in tables(centre)]
+overview = uncaptioned
 
 
 def notes(centre: Centre) -> list[str]:

@@ -1,10 +1,8 @@
 """The view of a comparison with an expected tensor: deviations, E_n, and what makes the expected one uncertain."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from identify.reporting import Section, section_of
+from identify.reporting import Section, section_of, uncaptioned
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import exact, fixed, rounded, significant, with_uncertainty
 from identify.text_tables import Table
@@ -45,9 +43,7 @@ def tables(result: Comparison) -> list[Table]:
     return [Table(f"Expected: {result.reference.name}, g·m²", head, rows, f"{summary(result)}.")]
 
 
-def overview(result: Comparison) -> list[Table]:
-    """Return the same, below the title."""
-    return [replace(table, caption="") for table in tables(result)]
+overview = uncaptioned
 
 
 def notes(result: Comparison) -> list[str]:

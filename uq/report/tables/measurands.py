@@ -1,11 +1,9 @@
 """The views of small results: bodies, a bound, a model's law, distributions and indices, tests."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from identify.joint.cramer_rao_bound import Bound
-from identify.reporting import Section
+from identify.reporting import Section, uncaptioned
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import beside_uncertainty, common_power, fixed, in_power, rounded, significant, with_uncertainty
@@ -44,9 +42,7 @@ def exported_tables(exported: Exported) -> list[Table]:
     return [Table("Exported files", ["format", "file", "what"], rows)]
 
 
-def exported_overview(exported: Exported) -> list[Table]:
-    """Return the same without a caption."""
-    return [replace(table, caption="") for table in exported_tables(exported)]
+exported_overview = uncaptioned
 
 
 def exported_notes(exported: Exported) -> list[str]:

@@ -1,8 +1,6 @@
 """The view of an exported motion: its files, and how far each is from the motion."""
 
-from dataclasses import replace
-
-from identify.reporting import Section
+from identify.reporting import Section, uncaptioned
 from identify.text_tables import Table, sentence
 from uq.planning.motion_export import MEANING, MOOG_RATE, RATE, MotionExport
 
@@ -17,9 +15,7 @@ def tables(export: MotionExport) -> list[Table]:
     return [Table(_caption(export), ["file", "what", "off by, m or rad"], rows, FILES)]
 
 
-def overview(export: MotionExport) -> list[Table]:
-    """Return the same without a caption."""
-    return [replace(table, caption="") for table in tables(export)]
+overview = uncaptioned
 
 
 def section(export: MotionExport) -> Section:
