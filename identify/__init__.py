@@ -13,7 +13,7 @@ Pure JAX, to be jitted, vmapped and differentiated (tests/identify/test_transfor
 - ``estimators``: gram (ordinary_least_squares: from arrays to the tensor), least_squares.
 
 All others take and return NumPy arrays on the host, some around a kernel of these: runs, segments, spectra, pooling,
-the joint model, diagnostics, the model check, results and static poses.
+the joint model, the judge, results and static poses.
 """
 
 import lazy_loader

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.diagnostics.held_out_result import HeldOut
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
 from identify.reporting import Result
@@ -16,6 +15,7 @@ from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
 from identify.results.contributions import NotIncluded, contributions
 from identify.results.discordance import Discordance
+from identify.results.held_out_result import HeldOut
 from identify.results.residual_cause import ResidualCause
 from identify.results.run_estimate import RunEstimate, offsets_content
 from identify.rigid_body.fixture import Tare
@@ -99,7 +99,7 @@ class Identification(Result):
     """Runs that leave the others; None: none does, or it was not looked at."""
     by_held_errors: Mapping[str, np.ndarray] | None = None
     """Derivatives of the ten parameters by errors of the rig that count as zero; None: not computed. See
-    :func:`identify.model_check.held_errors.by_held_errors`."""
+    :func:`identify.judge.held_errors.by_held_errors`."""
     not_included: NotIncluded | None = None
     """Errors that the intervals do not hold, at typical figures; None: it was not looked at, or cannot be known."""
     validation: HeldOut | None = None

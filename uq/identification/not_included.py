@@ -2,7 +2,7 @@
 
 By the derivatives of the estimate that was made: of least squares those of type B
 (:mod:`uq.identification.systematic_errors`), of the joint estimate and for the mounting's flexibility those of
-:mod:`identify.model_check.held_errors`.
+:mod:`identify.judge.held_errors`.
 """
 
 import math
@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import root_of
+from identify.judge.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
 from identify.methods.base import estimator_of
-from identify.model_check.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
 from identify.results.contributions import Effect, NotIncluded
 from identify.results.identification_result import Identification
 from identify.rounding import exact

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identify.judge.conventions.rotation_findings import axes_text
 from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError
 from identify.signals.segments import still
@@ -20,7 +21,6 @@ from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncert
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
-from uq.inspection.rotation_findings import axes_text
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.table_recording import as_recording, silenced

@@ -17,8 +17,8 @@ from jaxtyping import Float, Int, Key
 from identify.choices import OffsetChoice
 from identify.compiled_program import CompiledProgram
 from identify.estimators.gram import normal_equations, solve_normal
+from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
-from identify.model_check.judge import with_misfit
 from identify.pytree import Pytree, static_field
 from identify.results.covariances import with_cross
 from identify.results.identification_result import Identification

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions.imu_findings import imu_findings
+from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from rig.inspection.channel_health import Finding
 from uq.experiment.experiment import Experiment
-from uq.inspection.convention_findings import DeclaredRig, wrench_findings
 from uq.inspection.imported_run import cured_in_map
-from uq.inspection.imu_findings import imu_findings
 from uq.sources.constant_errors import declared_sigma
 
 
@@ -34,12 +34,13 @@ def experiment_findings(
     if len(time) < 10:
         return []
     imu = ImuSignal(time, run.omega[usable], run.specific_force[usable])
-    from_imu = list(imu_findings(imu, run.name))
+    from_imu = [Finding(*contradiction) for contradiction in imu_findings(imu, run.name)]
     if any(finding.kind == "axes" for finding in from_imu):
         return from_imu
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     declared = replace(_declared(run, experiment, undone=undone), turn=_sigma_turn(experiment, turn_free=turn_free))
-    return [*from_imu, *wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)]
+    together = wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)
+    return [*from_imu, *(Finding(*contradiction) for contradiction in together)]
 
 
 def _declared(run: Run, experiment: Experiment, *, undone: bool) -> DeclaredRig:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identify.diagnostics.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions.imu_findings import imu_findings
+from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import LEAST_SAMPLES, Finding, SensorChannel
 from rig.inspection.inspect import Inspection, inspect
-from uq.inspection.convention_findings import DeclaredRig, wrench_findings
 from uq.inspection.imported_run import cured_in_map
-from uq.inspection.imu_findings import imu_findings
 
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
@@ -64,13 +64,14 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[Findin
     findings = list(findings)
     for imu in imus:
         if len(imu.stamp) >= LEAST_SAMPLES:
-            findings += imu_findings(_imu_signal(imu, origin), imu.topic)
+            findings += [Finding(*contradiction) for contradiction in imu_findings(_imu_signal(imu, origin), imu.topic)]
     topics = [channel.topic for channel in channels]
     findings.sort(key=lambda finding: topics.index(finding.topic))
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
-        findings += wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
+        together = wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
+        findings += [Finding(*contradiction) for contradiction in together]
     return findings
 
 

@@ -4,7 +4,7 @@ from identify.views import register
 
 TABLES = "uq.report.tables"
 VIEWS = {
-    "identify.diagnostics.held_out_result.HeldOut": f"{TABLES}.held_out",
+    "identify.results.held_out_result.HeldOut": f"{TABLES}.held_out",
     "identify.joint.cramer_rao_bound.Bound": f"{TABLES}.measurands:bound",
     "identify.results.identification_result.Identification": f"{TABLES}.identification",
     "identify.rigid_body.inertial_parameters.InertialParameters": f"{TABLES}.measurands:parameters",

@@ -278,7 +278,7 @@ def test_a_command_starts_without_what_few_of_its_calls_use(command, unused):
     ("room", "slow"),
     [
         *((room, "ndimage|signal|stats") for room in ("identify", "uq/recorded", "uq/identification", "uq/inspection")),
-        ("identify/model_check", "interpolate|optimize|spatial"),
+        ("identify/judge", "interpolate|optimize|spatial"),
         ("uq/identification", "interpolate|optimize|spatial"),
     ],
 )

@@ -1,8 +1,8 @@
 """The view of a held-out prediction: errors by axis and by run beside what explains them."""
 
-from identify.diagnostics.held_out_result import HeldOut
-from identify.diagnostics.held_out_run import FORCE, MOMENT
 from identify.reporting import Drawing
+from identify.results.held_out_result import HeldOut
+from identify.results.held_out_run import FORCE, MOMENT
 from identify.rounding import fixed, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.report.drawing import drawing

@@ -1,1 +1,0 @@
-"""Causes of residuals, spectral lines, conventions of axes, signs and units."""

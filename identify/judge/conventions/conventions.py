@@ -1,0 +1,155 @@
+"""Signs and orders of axes under which wrench and motion obey mechanics: 72 hypotheses on the sums of a run."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions import convention_fit
+from identify.judge.conventions.convention_fit import FORCE_TERMS, MASS_AT, MOMENT_TERMS_WITH_WEIGHT, Terms
+from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
+from identify.rigid_body.rotation import exponential, exponentials
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A signed permutation of the axes of the ``sensor`` ('wrench' or 'imu') that undoes what was done to them."""
+
+    sensor: str
+    matrix: Float[np.ndarray, "3 3"]
+    cost: float
+    """Penalty added to chi-square, so that the simplest of equally good hypotheses wins."""
+
+    def applied(self, sums: ConventionSums) -> ConventionSums:
+        """The sums as they would be."""
+        return sums.turned(**{self.sensor: self.matrix})
+
+
+def signed_axes() -> list[Float[np.ndarray, "3 3"]]:
+    """The 48 signed permutation matrices."""
+    rows = [np.eye(3)[list(order)] for order in permutations(range(3))]
+    return [np.array(signs)[:, None] * matrix for matrix in rows for signs in product((1.0, -1.0), repeat=3)]
+
+
+@functools.cache
+def hypotheses() -> tuple[Hypothesis, ...]:
+    """Return the hypotheses: none; the wrench's sign reversed, turned or mirrored; the IMU mirrored."""
+    candidates = []
+    for matrix in signed_axes():
+        proper = np.linalg.det(matrix) > 0
+        cost = 8.0 if proper else 12.0
+        if abs(np.trace(matrix)) == 3:
+            cost = 0.0 if proper else 4.0
+        candidates.append(Hypothesis("wrench", matrix, cost))
+        if not proper:
+            candidates.append(Hypothesis("imu", matrix, 14.0))
+    return tuple(sorted(candidates, key=lambda hypothesis: hypothesis.cost))
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """The units of chi-square: variances left in force and moment, priors of offset and lever; terms of the moment."""
+
+    force: float
+    moment: float
+    offset: float
+    lever: float
+    terms: Terms
+
+    @property
+    def priors(self) -> Float[np.ndarray, "7"]:
+        """Return the priors of the unknowns of the force equation."""
+        return np.array([np.inf, *[self.lever] * 3, *[self.offset] * 3])
+
+
+LARGEST_LEVER = 0.5  # metres between IMU and centre of gravity, as a standard deviation
+OFFSET = 0.1  # of the force that may be the load cell's zero, as a standard deviation
+
+
+def scales(
+    sums: ConventionSums,
+    *,
+    weight: bool,
+    terms: Terms = MOMENT_TERMS_WITH_WEIGHT,
+    candidates: Sequence[Hypothesis] | None = None,
+) -> Scales:
+    """Return the scales by the best fit of any hypothesis; ``weight``: whether the mean force is the weight."""
+    tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in candidates or hypotheses()])
+    force = convention_fit.variance_left(tried, FORCE_TERMS, FORCE)
+    size = sums.size(FORCE)
+    mass = size / max(sums.size(SPECIFIC), 1e-9)
+    priors = (max(OFFSET * size, sums.noise[0] / 2), LARGEST_LEVER * mass) if weight else (np.inf, np.inf)
+    given = Scales(force, np.inf, *priors, terms)
+    return replace(given, moment=convention_fit.variance_left(_fitted_force(tried, given)[1], terms, MOMENT))
+
+
+def _fitted_force(sums: ConventionSums, given: Scales) -> tuple[convention_fit.ConventionFit, ConventionSums]:
+    """The force's fit, and the sums with the fitted force for the measured one, whose noise would mislead."""
+    fit = convention_fit.solve(sums, FORCE_TERMS, FORCE, variance=given.force, priors=given.priors)
+    change = np.broadcast_to(np.eye(sums.gram.shape[-1]), sums.gram.shape).copy()
+    change[..., FORCE, :] = np.tensordot(fit.values, FORCE_TERMS, axes=1)
+    return fit, replace(sums, gram=change @ sums.gram @ np.swapaxes(change, -1, -2))
+
+
+def chi_square(sums: ConventionSums, given: Scales, *, admissible: bool = True) -> Float[np.ndarray, "*m"]:
+    """Return the misfit of both equations; ``admissible``: with a cost of negative mass and moments of inertia."""
+    force, quiet = _fitted_force(sums, given)
+    moment = convention_fit.solve(quiet, given.terms, MOMENT, variance=given.moment)
+    total = force.misfit + moment.misfit
+    if not admissible:
+        return np.asarray(total)
+    below = np.where(force.values[..., 0] < 0, force.significance(MASS_AT) ** 2, 0.0)
+    return np.asarray(total + below + convention_fit.negativity(moment))
+
+
+DECISIVE = 60.0  # of chi-square, a likelihood of exp(30): no clean run comes near by chance
+EQUAL = 12.0  # of chi-square: not told apart
+
+
+def best_axes(sums: ConventionSums, given: Scales) -> list[Hypothesis]:
+    """The hypotheses that fit best and cannot be told apart, simplest first; the first is 'as it is' unless refuted."""
+    tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in hypotheses()])
+    fits = chi_square(tried, given).tolist()
+    scored = [(fit + hypothesis.cost, hypothesis) for fit, hypothesis in zip(fits, hypotheses(), strict=True)]
+    best = min(score for score, _ in scored)
+    if scored[0][0] - best < DECISIVE:
+        return [scored[0][1]]
+    return [hypothesis for score, hypothesis in sorted(scored, key=lambda item: item[0]) if score < best + EQUAL]
+
+
+def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, "3"], float]:
+    """The small rotation vector [rad] that turns the IMU's axes into the load cell's, and its chi-square (3 degrees).
+
+    By Newton's method; zero where the sums do not determine it.
+    """
+    turn, hessian = np.zeros(3), np.eye(3)
+    for _ in range(4):
+        gradient, hessian = derivatives(sums, given, turn)
+        if np.linalg.eigvalsh(hessian)[0] <= 0:
+            return np.zeros(3), 0.0
+        change = np.linalg.solve(hessian, gradient)
+        turn = turn - change * min(1.0, 0.1 / float(np.linalg.norm(change)))
+    if np.linalg.norm(turn) >= 0.35:
+        return np.zeros(3), 0.0
+    turned = sums.turned(imu=exponential(turn))
+    gain = float(chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False))
+    return turn, min(gain, float(turn @ hessian @ turn) / 2)
+
+
+def derivatives(
+    sums: ConventionSums, given: Scales, at: np.ndarray, step: float = 2e-3
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    """Gradient and Hessian of chi-square by the rotation vector, by central differences."""
+    unit, pairs = np.eye(3), [(i, j) for i in range(3) for j in range(i)]
+    turns = np.array([np.zeros(3), *unit, *(unit[i] + unit[j] for i, j in pairs)])
+    both_ways = sums.turned(imu=exponentials(at + step * np.concatenate([turns, -turns])))
+    forth, back = chi_square(both_ways, given, admissible=False).reshape(2, -1)
+    plus, minus, middle = forth[1:4], back[1:4], forth[0]
+    single = plus + minus - 2 * middle
+    hessian = np.diag(single)
+    for (i, j), both in zip(pairs, forth[4:] + back[4:], strict=True):
+        hessian[i, j] = hessian[j, i] = (both - 2 * middle - single[i] - single[j]) / 2
+    return (plus - minus) / (2 * step), hessian / step**2

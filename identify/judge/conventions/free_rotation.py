@@ -1,0 +1,127 @@
+"""Any rotation between load cell and IMU under which both obey mechanics, with its uncertainty; signs may be reversed.
+
+A grid of all rotations is tried on the sums of a run for each handedness, and Newton's method goes on from the best.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions.convention_fit import MOMENT_TERMS, Terms
+from identify.judge.conventions.convention_sums import ConventionSums
+from identify.judge.conventions.conventions import Hypothesis, Scales, chi_square, derivatives, scales, signed_axes
+from identify.rigid_body.rotation import exponential
+
+BETWEEN = np.radians(35.0)  # from a signed order of the axes to the grid's points about it
+STARTS = 4  # points of the grid from which Newton's method is tried
+CONVERGED = 1e-5  # radians
+LONGEST_STEP = 0.3  # radians
+AS_IT_IS = Hypothesis("imu", np.eye(3), 0.0)
+REVERSED = (AS_IT_IS, Hypothesis("wrench", -np.eye(3), 4.0), Hypothesis("imu", -np.eye(3), 14.0))
+"""Reversals that are tried before the rotation: nothing, the sign of the wrench, the handedness of the IMU."""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeRotation:
+    """The rotation that turns the IMU's axes into the load cell's."""
+
+    matrix: Float[np.ndarray, "3 3"]
+    reversed: Hypothesis
+    """The reversal of signs that precedes the rotation."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Covariance of a small rotation vector that follows the rotation [rad²]."""
+    given: Scales
+    """The units of chi-square: what is left under this rotation."""
+    gain: float
+    """Decrease of chi-square against the sums without the rotation."""
+
+    @property
+    def vector(self) -> Float[np.ndarray, "3"]:
+        """The rotation vector [rad]."""
+        angle = float(np.arccos(np.clip((np.trace(self.matrix) - 1) / 2, -1.0, 1.0)))
+        values, vectors = np.linalg.eigh(self.matrix + self.matrix.T)
+        axis = vectors[:, int(np.argmax(values))]
+        skew = self.matrix - self.matrix.T
+        sense = axis @ np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+        return angle * axis * (-1.0 if sense < 0 else 1.0)
+
+    @property
+    def standard_uncertainty(self) -> float:
+        """Standard uncertainty of the angle [rad]."""
+        vector = self.vector
+        axis = vector / max(float(np.linalg.norm(vector)), 1e-12)
+        return float(np.sqrt(axis @ self.covariance @ axis))
+
+    def applied(self, sums: ConventionSums) -> ConventionSums:
+        """The sums as they would be."""
+        return self.reversed.applied(sums).turned(imu=self.matrix)
+
+    def nearest_axes(self) -> tuple[Float[np.ndarray, "3 3"], float]:
+        """The signed order of axes, right-handed, that is nearest, and the angle to it [rad]."""
+        proper = [matrix for matrix in signed_axes() if np.linalg.det(matrix) > 0]
+        nearest = max(proper, key=lambda matrix: float(np.trace(matrix.T @ self.matrix)))
+        cosine = (float(np.trace(nearest.T @ self.matrix)) - 1) / 2
+        return nearest, float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: Terms = MOMENT_TERMS) -> FreeRotation:
+    """Return the rotation that fits best.
+
+    Args:
+        sums: of a run.
+        given: scales from the best of the signed orders of the axes, which are too wide where none of them fits.
+        weight: whether the mean force is the body's weight.
+        terms: of the moment; fewer than in the grid's search tell the rotation better.
+    """
+    scored = []
+    for reverse in REVERSED:
+        fits = chi_square(reverse.applied(sums).turned(imu=GRID), given).tolist()
+        scored += [(fit + reverse.cost, matrix, reverse) for fit, matrix in zip(fits, GRID, strict=True)]
+    scored.sort(key=lambda item: item[0])
+    polished = [(_polished(reverse.applied(sums), given, matrix), reverse) for _, matrix, reverse in scored[:STARTS]]
+    matrix, reverse = min(
+        polished, key=lambda item: float(chi_square(item[1].applied(sums).turned(imu=item[0]), given)) + item[1].cost
+    )
+    reversed_sums = reverse.applied(sums)
+    narrow = scales(reversed_sums.turned(imu=matrix), weight=weight, terms=terms, candidates=(AS_IT_IS,))
+    matrix = _polished(reversed_sums, narrow, matrix)
+    turned = reversed_sums.turned(imu=matrix)
+    hessian = derivatives(turned, narrow, np.zeros(3))[1]
+    values, vectors = np.linalg.eigh(hessian)
+    covariance = 2 * vectors / np.maximum(values, 1e-9) @ vectors.T
+    gain = float(chi_square(sums, narrow) - chi_square(turned, narrow)) - reverse.cost
+    return FreeRotation(matrix=matrix, reversed=reverse, covariance=covariance, given=narrow, gain=gain)
+
+
+def _grid() -> Float[np.ndarray, "n 3 3"]:
+    """The 24 right-handed orders of the axes, and each turned about its faces' and corners' axes."""
+    axes = [*np.eye(3), *-np.eye(3), *(np.array(signs) / np.sqrt(3) for signs in product((1.0, -1.0), repeat=3))]
+    around = [np.eye(3), *(exponential(BETWEEN * axis) for axis in axes)]
+    return np.array([turn @ matrix for matrix in signed_axes() if np.linalg.det(matrix) > 0 for turn in around])
+
+
+GRID = _grid()
+
+
+def _polished(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.ndarray:
+    """The rotation of least chi-square near a first one, by Newton's method, downhill where it is not convex."""
+    left = float(chi_square(sums.turned(imu=matrix), given, admissible=False))
+    for _ in range(15):
+        gradient, hessian = derivatives(sums.turned(imu=matrix), given, np.zeros(3))
+        values, vectors = np.linalg.eigh(hessian)
+        change = -vectors @ ((vectors.T @ gradient) / np.maximum(np.abs(values), 1e-6 * np.abs(values).max() + 1e-12))
+        change *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(change)), 1e-12))
+        for _ in range(5):
+            candidate = exponential(change) @ matrix
+            new = float(chi_square(sums.turned(imu=candidate), given, admissible=False))
+            if new < left:
+                break
+            change = change / 2
+        else:
+            break
+        matrix, left = candidate, new
+        if float(np.linalg.norm(change)) < CONVERGED:
+            break
+    return matrix

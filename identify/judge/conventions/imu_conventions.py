@@ -1,0 +1,121 @@
+"""Units and axes of an IMU by itself: gravity must turn in the body frame as the gyro says, dg/dt = -ω × g.
+
+Judged only where the accelerometer shows gravity and little else: not in free fall, where the specific force is that of
+the IMU's lever from a centre that falls.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions.convention_sums import ImuSignal
+from identify.judge.conventions.conventions import signed_axes
+from identify.rigid_body import regressor
+from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
+
+LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
+UNLIKE = 15.0  # ratio of the turn by the gyro to that by the accelerometer; a lever arm or a filter makes two or three
+STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
+MOSTLY = 0.3  # the same where acceleration, which only makes the accelerometer turn more, may disturb
+LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
+WITHIN = 5.0  # seconds: slower turns may be a gyro's bias
+GRAVITY_IN_G = (0.8, 1.25)  # less than this is no gravity in any unit
+WITHOUT_GRAVITY = (
+    0.13  # of the specific force: throws leave less, runs under gravity more than 0.16, in wrong units too
+)
+LARGEST_LEVER, LARGEST_ZERO = 1.0, 2.0  # of a thrown IMU: metres, m/s², as standard deviations
+SMOOTHED = 0.01  # seconds
+
+
+def wrong_units(imu: ImuSignal) -> dict[str, float]:
+    """The units that seem to be used instead, with the figure that tells: median acceleration, ratio of the turns."""
+    wrong = {}
+    specific_force = float(np.nanmedian(np.linalg.norm(imu.specific_force, axis=1)))
+    if in_free_fall(imu):
+        return {}
+    if GRAVITY_IN_G[0] < specific_force < GRAVITY_IN_G[1]:
+        wrong["g"] = specific_force
+    if _steady(imu, MOSTLY):
+        by_gyro, by_accelerometer = _turns(imu)
+        if by_gyro > LEAST_TURN and by_gyro > UNLIKE * by_accelerometer:
+            wrong["deg/s"] = by_gyro / by_accelerometer if by_accelerometer > 0 else np.inf
+    return wrong
+
+
+def in_free_fall(imu: ImuSignal) -> bool:
+    """Whether a lever explains the specific force without gravity: ``f = α × r + ω × (ω × r) + zero``.
+
+    By least squares with priors on lever and zero; what it leaves over and what the priors cost is judged together.
+    """
+    time, omega, specific_force = imu
+    if len(time) < 10 or time[-1] <= time[0]:
+        return False
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    width = max(1, round(SMOOTHED / step))
+    omega, force = _average(omega, width), _average(specific_force, width)[::width]
+    motion = regressor.features(omega[::width].T, np.gradient(omega, step, axis=0)[::width].T)
+    of_lever = np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)
+    columns = np.concatenate([of_lever, np.broadcast_to(np.eye(3), of_lever.shape)], axis=2)
+    power = max(float((force**2).sum()), 1e-12)
+    priors = np.repeat([LARGEST_LEVER, LARGEST_ZERO], 3) ** -2.0
+    normal = np.einsum("nij,nik->jk", columns, columns) / power + np.diag(priors)
+    right = np.einsum("nij,ni->j", columns, force) / power
+    return bool(1 - right @ np.linalg.solve(normal, right) < WITHOUT_GRAVITY)
+
+
+def accelerometer_axes(imu: ImuSignal) -> Float[np.ndarray, "3 3"] | None:
+    """The accelerometer's axes in which gravity turns as the gyro says; None: as recorded, or the motion is too small.
+
+    A signed permutation, mirrored ones included.
+    """
+    if not _steady(imu) or in_free_fall(imu) or _turns(imu)[0] < LEAST_TILT:
+        return None
+    candidates = signed_axes()
+    fits = [_correlation(imu, matrix) for matrix in candidates]
+    best = int(np.argmax(fits))
+    return candidates[best] if fits[best] > 0.8 and fits[0] < 0.5 * fits[best] else None
+
+
+def _turned_gravity(time: np.ndarray, omega: np.ndarray, gravity: np.ndarray) -> Float[np.ndarray, "n 3"]:
+    """The change of gravity in the body frame since the first sample, as the gyro says."""
+    rate = -np.cross(omega, gravity)
+    steps = np.diff(time)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps, axis=0)])
+
+
+def _turns(imu: ImuSignal) -> tuple[float, float]:
+    """Return gravity's turn in the body within five seconds [rad, rms]: by the gyro; by the accelerometer."""
+    time, omega, g = imu
+    if len(time) < 100 or time[-1] <= time[0]:
+        return 0.0, 0.0
+    size = max(float(np.median(np.linalg.norm(g, axis=1))), 1e-9)
+    width = min(len(time), max(1, round(WITHIN * len(time) / (time[-1] - time[0]))))
+    by_gyro, by_accelerometer = (
+        float(np.sqrt(((x - _average(x, width)) ** 2).sum(axis=1).mean())) / size
+        for x in (_turned_gravity(time, omega, g), g)
+    )
+    return by_gyro, by_accelerometer
+
+
+def _average(x: np.ndarray, width: int) -> Float[np.ndarray, "n 3"]:
+    """The mean over ``width`` samples about each, over fewer at the ends."""
+    n, half = len(x), width // 2
+    total = np.concatenate([np.zeros((half + 1, 3)), np.cumsum(x, axis=0)])
+    total = np.pad(total, ((0, width - half), (0, 0)), mode="edge")
+    count = np.minimum(np.arange(n) + width - half, n) - np.maximum(np.arange(n) - half, 0)
+    return (total[width : width + n] - total[:n]) / count[:, None]
+
+
+def _steady(imu: ImuSignal, within: float = STEADY) -> bool:
+    """Whether the accelerometer shows gravity and little else, unless in free fall: its turning is then the gyro's."""
+    magnitude = np.linalg.norm(imu.specific_force, axis=1)
+    middle = float(np.median(magnitude))
+    return float(np.median(np.abs(magnitude - middle))) < within * middle and middle > GRAVITY_IN_G[0]
+
+
+def _correlation(imu: ImuSignal, axes: np.ndarray) -> float:
+    """Correlation of the turning of gravity with what the gyro says, the accelerometer's axes so rearranged."""
+    gravity = imu.specific_force @ axes.T
+    turned = _turned_gravity(imu.time, imu.angular_velocity, gravity)
+    x, y = turned - turned.mean(axis=0), gravity - gravity.mean(axis=0)
+    size = float(np.sqrt((x * x).sum() * (y * y).sum()))
+    return float((x * y).sum()) / size if size > 1e-9 else 0.0

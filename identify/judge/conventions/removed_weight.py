@@ -1,0 +1,157 @@
+"""Is the body's weight in the force? And if not: zeroed with the body on it, or removed by the driver?"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions import convention_fit
+from identify.judge.conventions.convention_fit import (
+    ACCELERATION,
+    COLUMNS,
+    COUNTERWEIGHT_AT,
+    INERTIA_AT,
+    LEVER,
+    MOMENT_TERMS,
+    MOMENT_TERMS_WITH_WEIGHT,
+    OFFSET,
+    ROWS,
+    WEIGHT,
+)
+from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
+from identify.judge.conventions.conventions import DECISIVE, Scales, hypotheses
+
+AIR = 1.0  # kg/m³: no body on a load cell is lighter
+LEAST_WEIGHT = 0.3  # of the declared weight, below which it counts as missing
+CERTAIN = 6.0  # standard deviations
+ZERO = 0.03  # of the mean force that may be the zero, as a standard deviation, besides a quarter of the noise
+LIKENESS = 0.05  # of the force's changes: gravity carried along by a gyro is no better
+ALIKE = 0.9  # correlation of force and specific force: without the weight it is half of that
+LARGEST_ARM = 0.5  # metres from Q to the centre of gravity, as a standard deviation
+
+Removed = Literal["force", "force and moment", "undetermined"]
+"""The signals from which the driver removed the weight."""
+
+
+@dataclass(frozen=True)
+class ApparentMass:
+    """The mass whose weight the force is, with its uncertainty from zero and noise [kg]."""
+
+    mass: float
+    uncertainty: float
+    missing: bool = False
+    """Whether the force lacks the body's weight for certain."""
+
+    def density(self, sums: ConventionSums) -> float:
+        """Mass over the cube of twice the gyration radius [kg/m³], with the least tensor that the moments allow."""
+        trace = _least_trace(sums)
+        if trace <= 0:
+            return np.inf
+        mass = self.mass + self.uncertainty
+        return float(mass / (2 * np.sqrt(trace / (2 * mass))) ** 3)
+
+    def too_light(self, sums: ConventionSums) -> bool:
+        """Whether a body of this mass and this tensor would be lighter than air."""
+        return bool(self.density(sums) < AIR)
+
+
+@dataclass(frozen=True, eq=False)
+class DeclaredBody:
+    """Declared mass [kg] and centre of gravity [m] from Q, or None; ``lever``: from the IMU to it [m]."""
+
+    mass: float | None
+    r_cg: Float[np.ndarray, "3"] | None
+    lever: Float[np.ndarray, "3"]
+
+
+@dataclass(frozen=True)
+class MissingWeight:
+    """The way in which the weight was removed, as far as the run shows: both may be possible."""
+
+    zeroed: bool
+    """Whether the load cell may have been zeroed with the body on it."""
+    removed: Removed | None
+    """Signals from which the driver may have removed the weight as it turned with gravity; None: it did not."""
+
+
+def apparent_mass(sums: ConventionSums, declared: float | None) -> ApparentMass:
+    """Compare the force with the declared mass, or with the least mass that a body of such moments has.
+
+    The force's mean counts; where gravity turns all ways in the body, its changes, which no zero disturbs.
+    """
+    if sums.tilts:
+        gravity, force = (float(np.sqrt(np.trace(sums.covariance(columns)))) for columns in (SPECIFIC, FORCE))
+    else:
+        gravity, force = (float(np.linalg.norm(sums.mean(columns))) for columns in (SPECIFIC, FORCE))
+    if gravity < 1.0:
+        return ApparentMass(np.inf, 0.0)
+    mass, uncertainty = force / gravity, 4 * (sums.noise[0] / 4 + ZERO * force) / gravity
+    if declared is None:
+        light = ApparentMass(mass, uncertainty).too_light(sums)
+    else:
+        light = mass + uncertainty < LEAST_WEIGHT * declared
+    return ApparentMass(mass, uncertainty, light and not _follows_gravity(sums, mass))
+
+
+def missing_weight(sums: ConventionSums, given: Scales, body: DeclaredBody) -> MissingWeight:
+    """Whether what is left of the force turns with gravity (zeroed) or not (removed)."""
+    changes = float(np.trace(sums.covariance(FORCE))) / 3
+    variance = max(given.force, LIKENESS**2 * changes)
+    lever = np.einsum("k,kij->ij", body.lever, LEVER)
+    zeroed_terms = np.concatenate([WEIGHT + lever, OFFSET])
+    zeroed = convention_fit.solve(sums, zeroed_terms, FORCE, variance=variance)
+    significance = convention_fit.solve(sums, zeroed_terms, FORCE, variance=given.force).significance(slice(0, 1))
+    removed_from = _removed_from(sums, given, body)
+    if zeroed.values[0] <= 0 or significance < CERTAIN:
+        return MissingWeight(zeroed=False, removed=removed_from)
+    removed = convention_fit.solve(sums, np.concatenate([ACCELERATION + lever, OFFSET]), FORCE, variance=variance)
+    if removed.misfit - zeroed.misfit > DECISIVE:
+        return MissingWeight(zeroed=True, removed=None)
+    return MissingWeight(zeroed=bool(zeroed.misfit - removed.misfit <= DECISIVE), removed=removed_from)
+
+
+def _removed_from(sums: ConventionSums, given: Scales, body: DeclaredBody) -> Removed:
+    """Whether the moment has the weight that the force has not: it turns with gravity as nothing else explains."""
+    plain, weighed = (
+        convention_fit.solve(sums, terms, MOMENT, variance=given.moment)
+        for terms in (MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT)
+    )
+    if plain.misfit - weighed.misfit > DECISIVE:
+        return "force"
+    if body.mass is not None and body.r_cg is not None:
+        q = body.mass * body.r_cg
+        if float(q @ np.linalg.solve(weighed.covariance[COUNTERWEIGHT_AT, COUNTERWEIGHT_AT], q)) > DECISIVE:
+            return "force and moment"
+    return "undetermined"
+
+
+def _follows_gravity(sums: ConventionSums, mass: float) -> bool:
+    """Whether the force points as the specific force does, in some order of the axes: a weight, if in another unit."""
+    if sums.tilts:
+        return bool(max(_likeness(hypothesis.applied(sums)) for hypothesis in hypotheses()) > ALIKE)
+    force, specific = sums.mean(FORCE), sums.mean(SPECIFIC)
+    size = float(np.linalg.norm(force) * np.linalg.norm(specific))
+    best = max(float(force @ hypothesis.matrix @ specific) for hypothesis in hypotheses()) / max(size, 1e-12)
+    changes = float(np.sqrt(np.trace(sums.covariance(FORCE)) / max(np.trace(sums.covariance(SPECIFIC)), 1e-12)))
+    return bool(best > np.cos(np.radians(4)) and changes < 4 * mass)
+
+
+def _likeness(sums: ConventionSums) -> float:
+    """Correlation of the changes of force and specific force."""
+    mean = sums.mean(FORCE) @ sums.mean(SPECIFIC)
+    sizes = [float(np.trace(sums.covariance(columns))) for columns in (FORCE, SPECIFIC)]
+    return float(np.trace(sums.gram[FORCE, SPECIFIC]) - mean) / max(np.sqrt(sizes[0] * sizes[1]), 1e-12)
+
+
+def _least_trace(sums: ConventionSums) -> float:
+    """The least trace of the tensor that the moments allow [kg·m²], over the axes under which they fit best."""
+    candidates = [hypothesis.applied(sums) for hypothesis in hypotheses()]
+    left = [convention_fit.variance_left(turned, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for turned in candidates]
+    best = candidates[int(np.argmin(left))]
+    heaviest = (sums.size(FORCE) + 4 * sums.noise[0]) / max(sums.size(SPECIFIC), 1.0)
+    priors = np.concatenate([[LARGEST_ARM] * 3, [np.inf] * 9, [LARGEST_ARM * heaviest] * 3])
+    fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(left), priors=priors)
+    moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
+    spread = np.sqrt(max(float(fit.covariance[np.ix_(moments, moments)].sum()), 0.0))
+    return abs(float(fit.values[moments].sum())) - CERTAIN * spread

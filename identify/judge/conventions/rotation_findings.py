@@ -1,0 +1,107 @@
+"""A rotation between load cell and IMU that is no order of the axes: when it is named, and in what words."""
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions import convention_fit
+from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT
+from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums
+from identify.judge.conventions.conventions import DECISIVE, Scales, chi_square
+from identify.judge.conventions.free_rotation import FreeRotation, free_rotation
+from identify.rounding import fixed, with_uncertainty
+
+LEAST_TURN = np.radians(0.5)
+SMALL_TURN = np.radians(10.0)  # from the axes as they are: measured as a small turn, after all else
+TURNED = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
+UNEXPLAINED = 0.15  # of the changes, or three times white noise: more left over is no rigid body
+WELL_EXPLAINED = 0.05  # of the changes, or noise: nothing is left that a rotation of ten degrees could explain
+COVERAGE = 2.0
+
+Matrix = Float[np.ndarray, "3 3"]
+
+
+def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> FreeRotation | None:
+    """Return the rotation under which a rigid body explains the run, where no signed order of the axes does.
+
+    Args:
+        sums: of the run.
+        given: scales from the best of the signed orders of the axes.
+        weighed: whether the mean force is the body's weight.
+    """
+    if _well_explained(sums):
+        return None
+    terms = MOMENT_TERMS if weighed else MOMENT_TERMS_WITH_WEIGHT
+    free = free_rotation(sums, given, weight=weighed, terms=terms)
+    explained = explains(sums, FORCE, free.given.force) and explains(sums, MOMENT, free.given.moment)
+    if free.gain < DECISIVE or not explained:
+        return None
+    nearest, angle = free.nearest_axes()
+    if np.array_equal(nearest, np.eye(3)):
+        return free if angle > SMALL_TURN else None
+    turned = chi_square(free.reversed.applied(sums).turned(imu=nearest), free.given)
+    gain = turned - chi_square(free.applied(sums), free.given)
+    return free if angle > LEAST_TURN and gain > TURNED else None
+
+
+def explains(sums: ConventionSums, columns: slice, left: float) -> bool:
+    """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
+    return bool(left < max(9 * _white(sums, columns), UNEXPLAINED**2 * _changes(sums, columns)))
+
+
+def _well_explained(sums: ConventionSums) -> bool:
+    left = (
+        (FORCE, convention_fit.variance_left(sums, FORCE_TERMS, FORCE)),
+        (MOMENT, convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)),
+    )
+    return all(
+        variance < 2 * _white(sums, columns) + WELL_EXPLAINED**2 * _changes(sums, columns) for columns, variance in left
+    )
+
+
+def _white(sums: ConventionSums, columns: slice) -> float:
+    return float(sums.noise[columns.start // 3] ** 2 * sums.white)
+
+
+def _changes(sums: ConventionSums, columns: slice) -> float:
+    return float(np.trace(sums.covariance(columns))) / 3
+
+
+def rotation_text(rotation: FreeRotation, topic: str, cure: str) -> tuple[str, str, str]:
+    """Return kind, topic and text of the finding: angle with its 95 % uncertainty, axis, what is reversed, the cure."""
+    vector = rotation.vector
+    x, y, z = vector / max(float(np.linalg.norm(vector)), 1e-12)
+    angle, u = np.degrees([float(np.linalg.norm(vector)), COVERAGE * rotation.standard_uncertainty])
+    turned = "only a turn of the IMU's axes into the load cell's by"
+    about = ", ".join(fixed(part, 2) for part in (x, y, z))
+    text = f"{turned} {with_uncertainty(angle, u)} deg about ({about}) fits gravity and the motion in both"
+    if np.array_equal(rotation.reversed.matrix, np.eye(3)):
+        return "turned", topic, f"{text}: set {cure} in [recording]"
+    if rotation.reversed.sensor == "wrench":
+        sign = 'wrench = "on_sensor" ("on_body" where it says so already)'
+        return (
+            "turned",
+            topic,
+            f"{text}, and force and moment have the reversed sign: set {sign} and {cure} in [recording]",
+        )
+    where = "correct order and signs of its channels where they are recorded; no rotation in [recording] can"
+    return "mirror", topic, f"the IMU's axes are left-handed, and {text}: {where}"
+
+
+def small_turn_text(turn: Float[np.ndarray, "3"], hessian: Matrix) -> str:
+    """Return a small rotation vector [rad] with its 95 % uncertainties, from the Hessian of chi-square there."""
+    u = COVERAGE * np.sqrt(np.diag(2 * np.linalg.pinv(hessian, hermitian=True)).clip(0))
+    parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)
+    return f"({parts}) deg about x, y, z"
+
+
+def compound(matrix: Matrix, before: Matrix | None) -> Matrix:
+    """Return a rotation after one that is declared already."""
+    return matrix if before is None else matrix @ before
+
+
+def axes_text(matrix: Matrix) -> str:
+    """Return a signed permutation as ``"-y, z, x"``, any other matrix as rows of numbers with five decimals."""
+    if np.allclose(np.abs(matrix).max(axis=1), 1, atol=1e-9):
+        columns = np.abs(matrix).argmax(axis=1)
+        return '"' + ", ".join(("-" if matrix[i, j] < 0 else "") + "xyz"[j] for i, j in enumerate(columns)) + '"'
+    return "[" + ", ".join("[" + ", ".join(f"{x:.5f}" for x in row) + "]" for row in matrix) + "]"

@@ -1,0 +1,349 @@
+"""Contradictions of a run with mechanics, and the line of the experiment file that cures each.
+
+Reversed signs, turned or mirrored axes, weight that is missing, units, a moment taken elsewhere: each is a hypothesis
+that must explain the run better than 'as declared' by a factor of exp(30) in likelihood before it is named. What no
+sensor tells is compared with what the experiment declares: mass, centre of gravity.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions import convention_fit
+from identify.judge.conventions.contradiction import Contradiction
+from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, OFFSET_AT, CentreFit
+from identify.judge.conventions.convention_sums import (
+    ALPHA,
+    FORCE,
+    MOMENT,
+    SPECIFIC,
+    ConventionSums,
+    ImuSignal,
+    WrenchSignal,
+    convention_sums,
+)
+from identify.judge.conventions.conventions import (
+    DECISIVE,
+    Hypothesis,
+    Scales,
+    best_axes,
+    derivatives,
+    misalignment,
+    scales,
+)
+from identify.judge.conventions.free_rotation import FreeRotation
+from identify.judge.conventions.imu_conventions import in_free_fall, wrong_units
+from identify.judge.conventions.imu_findings import STANDARD_GRAVITY
+from identify.judge.conventions.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
+from identify.judge.conventions.rotation_findings import (
+    LEAST_TURN,
+    TURNED,
+    axes_text,
+    compound,
+    explains,
+    oblique_rotation,
+    rotation_text,
+    small_turn_text,
+)
+from identify.rigid_body.rotation import exponential
+from identify.rounding import significant
+
+FORCE_UNITS = {"lbf": 4.4482216, "kgf": 9.80665, "kN": 1000.0}  # N in the unit
+MOMENT_UNITS = {"N*mm": 1e-3, "N*cm": 1e-2, "lbf*inch": 0.11298483, "lbf*ft": 1.3558179, "kgf*cm": 0.0980665}
+MASS_TOLERANCE = 0.15  # departure of the rest force from the weight: a gain error or a zero is smaller
+UNIT_TOLERANCE = 0.1  # departure of a ratio from that of a unit
+LEAST_GRAVITY = 2.0  # m/s² of specific force: without accelerometer nothing is judged
+LEAST_SHIFT = 3e-3  # metres
+ALIKE = 1.5  # factor by which a distance may differ from that of a unit: the motion may tell it poorly
+SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
+ZERO_LEVER = 5e-3  # metres: times the weight, the moment that may be the load cell's zero
+
+Vector = Float[np.ndarray, "3"]
+Matrix = Float[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class DeclaredRig:
+    """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
+
+    ``weighed``: whether the body's weight should be in the force, which it is not where the zero was taken with it.
+    ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
+    """
+
+    mass: float | None = None
+    r_cg: Vector | None = None
+    sigma_r_cg: Vector | None = None
+    imu_position: Vector | None = None
+    wrench_point: Vector | None = None
+    wrench_rotation: Matrix | None = None
+    imu_rotation: Matrix | None = None
+    weighed: bool = True
+    turn: Vector | None = None
+
+
+def wrench_findings(
+    wrench: WrenchSignal, imu: ImuSignal, declared: DeclaredRig, *, wrench_topic: str, imu_topic: str
+) -> list[Contradiction]:
+    """Judge a run's wrench on the body and motion together, both in the body frame and SI as far as declared."""
+    if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
+        return []
+    sums = convention_sums(wrench, _in_si(imu))
+    if sums is None or sums.size(SPECIFIC) < LEAST_GRAVITY or in_free_fall(imu):
+        return []
+    if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
+        return []
+    return list(_Examination(sums, declared, wrench_topic, imu_topic).findings())
+
+
+def _in_si(imu: ImuSignal) -> ImuSignal:
+    wrong = wrong_units(imu)
+    return imu._replace(
+        angular_velocity=imu.angular_velocity * (np.pi / 180 if "deg/s" in wrong else 1.0),
+        specific_force=imu.specific_force * (STANDARD_GRAVITY if "g" in wrong else 1.0),
+    )
+
+
+class _Examination:
+    """A run's findings in order: each step corrects the sums for its finding before the next looks at them."""
+
+    def __init__(self, sums: ConventionSums, declared: DeclaredRig, wrench: str, imu: str) -> None:
+        self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
+
+    def findings(self) -> Iterator[Contradiction]:
+        """All findings, the gravest first."""
+        weight = apparent_mass(self.sums, self.declared.mass)
+        weighed = self.declared.weighed and not weight.missing
+        given = scales(self.sums, weight=weighed)
+        rotation = oblique_rotation(self.sums, given, weighed=weighed)
+        if rotation is not None:
+            yield self._rotated(rotation)
+            given = rotation.given
+        force, moment = explains(self.sums, FORCE, given.force), explains(self.sums, MOMENT, given.moment)
+        if rotation is None and (force or moment):
+            yield from self._axes(best_axes(self.sums, given))
+        if not self.declared.weighed or not (force and moment):
+            return
+        if weight.missing:
+            mass = self.declared.mass
+            body = "a body with such moments" if mass is None else f"the declared {significant(mass)} kg"
+            reason = f"the force is the weight of {significant(weight.mass, 2)} kg, far less than that of {body}"
+            yield Contradiction("weight", self.wrench, f"{reason}: {self._weight_cure(given)}")
+            return
+        yield from self._units(weight)
+        yield from self._partly_missing(given)
+        yield from self._turned(scales(self.sums, weight=True, terms=MOMENT_TERMS))
+        yield from self._point()
+
+    # Axes and signs
+
+    def _axes(self, fits: list[Hypothesis]) -> Iterator[Contradiction]:
+        best = fits[0]
+        if np.array_equal(best.matrix, np.eye(3)):
+            return
+        before, self.sums = self.sums, best.applied(self.sums)
+        if best.sensor == "imu":
+            yield Contradiction(
+                "mirror",
+                self.imu,
+                f"the IMU's axes are left-handed: only ({axes_text(best.matrix)[1:-1]}) of them fit the wrench: "
+                "correct order and signs of its channels where they are recorded; no rotation in [recording] can",
+            )
+        elif np.array_equal(best.matrix, -np.eye(3)):
+            yield Contradiction(
+                "sign",
+                self.wrench,
+                "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor: "
+                'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
+            )
+        elif np.linalg.det(best.matrix) < 0:
+            turn = axes_text(compound(-best.matrix, self.declared.wrench_rotation))
+            yield Contradiction(
+                "mirror",
+                self.wrench,
+                "the load cell's axes are left-handed, or its sign is reversed and its axes turned: both are undone by "
+                f'wrench = "on_sensor" (the other one where it is declared) and wrench_rotation_to_body = {turn} in '
+                "[recording]",
+            )
+        else:
+            yield self._turned_axes(before, fits)
+
+    def _rotated(self, rotation: FreeRotation) -> Contradiction:
+        """Any rotation, and what is reversed besides."""
+        before, undone = rotation.reversed.applied(self.sums), rotation.matrix.T
+        sensor, cure = self._rotation_cure(before, undone)
+        self.sums = before.turned(wrench=undone) if sensor == "wrench" else before.turned(imu=rotation.matrix)
+        return Contradiction(*rotation_text(rotation, self._topic(sensor), cure))
+
+    def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
+        """The sensor that is turned, where that is decided, and the line or lines that undo it."""
+        cell = f"wrench_rotation_to_body = {axes_text(compound(matrix, self.declared.wrench_rotation))}"
+        imu = f"imu_rotation_to_body = {axes_text(compound(matrix.T, self.declared.imu_rotation))}"
+        sensor = self._turned_sensor(before, matrix)
+        cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} where the IMU is the one turned, or else {cell},")
+        return sensor, cure
+
+    def _topic(self, sensor: str) -> str:
+        return self.wrench if sensor == "wrench" else self.imu
+
+    def _turned_axes(self, before: ConventionSums, fits: list[Hypothesis]) -> Contradiction:
+        matrix = fits[0].matrix
+        sensor, cure = self._rotation_cure(before, matrix)
+        others = [axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
+        doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
+        return Contradiction(
+            "axes",
+            self._topic(sensor),
+            "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
+            f"are the IMU's ({axes_text(matrix.T)[1:-1]}){doubt}: set {cure} in [recording]",
+        )
+
+    def _turned_sensor(self, before: ConventionSums, matrix: Matrix) -> str:
+        """Return the sensor that is turned, by the declared centre of gravity; '' where that does not decide."""
+        if self.declared.r_cg is None:
+            return ""
+        as_wrench, as_imu = self._misplaced(before.turned(wrench=matrix)), self._misplaced(before.turned(imu=matrix.T))
+        if abs(as_wrench - as_imu) < DECISIVE / 2:
+            return ""
+        return "wrench" if as_wrench < as_imu else "imu"
+
+    # Weight
+
+    def _weight_cure(self, given: Scales) -> str:
+        """Return how the weight was removed, as far as the run shows, and the line that restores it.
+
+        An IMU whose place is not declared is taken to be at Q.
+        """
+        r_cg, imu = (np.zeros(3) if r is None else r for r in (self.declared.r_cg, self.declared.imu_position))
+        missing = missing_weight(self.sums, given, DeclaredBody(self.declared.mass, self.declared.r_cg, r_cg - imu))
+        cures = ['zeroed with the body on it? set zero = "loaded" in [recording]'] if missing.zeroed else []
+        if missing.removed is not None:
+            key = "gravity_from_force" if missing.removed == "force" else "gravity"
+            doubt = ', or "gravity_from_force" where the moment still has it: this motion does not tell'
+            cure = f'removed by the driver? set compensated = "{key}" in [recording]'
+            cures.append(cure + doubt * (missing.removed == "undetermined"))
+        return "; or ".join(cures)
+
+    def _partly_missing(self, given: Scales) -> Iterator[Contradiction]:
+        """Yield the finding on a weight that is partly missing, where the changes of the force determine the mass."""
+        priors = replace(given, offset=np.inf).priors
+        fit = convention_fit.solve(self.sums, FORCE_TERMS, FORCE, variance=given.force, priors=priors)
+        mass, sigma = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
+        mean = self.sums.mean(SPECIFIC)
+        share = float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass if mass > 0 else 0.0
+        if not self.sums.tilts and mass > 8 * sigma and share > 0.5 + 3 * sigma / mass:
+            yield Contradiction(
+                "weight",
+                self.wrench,
+                f"the force changes as that of some {significant(mass, 2)} kg, but {share:.0%} of its weight is "
+                f"missing throughout: {self._weight_cure(given)}",
+            )
+
+    # Units
+
+    def _units(self, weight: ApparentMass) -> Iterator[Contradiction]:
+        yield from self._force_unit(weight)
+        before = self.sums
+        if weight.too_light(before):
+            self.sums = self.sums.scaled(MOMENT, MOMENT_UNITS["N*mm"])
+            yield Contradiction(
+                "unit",
+                self.wrench,
+                f"the moments are those of a body of {significant(weight.density(before), 2)} kg/m^3, "
+                'lighter than air: in N·mm? set moment_unit = "N*mm" in [recording]',
+            )
+
+    def _force_unit(self, weight: ApparentMass) -> Iterator[Contradiction]:
+        mass = self.declared.mass
+        if mass is None or abs(weight.mass - mass) < MASS_TOLERANCE * mass + weight.uncertainty:
+            return
+        ratio = mass / weight.mass
+        margin = UNIT_TOLERANCE + weight.uncertainty / weight.mass
+        unit = next((name for name, size in FORCE_UNITS.items() if abs(ratio / size - 1) < margin), None)
+        weighs, stated = significant(weight.mass), significant(mass)
+        text = f"the force is the weight of {weighs} kg, the declared mass is {stated} kg"
+        if unit is None:
+            yield Contradiction(
+                "mass", self.wrench, f"{text}: correct body.mass, force_unit or the load cell's calibration"
+            )
+        else:
+            self.sums = self.sums.scaled(FORCE, FORCE_UNITS[unit])
+            yield Contradiction(
+                "unit", self.wrench, f'{text}: force in {unit}? set force_unit = "{unit}" in [recording]'
+            )
+
+    # Small turns, and the moment's point
+
+    def _turned(self, given: Scales) -> Iterator[Contradiction]:
+        turn, chi_square = misalignment(self.sums, given)
+        if chi_square > TURNED and float(np.linalg.norm(turn)) > LEAST_TURN:
+            before, self.sums = self.sums, self.sums.turned(imu=exponential(turn))
+            sensor, cure = self._rotation_cure(before, exponential(turn).T)
+            vector = small_turn_text(turn, derivatives(self.sums, given, np.zeros(3))[1])
+            if sensor == "wrench":
+                self.sums = before.turned(wrench=exponential(turn).T)
+            text = f"only a turn of the IMU's axes into the load cell's by {vector} fits both, or its stamps are late"
+            if self.declared.turn is None or (np.abs(turn) > 3 * self.declared.turn).any():
+                yield Contradiction(
+                    "turned", self._topic(sensor), f"{text}: set {cure} in [recording], or correct the clock"
+                )
+
+    def _centre(self, sums: ConventionSums) -> CentreFit:
+        offset = ZERO_LEVER * sums.size(FORCE) + sums.noise[1] / 2
+        left = convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)
+        noise = convention_fit.force_noise(sums)
+        return convention_fit.fit_centre(sums, force=noise, moment=left, offset=max(offset, 1e-9))
+
+    def _misplaced(self, sums: ConventionSums) -> float:
+        """Chi-square of the declared centre of gravity against that which force and moment show."""
+        shift, covariance = self._shift(self._centre(sums))
+        return float(shift @ np.linalg.solve(covariance, shift))
+
+    def _shift(self, centre: CentreFit) -> tuple[Vector, Matrix]:
+        """Return the shift from the run's centre of gravity to the declared one [m], with its covariance [m²]."""
+        sigma = np.zeros(3) if self.declared.sigma_r_cg is None else self.declared.sigma_r_cg
+        assert self.declared.r_cg is not None  # noqa: S101
+        shift = self.declared.r_cg - centre.r
+        return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
+
+    def _moment_unit(self, centre: CentreFit, certain: np.ndarray, chi_square: float) -> str | None:
+        """The moment's unit that puts the centre of gravity where it is declared, if one does."""
+        assert self.declared.r_cg is not None  # noqa: S101
+        stated = self.declared.r_cg[certain]
+        if float(np.linalg.norm(stated)) <= LEAST_SHIFT:
+            return None
+        times = float(centre.r[certain] @ stated / (stated @ stated))
+        near = [name for name, size in MOMENT_UNITS.items() if 1 / ALIKE < times * size < ALIKE]
+        left = {name: self._misplaced(self.sums.scaled(MOMENT, MOMENT_UNITS[name])) for name in near}
+        best = min(near, key=left.__getitem__, default=None)
+        return best if best is not None and left[best] < chi_square / 10 else None
+
+    def _point(self) -> Iterator[Contradiction]:
+        if self.declared.r_cg is None:
+            return
+        centre = self._centre(self.sums)
+        shift, covariance = self._shift(centre)
+        certain = np.diag(centre.undetermined) < 0.25
+        chi_square = float(shift @ np.linalg.solve(covariance, shift))
+        if chi_square < SHIFTED or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
+            return
+        unit = self._moment_unit(centre, certain, chi_square)
+        if unit is not None:
+            yield Contradiction(
+                "unit",
+                self.wrench,
+                f"force and moment put the centre of gravity {significant(1 / MOMENT_UNITS[unit], 4)} times as far "
+                f'from Q as declared: set moment_unit = "{unit}" in [recording]',
+            )
+            return
+        point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
+        where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
+        unknown = "" if certain.all() else "; what is ? the motion does not tell"
+        yield Contradiction(
+            "point",
+            self.wrench,
+            f"force and moment put the centre of gravity {1e3 * np.linalg.norm(shift[certain]):.1f} mm from the "
+            f"declared one: moment taken at another point than Q? set wrench_point = [{where}] in [recording]"
+            f"{unknown}, or correct body.r_cg_from_q",
+        )

@@ -1,0 +1,85 @@
+"""The check of a run against the joint model: what its residuals follow, and what that does to the tensor."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from identify.joint.joint_model import SLICES
+from identify.judge.causes import causes
+from identify.judge.evidence import Base, Evidence, evidence
+from identify.judge.run_fit import RunFit
+
+CHANCE = 1e-4
+"""Chance that residuals follow one cause by accident, above which nothing is reported."""
+LIKELY = 0.0
+"""Logarithm of the Bayes factor from which a cause is more probable than none; in clean runs it is some −4."""
+CLEAR = 3.0
+"""Logarithm of the Bayes factor from which a cause is more probable than another: twenty to one."""
+MOST = 3
+"""Causes that are named of one run."""
+NEARLY = 0.85
+"""Part of what a cause explains that a cause of fewer coefficients must explain to be named in its place."""
+ECHO = 0.3
+"""Least share, of what the first cause explains, that a further cause must explain: less may be an error of
+linearisation."""
+
+
+class FollowedCause(NamedTuple):
+    """A cause that a run's residuals follow."""
+
+    evidence: Evidence
+    rivals: tuple[str, ...]
+    """Other causes that are about as probable."""
+    shift: np.ndarray
+    """Error that the cause makes in the joint model's packed tensor [kg·m²]."""
+
+
+class Judgement(NamedTuple):
+    """Causes that a run's residuals follow, and the rest that none explains."""
+
+    causes: list[FollowedCause]
+    """Causes that the residuals follow, the most probable first."""
+    unexplained: float
+    """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
+    row: int
+    """Row in which ``unexplained`` is largest, counted from the last: force from −6, moment from −3."""
+
+
+def _simplest(likely: Sequence[Evidence]) -> Evidence:
+    """The most probable cause, or a simpler one that explains nearly as much: many coefficients imitate a few."""
+    best = likely[0]
+    simpler = [e for e in likely if len(e.coefficients) < len(best.coefficients) and e.share > NEARLY * best.share]
+    return simpler[0] if simpler else best
+
+
+def followed(run: RunFit, free: frozenset[str]) -> Judgement:
+    """Return the causes that a run's residuals follow, and how much more than noise they leave.
+
+    Args:
+        run: at its best.
+        free: unknowns of which nothing is declared.
+    """
+    tensor = run.prior.root[SLICES["inertia"]]
+    base = Base(run.residuals, run.columns, run.prior.counted)
+    open_to = [(cause, run.transformed(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
+    named: list[FollowedCause] = []
+    first = 0.0
+    while len(named) < MOST:
+        judged = [e for each in open_to if (e := evidence(base, *each)) is not None]
+        likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > LIKELY), key=lambda e: -e.logarithm)
+        if not likely:
+            break
+        best = _simplest(likely)
+        power = float(np.square(base.beside(best.columns)[0] @ best.coefficients).sum())
+        if named and power < ECHO * first:
+            break
+        first = first or power
+        rivals = tuple(e.cause.name for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR)
+        named.append(FollowedCause(best, rivals, tensor @ best.shift[: len(run.z)]))
+        base = base.taking(best.columns, best.coefficients)
+        open_to = [each for each in open_to if each[0].name != best.cause.name]
+    prediction = run.prediction
+    above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
+    ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
+    return Judgement(named, float(ratio.max()), int(np.argmax(ratio)) - len(ratio))

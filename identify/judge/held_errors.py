@@ -1,0 +1,126 @@
+"""Effects of errors of the rig that an estimate takes as zero: its derivative by each of them.
+
+Of the joint estimate: the normal equations of its unknowns under their priors, with the errors' signals on the other
+side. Of least squares only what no declared source can be, the mounting's flexibility; the rest has the derivatives of
+type B (:mod:`uq.identification.systematic_errors`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.joint.joint_model import TEN
+from identify.joint.joint_pooling import ALIGNED, CALIBRATED
+from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
+from identify.joint.priors import indices
+from identify.judge.causes import accelerometer_scale, derivative
+from identify.judge.evidence import products
+from identify.judge.run_fit import RunFit
+from identify.methods.base import Problem
+from identify.results.identification_result import Identification
+
+HELD = ("gyro_scale", "cell_matrix", "r_cg", "gravity")
+"""Unknowns of :data:`identify.joint.joint_model.SIZES` that a joint estimate may take as exact."""
+FLEXIBILITY = "flexibility"
+"""Unknown of the mounting's flexibility about each axis: the body's angular frequency on it, to the power −2 [s²]."""
+ACCELEROMETER_SCALE = "accelerometer_scale"
+"""Relative errors of its scale factors."""
+
+
+def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunFit]) -> dict[str, np.ndarray]:
+    """Return the derivatives of the ten parameters (mass, r_CG, tensor) by errors that count as zero, (10, p) each.
+
+    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, :data:`FLEXIBILITY`, :data:`ACCELEROMETER_SCALE`.
+
+    Args:
+        result: of an estimator.
+        problem: that it was given.
+        fits: of each run, at its best under the same priors, its specific force from where the estimator has it.
+    """
+    if result.method != "joint":
+        return {FLEXIBILITY: _of_least_squares(result, fits)}
+    held = [_held(fit.prediction) for fit in fits]
+    added = [
+        fit.transformed(np.concatenate(list(of_run.values()), axis=2)) for fit, of_run in zip(fits, held, strict=True)
+    ]
+    calibrated = CALIBRATED if problem.centre is not None else ()
+    declared = {error.unknown for error in problem.errors.values() if error.shared}
+    shift = _shift(fits, added, {*ALIGNED, *calibrated, *declared, "cg_from_still"})
+    sizes = [columns.shape[2] for columns in held[0].values()]
+    return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
+
+
+def _held(run: PredictedWrench) -> dict[str, Columns]:
+    columns = {name: run.of(name) for name in HELD} | {FLEXIBILITY: flexing(run)}
+    if run.force_from == "accelerometer":
+        columns[ACCELEROMETER_SCALE] = accelerometer_scale(run)
+    return columns
+
+
+def flexing(run: PredictedWrench) -> Columns:
+    """Return what the body's turning on its mounting adds to the wrench, a unit of :data:`FLEXIBILITY` about each axis.
+
+    The moment M about Q turns the body by −M / (I_Q ω₀²) from its attitude at rest; load cell and IMU do not turn.
+    """
+    s, r, unit = run.signals, run.x["r_cg"], np.eye(3)
+    about_q = run.x["inertia"][[0, 3, 5]] + run.x["mass"] * (r @ r - r**2)
+    moment = run.wrench[:, 3:]
+    turn = -(moment - moment.mean(axis=0)) / about_q
+    signals = turn, derivative(run, turn, 1), derivative(run, turn, 2)
+    angle, rate, acceleration = (signal[:, :, None] * unit for signal in signals)
+
+    def crossed(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+        return np.cross(columns, vectors[:, :, None], axis=1)
+
+    from_q = replace(run.model, specific_force="accelerometer", imu_position=np.zeros(3))  # the lever is that from Q
+    about = PredictedWrench(from_q, run.theta)
+    at_q = run.specific_force - s.levers @ r
+    on_body = about.changed(
+        rate - crossed(angle, s.omega),
+        acceleration - crossed(angle, s.alpha) - crossed(rate, s.omega),
+        -crossed(angle, at_q),
+    )
+    turned = [crossed(angle, run.wrench[:, rows]) for rows in (slice(0, 3), slice(3, 6))]
+    return np.asarray(on_body + np.concatenate(turned, axis=1))
+
+
+def _of_least_squares(result: Identification, fits: Sequence[RunFit]) -> np.ndarray:
+    """Derivative of (10) by the mounting's flexibility: the force counts as measured, the moment about r_CG."""
+    normal, right = np.zeros((6, 6)), np.zeros((6, 3))
+    for fit, of_run in zip(fits, result.runs, strict=True):
+        at = fit.prediction
+        rows, moment = at.regressor, about_centre(flexing(at), at.x["r_cg"])
+        if result.offsets == "estimate":
+            rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
+        normal += of_run.weight * products(rows, rows)
+        right += of_run.weight * products(rows, moment)
+    return np.vstack([np.zeros((4, 3)), np.linalg.solve(normal, right)])
+
+
+def _shift(fits: Sequence[RunFit], added: Sequence[np.ndarray], shared: set[str]) -> Float[np.ndarray, "10 p"]:
+    """Shift of the ten parameters by columns that are added to the lines of each run."""
+    prior = fits[0].prior
+    common = np.flatnonzero(prior.root[indices(shared)].any(axis=0))
+    count, size = len(common), added[0].shape[2]
+    normal, right = np.diag(prior.counted[common]), np.zeros((count, size))
+    for fit, columns in zip(fits, added, strict=True):
+        matrix = products(fit.columns, fit.columns)
+        side = products(fit.columns, columns)
+        local = np.setdiff1d(np.arange(len(matrix)), common)
+        by_local = _scaled_solve(
+            matrix[np.ix_(local, local)] + np.diag(prior.counted[local]),
+            np.hstack([matrix[np.ix_(local, common)], side[local]]),
+        )
+        cross = matrix[np.ix_(common, local)]
+        normal = normal + matrix[np.ix_(common, common)] - cross @ by_local[:, :count]
+        right = right + side[common] - cross @ by_local[:, count:]
+    return np.asarray(prior.root[np.ix_(indices(TEN), common)] @ _scaled_solve(normal, right))
+
+
+def _scaled_solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solution of normal equations, of least norm where they are singular."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    solution = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale[:, None], rcond=1e-13)[0]
+    return np.asarray(solution / scale[:, None])

@@ -1,0 +1,311 @@
+"""Every estimator's result, judged by force and moment of its runs: causes are named, intervals widened."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.exceptions import RunError
+from identify.joint.alignment_prior import Alignment
+from identify.joint.joint_model import SpecificForce
+from identify.joint.priors import PriorBlock, error_blocks
+from identify.joint.single_run import Setting
+from identify.judge.findings import sentence, signed
+from identify.judge.followed_causes import FollowedCause, followed
+from identify.judge.held_errors import by_held_errors
+from identify.judge.resonance import ResonancePeak, resonance
+from identify.judge.run_fit import RunFit, fit_run
+from identify.judge.specification import difference
+from identify.judge.spectral_lines import lines_of
+from identify.judge.weight import LEAST_WEIGHT, falls, lasting
+from identify.methods.base import Problem
+from identify.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
+from identify.results.identification_result import Identification
+from identify.results.residual_cause import ResidualCause
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
+from identify.rounding import significant
+from identify.signals.band_limited_run import InBand, in_band
+from identify.signals.run import Run
+
+MATTERS = 0.5
+"""Shift of a component over its standard uncertainty from which a cause is worth a warning."""
+WIDENS = 0.2
+"""Part of the residuals that a cause explains from which it is worth one, too: the interval is wider for it."""
+UNEXPLAINED = 3.0
+"""Ratio of residuals in the motion's band to those above it from which an unnamed cause is reported."""
+EQUALLY = 1.2
+"""Ratio of residuals with a point at rest to those with the accelerometer below which the base may have one."""
+LOOSE = 1.0
+"""Standard uncertainty of a point at rest that is not declared [m]."""
+FLAT = 10
+"""Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
+FORCE_ALONE = ("mass", "force_offset")
+"""Unknowns that only the force tells."""
+OF_ACCELEROMETER = frozenset({"accelerometer place", "accelerometer scale"})
+
+
+def judged(result: Identification, problem: Problem) -> Identification:
+    """Return a result with what force and moment of its runs say against it.
+
+    A cause that shifts a component by half its standard uncertainty or more is a warning; the shift counts as a
+    standard uncertainty, too, in the covariance, the interval and the budget (``model misfit``).
+
+    Args:
+        result: of an estimator.
+        problem: that it was given.
+    """
+    verdicts: list[ResidualCause] = []
+    shifts, held = np.zeros(6), None
+    if result.seen is None:
+        fits = [_fits(run, result, problem) for run in problem.runs]
+        for run, of_run in zip(problem.runs, fits, strict=True):
+            named, shift = _of_run(run, result, problem, of_run)
+            verdicts += named
+            shifts += shift / len(problem.runs)
+        of_estimator = [_fit_of_estimator(*each, result, problem) for each in zip(problem.runs, fits, strict=True)]
+        if all(of_estimator):
+            held = by_held_errors(result, problem, [fit for fit in of_estimator if fit])
+    texts = tuple(verdict.text for verdict in verdicts)
+    told = replace(
+        result,
+        consistency=(*result.consistency, *verdicts),
+        warnings=(*result.warnings, *texts),
+        by_held_errors=held,
+    )
+    return with_misfit(told, shifts if result.admissible is None else shifts * result.admissible.determined)
+
+
+def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
+    """Return a result with a shift of its tensor as a further standard uncertainty.
+
+    Args:
+        result: without it.
+        shift: of each component [kg·m²].
+    """
+    if not shift.any():
+        return result
+    middle = result.inertia[:, None]
+    reach = np.hypot(result.interval95 - middle, 2 * np.abs(shift)[:, None])
+    least = np.where(np.isin(range(6), MOMENTS) & (result.admissible is not None), 0.0, -np.inf)[:, None]
+    budget = None if result.budget is None else {**result.budget, "model misfit": np.abs(shift)}
+    return replace(
+        result, covariance=result.covariance + np.outer(shift, shift),
+        interval95=np.maximum(middle + reach * [-1, 1], least), budget=budget, misfit=shift,
+    )  # fmt: skip
+
+
+def _of_run(
+    run: Run, result: Identification, problem: Problem, fits: list[RunFit]
+) -> tuple[list[ResidualCause], np.ndarray]:
+    """Verdicts of one run, and the sum of the shifts that they stand for."""
+    if not fits:
+        return _saturated(run), np.zeros(6)
+    named: dict[str, FollowedCause] = {}
+    judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
+    for judgement in judgements:
+        for cause in judgement.causes:
+            named.setdefault(cause.evidence.cause.name, cause)
+    if result.method != "joint":
+        named = {name: cause for name, cause in named.items() if name not in OF_ACCELEROMETER}
+    left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
+    verdicts, total, quantity = _saturated(run), np.zeros(6), fits[0].prediction.quantity
+    for cause in named.values():
+        shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
+        ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
+        worst = int(np.argmax(ratio))
+        small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
+        if small and left_over < UNEXPLAINED:
+            continue
+        text = (
+            f"{run.name}: {sentence(cause.evidence, cause.rivals, quantity)}; it would move {COMPONENTS[worst]} by "
+            f"{signed(GRAM_METRE * shift[worst])} g·m²"
+        )
+        axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
+        verdicts.append(
+            ResidualCause(
+                cause=cause.evidence.cause.name,
+                axis=f"b{axis + 1}",
+                share=cause.evidence.share,
+                text=text,
+                run=run.name,
+            )
+        )
+        total = total + shift
+    if not named and not verdicts:
+        apart = difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
+        if apart.clear:
+            verdicts.append(
+                ResidualCause(cause="least squares", axis="", share=0.0, text=f"{run.name}: {apart.text}", run=run.name)
+            )
+            total = np.hypot(total, apart.value)
+    lines = [] if result.method == "joint" else lines_of(run, result)
+    if left_over > UNEXPLAINED:
+        verdicts.append(_unexplained(run, left_over, row))
+        total = np.hypot(total, left_over * result.standard_uncertainty)
+    peak = resonance(run, problem.band())
+    if peak is not None:
+        of_mounting = _of_mounting(fits[0], peak, result.inertia)
+        lines = lines or [peak.verdict(run, _adds(of_mounting))]
+        total = np.hypot(total, of_mounting)
+    return verdicts + lines, total
+
+
+def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
+    """Return the part that no cause explains: root mean square of a row, counted from the last, over its noise."""
+    on, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
+    text = (
+        f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
+        "where the motion is: something that is none of the causes looked for; the interval is that much wider"
+    )
+    return ResidualCause(cause="unexplained", axis=on, share=1 - left_over**-2, text=text, run=run.name)
+
+
+def _adds(of_mounting: np.ndarray) -> str:
+    """Return a text on the contribution of a resonant mounting to the tensor; '' where it adds nothing."""
+    if not of_mounting.any():
+        return ""
+    worst = int(np.argmax(np.abs(of_mounting)))
+    return f"; a mounting that does adds {significant(GRAM_METRE * of_mounting[worst], 2)} g·m² to {COMPONENTS[worst]}"
+
+
+def _of_mounting(fit: RunFit, peak: ResonancePeak, inertia: np.ndarray) -> np.ndarray:
+    """Return the relative excess of moments on a mounting that resonates: ``(f/f0)²``; zero for a force's peak."""
+    motion = fit.prediction.signals
+    squared = float((motion.alpha**2).sum() / (motion.omega**2).sum()) / (2 * np.pi) ** 2
+    return inertia * squared / peak.frequency**2 * (peak.quantity == "moment")
+
+
+def _saturated(run: Run) -> list[ResidualCause]:
+    """Channels whose samples stay at an extreme value: the end of the sensor's range."""
+    verdicts = []
+    for quantity in ("force", "moment", "omega"):
+        for axis, values in enumerate(getattr(run, quantity).T, 1):
+            if max(np.count_nonzero(values == end) for end in (values.min(), values.max())) < FLAT:
+                continue  # nothing to sort for
+            levels, counts = np.unique(values, return_counts=True)
+            for end, beside in ((0, 1), (-1, -2)):
+                if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[beside] + 1):
+                    name = {"omega": "angular velocity"}.get(quantity, quantity)
+                    text = (
+                        f"{run.name}: the {name} on b{axis} stays at {significant(levels[end], 4)} in {counts[end]} "
+                        "samples: the sensor's range ends there (saturation); move less"
+                    )
+                    verdicts.append(
+                        ResidualCause(
+                            cause="saturation",
+                            axis=f"b{axis}",
+                            share=counts[end] / len(values),
+                            text=text,
+                            run=run.name,
+                        )
+                    )
+    return verdicts
+
+
+def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
+    """The run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone."""
+    rows = rows_in_band(run, result, problem)
+    if rows is None:
+        return []
+
+    def fitted(force_from: SpecificForce, still_within: float) -> RunFit:
+        return fit_run(run, rows, declared_of(run, result, problem, force_from, still_within), start_of(result))
+
+    by_moment = falls(run, result, problem)
+    if problem.cg_motion == "still" and not by_moment:
+        return [fitted("still", STILL_WITHIN)]
+    if run.specific_force is None or by_moment:
+        return [fitted("none", 0.0)]
+    read, about = fitted("accelerometer", 0.0), fitted("still", LOOSE)
+    scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
+    turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
+    return [about, read] if turns else [read]
+
+
+def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, problem: Problem) -> RunFit | None:
+    """The fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
+    force_from = specific_force_source(problem)
+    of_estimator = [fit for fit in fits if fit.prediction.force_from == force_from]
+    if not of_estimator or (force_from == "none" and falls(run, result, problem)):
+        return None
+    tells_mass = lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) and problem.gravity > 0
+    return of_estimator[0] if force_from != "none" or tells_mass else None
+
+
+def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
+    """Return the run in its band; None: it is too short."""
+    delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
+    declared = [error for error in problem.errors.values() if error.unknown == "delay"]
+    reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
+    try:
+        return in_band(
+            run, problem.band(), reach=max(delay, reach) + 0.005, accelerometer=run.specific_force is not None
+        )
+    except RunError:
+        return None
+
+
+def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
+    """Unknowns of which so little is declared that an error of them is no news."""
+    free = {"mass"} if problem.mass is None and problem.centre is None else set()
+    if problem.cg_motion != "still":
+        free.add("cg_from_still")
+    if any(error.unknown == "rotation" for error in problem.errors.values()):
+        free.add("gyro_axes")
+    return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
+
+
+def declared_of(
+    run: Run, result: Identification, problem: Problem, force_from: SpecificForce, still_within: float
+) -> Setting:
+    """Return the priors of a run's unknowns.
+
+    Args:
+        run: the run.
+        result: of an estimator.
+        problem: that it was given.
+        force_from: source of the specific force.
+        still_within: standard uncertainty of a point at rest [m].
+    """
+    alignment, errors = problem.alignment or Alignment(), problem.errors
+    if result.delay is None:
+        alignment = replace(alignment, delay=0.0, sigma_delay=0.0, rotation=(0.0, 0.0, 0.0), sigma_rotation=0.0)
+    else:
+        errors = beside_alignment(errors)
+    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity or 1.0
+    mass_variance, cg_covariance = (problem.mass_uncertainty or 0.0) ** 2, np.diag(problem.sigma_r_cg**2)
+    flat = ["inertia", "force_offset", "moment_offset"]
+    if problem.centre is not None:
+        mass_variance, cg_covariance = problem.centre.covariance[0, 0], problem.centre.covariance[1:4, 1:4]
+    elif problem.mass is None:
+        flat.append("mass")
+        mass_variance = 1.0
+    blocks = {
+        ("mass",): PriorBlock(np.array([mass]), np.array([[mass_variance]])),
+        ("r_cg",): PriorBlock(problem.r_cg, cg_covariance),
+        ("force_offset",): PriorBlock(np.zeros(3), np.eye(3)),
+        ("moment_offset",): PriorBlock(np.zeros(3), np.eye(3)),
+        ("cg_from_still",): PriorBlock(np.zeros(3), still_within**2 * np.eye(3)),
+    }
+    if force_from == "none":  # the moment about r_CG tells neither the mass nor the force's offset
+        flat = ["inertia", "moment_offset"]
+        blocks |= {(name,): PriorBlock(blocks[name,].mean, 0 * blocks[name,].covariance) for name in FORCE_ALONE}
+    return Setting(
+        blocks=blocks | error_blocks(errors), alignment=alignment, band=problem.band(), specific_force=force_from,
+        gravity=problem.gravity, flat=tuple(flat),
+    )  # fmt: skip
+
+
+def start_of(result: Identification) -> dict[str, np.ndarray]:
+    """Return an estimate, from which the search for a run's unknowns starts."""
+    aligned = {"delay": result.delay, "rotation": result.rotation}
+    return {"inertia": result.inertia} | {name: part.value for name, part in aligned.items() if part is not None}
+
+
+def _shift_of_least_squares(fit: RunFit, cause: FollowedCause) -> np.ndarray:
+    """Return a cause's error of the tensor of (10): the force counts as measured, the moment about r_CG."""
+    at = fit.prediction
+    added = cause.evidence.added
+    moment = added[:, 3:] - np.cross(at.x["r_cg"], added[:, :3])
+    rows = at.regressor - at.regressor.mean(axis=0)
+    moment = moment - moment.mean(axis=0)
+    return np.asarray(np.linalg.lstsq(rows.reshape(-1, 6), moment.ravel(), rcond=None)[0])

@@ -1,0 +1,132 @@
+"""The unknowns of one run at their best under their priors: what causes are judged beside.
+
+Gauss–Newton on the joint model's rows, on the lines of the cosine transform up to the motion's band: above it the
+motion's derivatives hold the gyro's noise, which the residuals hold, too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from identify.joint.gauss_newton import linearised
+from identify.joint.joint_model import SLICES, SpecificForce
+from identify.joint.predicted_wrench import Columns, PredictedWrench
+from identify.joint.priors import Prior
+from identify.joint.single_run import Setting, gyro_noise, prepared
+from identify.judge.evidence import products
+from identify.judge.force_of_motion import with_force_of_motion
+from identify.signals.band_limited_run import PASSED, InBand
+from identify.signals.run import Run
+
+STEPS = 10
+ENOUGH = 0.02
+"""Change of the unknowns, in standard uncertainties, below which they are at their best."""
+OVER_BAND = 1.2
+"""Highest frequency that is compared, over the motion's."""
+
+
+@dataclass(frozen=True)
+class TransformedRows:
+    """The cosine transform of rows up to the motion's band, in units of their noise."""
+
+    interval: float
+    band: float
+    whitener: Float[np.ndarray, "rows rows"]
+
+    def __call__(self, columns: Float[np.ndarray, "n rows p"]) -> Float[np.ndarray, "m rows p"]:
+        """Return the lines of some columns."""
+        count = int(2 * OVER_BAND * self.band * self.interval * len(columns))
+        signals = columns.reshape(len(columns), -1)
+        acting = signals.any(axis=0)  # most columns change few rows
+        lines = np.zeros((count, signals.shape[1]))
+        lines[:, acting] = scipy.fft.dct(signals[:, acting], axis=0, norm="ortho")[:count]
+        return np.asarray(self.whitener @ lines.reshape(count, *columns.shape[1:]))
+
+    def above(self, rows: Float[np.ndarray, "n rows"]) -> Float[np.ndarray, "m rows"]:
+        """Return the lines of rows above the motion's band, as far as the run's low-pass is flat."""
+        lines = scipy.fft.dct(rows, axis=0, norm="ortho")
+        first, last = (int(2 * over * self.band * self.interval * len(rows)) for over in (OVER_BAND, PASSED))
+        return np.asarray(lines[first:last] @ self.whitener.T)
+
+
+@dataclass(frozen=True, eq=False)
+class RunFit:
+    """A run at its best."""
+
+    prediction: PredictedWrench
+    prior: Prior
+    lines: TransformedRows
+    residuals: Float[np.ndarray, "m rows"]
+    columns: Float[np.ndarray, "m rows q"]
+    """Change of the residuals by a unit of each of the prior's q coordinates."""
+    z: Float[np.ndarray, " q"]
+    """Coordinates at which ``prediction`` was made."""
+
+    def transformed(self, columns: Columns) -> Float[np.ndarray, "m rows p"]:
+        """Return the lines of changes of the wrench."""
+        return self.lines(self.prediction.counted(columns))
+
+    @property
+    def level(self) -> Float[np.ndarray, "6"]:
+        """Root mean square of the residuals of each row [N], [N·m]."""
+        back = np.linalg.inv(self.lines.whitener)
+        return np.asarray(np.sqrt(np.mean((self.residuals @ back.T) ** 2, axis=0)))
+
+
+def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.ndarray]) -> RunFit:
+    """Return a run's unknowns at their best.
+
+    Args:
+        run: the run.
+        rows: that it is reduced to.
+        setting: priors, and where the specific force comes from.
+        start: unknowns from which the search starts elsewhere than at the prior's mean.
+    """
+    position = np.zeros(3) if run.imu_position is None else run.imu_position
+    model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), position, setting)
+    if setting.specific_force == "none":
+        model = with_force_of_motion(model, prior, setting.alignment)
+    model = model.with_fast_transform()
+    theta = prior.mean.copy()
+    for name, value in start.items():
+        theta[SLICES[name]] = value
+    z = np.linalg.lstsq(prior.root, theta - prior.mean, rcond=None)[0]
+    first = PredictedWrench(model, prior.theta(z)).signals
+    wrench = np.hstack([first.force, first.moment])[:, :, None]
+    shown = PredictedWrench(model, prior.theta(z)).counted(wrench)[:, :, 0]
+    whitener = np.diag(1 / np.maximum(shown.std(axis=0), 1e-12))
+    for step in range(STEPS):
+        lines = TransformedRows(rows.interval, rows.band, whitener)
+        at = linearised(model, prior, z, lines)
+        normal = products(at.columns, at.columns) + np.diag(prior.counted)
+        right = products(at.columns, at.residuals[:, :, None])[:, 0] - prior.counted * z
+        change = _solved(normal, right)
+        remaining = at.residuals - at.columns @ change
+        fit = RunFit(
+            prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z
+        )  # fmt: skip
+        near = float(change @ normal @ change) < ENOUGH**2 * len(change)
+        if step > 1 and (near or setting.specific_force == "none"):
+            break
+        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(remaining, whitener, setting.specific_force, len(z))))
+        if setting.specific_force != "none":  # else linear in what acts, but for what the estimate tells already
+            z = z + change
+    return fit
+
+
+def _covariance(
+    remaining: np.ndarray, whitener: np.ndarray, force_from: SpecificForce, count: int
+) -> Float[np.ndarray, "rows rows"]:
+    """Covariance of the rows' noise, from what remains on the lines; independent rows where nothing joins them."""
+    rows = remaining @ np.linalg.inv(whitener).T
+    covariance = rows.T @ rows / max(len(rows) - count / len(whitener), 1.0)
+    covariance = covariance + 1e-10 * np.diag(np.diag(covariance)) + 1e-24 * np.eye(len(whitener))
+    return np.diag(np.diag(covariance)) if force_from == "still" else covariance
+
+
+def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale

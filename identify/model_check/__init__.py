@@ -1,1 +1,0 @@
-"""Contradictions in a run: causes in the rig or its declaration, by force and moment."""

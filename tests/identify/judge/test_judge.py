@@ -1,0 +1,162 @@
+"""What is said against a result: the laboratory of tests/helpers/laboratory.py errs, and the engine must name or cover it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.exceptions import RunError
+from identify.judge.findings import WORDS
+from identify.rigid_body.inertia import COMPONENTS
+from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_runs import identified, identified_files, source
+from tests.helpers.troubles import TROUBLES
+
+SHORT = {"seconds": 15.0}
+
+
+@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    ("method", "still"),
+    [
+        ("source", False), ("gls", False), ("joint", False), ("joint", True),
+        *(pytest.param(method, True, marks=pytest.mark.study) for method in ("source", "gls")),
+    ],
+)  # fmt: skip
+def test_clean_runs_are_not_suspected(method, still, seed):
+    measured = measure(seed, still=still, **SHORT)
+    result = identified(measured, method)
+    assert result.consistency == ()
+    assert result.misfit is None
+    assert (np.abs(result.inertia - measured.truth) < 2 * np.ptp(result.interval95, axis=1) / 2).all()
+
+
+NAMED = [
+    ("gyro scale", 8e-3, "gyro scale"), ("cable", 1.5, "cable"), ("flexible mounting", 1.0, "flexible mounting"),
+    ("cross-talk", 5e-3, "cross-talk"), ("gain drift", 6e-3, "gain drift"), ("ringing mounting", 0.7, "resonance"),
+    ("slip", 6e-3, "slip"),
+]  # fmt: skip
+METHODS = ("joint", "source")
+
+
+@pytest.mark.parametrize(
+    ("method", "trouble", "size", "name"),
+    [(METHODS[k % 2], *case) for k, case in enumerate(NAMED)]
+    + [pytest.param(METHODS[1 - k % 2], *case, marks=pytest.mark.study) for k, case in enumerate(NAMED)],
+)
+def test_a_trouble_is_named_and_covered(method, trouble, size, name):
+    """Each moves some component by ten standard uncertainties of the joint estimate or more."""
+    measured = measure(3, **TROUBLES[trouble].options(size, 3), **SHORT)
+    result = identified(measured, method)
+    assert name in {verdict.cause for verdict in result.consistency[: 1 + (name == "resonance")]}
+    assert any(name in text for text in result.warnings)
+    half = np.ptp(result.interval95, axis=1) / 2
+    assert (np.abs(result.inertia - measured.truth) < 2 * half).all()
+    np.testing.assert_array_equal(result.misfit is not None, True)
+
+
+def test_what_has_no_name_is_said_and_widens_the_interval():
+    measured = measure(0, **TROUBLES["sloshing"].options(0.9, 0), **SHORT)
+    result = identified(measured)
+    assert result.consistency[-1].cause == "unexplained"
+    assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
+
+
+def test_the_end_of_a_sensors_range_is_said():
+    measured = measure(0, **TROUBLES["clipping"].options(0.1, 0), **SHORT)
+    assert {"saturation"} <= {verdict.cause for verdict in identified(measured).consistency}
+
+
+def test_a_declared_error_is_no_news(tmp_path, few_draws):
+    talk = 5e-3 * np.random.default_rng(3).standard_normal((6, 6)) * (1 - np.eye(6))
+    measured = measure(1, cross_talk=talk * FULL_SCALE[:, None] / FULL_SCALE, **SHORT)
+    undeclared = identified_files(measured, tmp_path, "source")
+    declared = identified_files(measured, tmp_path, "source", [source("c", "wrench", "cross_talk", 5e-3)])
+    assert undeclared.consistency[0].cause == "cross-talk"
+    assert declared.consistency == ()
+    assert "model misfit" in undeclared.budget
+    assert "model misfit" not in declared.budget
+    total = np.sqrt(sum(np.square(row) for row in undeclared.budget.values()))
+    np.testing.assert_allclose(total, undeclared.standard_uncertainty, rtol=1e-3)
+
+
+def test_an_error_of_the_centre_within_its_uncertainty_is_no_news():
+    measured = replace(measure(1, **SHORT))
+    stated = identified(measured, r_cg=measured.r_cg + [3e-4, 0, 0])
+    surprised = identified(measured, r_cg=measured.r_cg + [3e-4, 0, 0], sigma_r_cg=(1e-5,) * 3)
+    assert stated.consistency == ()
+    assert surprised.consistency[0].cause == "centre of gravity"
+
+
+def test_a_cause_that_hides_behind_a_wide_interval_is_named():
+    """A delay makes the residuals follow the motion: plain least squares' interval grows until it hides the shift."""
+    measured = measure(3, **TROUBLES["delay"].options(6e-3, 3), **SHORT)
+    assert [verdict.cause for verdict in identified(measured, "source").consistency] == ["delay"]
+
+
+def test_a_gyro_that_is_turned_against_the_accelerometer():
+    measured = measure(3, **TROUBLES["gyro axes"].options(1e-2, 3), **SHORT)
+    result = identified(measured, "joint")
+    assert result.consistency[0].cause == "gyro axes"
+    assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
+
+
+@pytest.mark.parametrize("method", [pytest.param("source", marks=pytest.mark.study), "joint"])
+@pytest.mark.parametrize(
+    ("error", "target", "kind", "size"),
+    [
+        ({"imu_delay": 3e-3}, "omega", "delay", 2e-3),
+        pytest.param({"imu_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3, marks=pytest.mark.study),
+    ],
+)
+def test_a_declared_turn_or_delay_of_the_imu_is_no_news(tmp_path, few_draws, method, error, target, kind, size):
+    measured = measure(4, **error, **SHORT)
+    result = identified_files(measured, tmp_path, method, [source("declared", target, kind, size)])
+    assert result.consistency == ()
+    assert not [text for text in result.warnings if "run0" in text]
+    assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
+
+
+def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_path):
+    """The motion cannot tell whether IMU or load cell is turned; the tensor in the load cell's axes is what is given."""
+    turn = np.array([2e-3, -4e-3, 3e-3])
+    measured = measure(3, cell_turn=tuple(turn), **SHORT)
+    result = identified(measured, "joint")
+    first = result.warnings[0]
+    assert "were it the load cell's" in first
+    error = 1e3 * (measured.truth - result.inertia)[COMPONENTS.index(first.split("load cell's, ")[1][:3])]
+    told = float(first.split("would be ")[1].split()[0].replace("−", "-"))
+    assert told == pytest.approx(error, abs=0.15)
+    declared = identified_files(measured, tmp_path, "joint", [source("axes", "wrench", "misalignment", [4e-3] * 3)])
+    assert declared.warnings == ()
+    assert (np.abs(declared.inertia - measured.truth) < np.ptp(declared.interval95, axis=1)).all()
+
+
+def test_stamps_that_jitter_are_the_reason_of_a_refusal():
+    measured = measure(0, **TROUBLES["jitter"].options(1.5e-3, 0))
+    with pytest.raises(RunError, match=r"does not identify .*: the stamps of the wrench jitter by 1\.\d+ ms"):
+        identified(measured, "source")
+
+
+@pytest.mark.parametrize("method", ["source", "joint"])
+def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatch):
+    """What no cause would name moves the two apart."""
+    monkeypatch.setattr("identify.judge.causes.MAKERS", {})
+    monkeypatch.setattr("identify.judge.judged_result.UNEXPLAINED", np.inf)
+    measured = measure(3, **TROUBLES["sloshing"].options(0.3, 3), **SHORT)
+    result = identified(measured, method)
+    assert [verdict.cause for verdict in result.consistency] == ["least squares"]
+    assert "ordinary least squares and the fit of force and moment together differ by" in result.warnings[-1]
+    assert result.misfit is not None
+
+
+@pytest.mark.parametrize(
+    ("late", "words"),
+    [
+        (4e-3, "as if force and moment came late by (4.00 ± 0.10, 4.00 ± 0.10) ms (filter)"),
+        (-4e-3, "as if the IMU came late by (4.00 ± 0.10, 4.00 ± 0.10) ms against force and moment (filter)"),
+    ],
+)
+def test_who_came_late_is_said_without_a_minus(late, words):
+    assert WORDS["filter"].phrase(np.full(2, late), np.full(2, 1e-4)) == words
+    assert "declare the delay, or let method joint estimate it" in WORDS["filter"].cure
